@@ -16,7 +16,7 @@ from itertools import product
 
 import numpy as np
 
-from fmopt.geometry.convex_polygons import convex_pieces
+from fmopt.geometry.plane.convex_polygons import convex_pieces
 from fmopt.spatial.values import Array
 
 _ON, _SHORT = 1e-5, 1e-3  # of an outline's size: lines so close are one, sides so short are noise

@@ -27,6 +27,7 @@ from fmopt.geometry.polyhedron import (
     plane_basis,
     triangulated,
 )
+from fmopt.geometry.upright_prisms import upright_prisms
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
@@ -108,11 +109,20 @@ def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
 
     ideal = _idealised(body, tol)
     shape = Manifold(Mesh64(vert_properties=ideal, tri_verts=triangulated(body).astype(np.uint64)))
-    excess = [part for part in (shape.hull() - shape).decompose() if _thickness(part) > tol]
-    outer = convex_hull_polyhedron(ideal)
-    parts = [part for whole in excess for part in _overlapping(_convex_parts(whole, ideal, tol, _CUTS), shape, ideal)]
+    upright = upright_prisms(from_faces(ideal, [face.loops for face in body.faces]), tol)
+    if upright is None:
+        outer = convex_hull_polyhedron(ideal)
+        excess = [
+            _convex_parts(one, ideal, tol, _CUTS) for one in (shape.hull() - shape).decompose() if _is_thick(one, tol)
+        ]
+        parts = [part for convex in excess for part in _overlapping(convex, shape, ideal)]
+    else:
+        outer = upright.base
+        ends = [[face for face in one.faces if abs(face.normal[upright.axis]) > 0.5] for one in upright.tools]
+        parts = [_grown(one, shape, ideal, faces) for one, faces in zip(upright.tools, ends, strict=True)]
     tools = tuple(_opened(part, outer, tol) for part in parts)
-    return (Difference(_hull(ideal), tools) if tools else _hull(ideal)), ideal
+    base = _hull(outer.vertices)
+    return (Difference(base, tools) if tools else base), ideal
 
 
 def _overlapping(parts: Sequence[Polyhedron], shape: Manifold, known: Array) -> list[Polyhedron]:
@@ -120,14 +130,15 @@ def _overlapping(parts: Sequence[Polyhedron], shape: Manifold, known: Array) -> 
 
     Where two parts share the whole of a face, rounding would leave a skin between them.
     """
-    return [_grown(part, shape, known) for part in parts] if len(parts) > 1 else list(parts)
+    return [_grown(part, shape, known, part.faces) for part in parts] if len(parts) > 1 else list(parts)
 
 
-def _grown(part: Polyhedron, shape: Manifold, known: Array) -> Polyhedron:
-    """The part, its faces pushed out one after the other to where the farthest of the known points (n, 3) allows it."""
+def _grown(part: Polyhedron, shape: Manifold, known: Array, faces: Sequence[Face]) -> Polyhedron:
+    """The part, faces of it pushed out one after the other to where the farthest of known points (n, 3) allows it."""
     size = float(np.linalg.norm(np.ptp(known, axis=0)))
-    for normal, offset in [(face.normal, face.offset) for face in part.faces]:
-        heights = np.unique(np.round((known @ normal)[known @ normal > offset + _NEAR * size], 12))
+    for normal, offset in [(face.normal, face.offset) for face in faces]:
+        heights = np.sort((known @ normal)[known @ normal > offset + _NEAR * size])
+        heights = heights[np.append(np.diff(heights) > ROUNDING, True)[: len(heights)]]
         low, high = 0, len(heights)
         while low < high:
             middle = (low + high) // 2
@@ -169,7 +180,7 @@ def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> l
             f"it does not come apart into convex bodies in {_CUTS} cuts",
             "model it as a CSG solid (Union, Difference): its half-space pieces are exact",
         )
-    parts = [part for half in _halves(shape, body, plane) for part in half.decompose() if _thickness(part) > tol]
+    parts = [part for half in _halves(shape, body, plane) for part in half.decompose() if _is_thick(part, tol)]
     return [tool for part in parts for tool in _convex_parts(part, known, tol, patience - 1)]
 
 
@@ -195,11 +206,19 @@ def _opened(tool: Polyhedron, outer: Polyhedron, tol: float) -> Hull:
     middle, size = tool.vertices.mean(axis=0), outer.diameter
     room = np.column_stack([tool.normals, (tool.normals @ middle - offsets) / size])
     corners = middle + size * HalfspaceIntersection(room, np.zeros(3)).intersections
+    corners = np.array([_met(corner, tool.normals, offsets, _NEAR * size) for corner in corners])
     for normal, offset in zip(tool.normals[~at_hull], offsets[~at_hull], strict=True):
         for axis in np.flatnonzero(np.abs(normal) == 1.0):
             near = np.abs(corners[:, axis] - normal[axis] * offset) <= tol
             corners[near, axis] = normal[axis] * offset
     return _hull(_onto(corners, tool.vertices, tol))
+
+
+def _met(corner: Array, normals: Array, offsets: Array, near: float) -> Array:
+    """Where the planes near a corner meet: qhull leaves 1e-13 m open, more than pieces and part may differ by."""
+    through = np.abs(normals @ corner - offsets) <= near
+    step, *_ = np.linalg.lstsq(normals[through], offsets[through] - normals[through] @ corner, rcond=None)
+    return np.asarray(corner + step)
 
 
 def _halves(shape: Manifold, body: Polyhedron, plane: Plane) -> list[Manifold]:
@@ -253,8 +272,8 @@ def _hull(points: Array) -> Hull:
     return Hull(tuple((float(x), float(y), float(z)) for x, y, z in convex_hull_polyhedron(points).vertices))
 
 
-def _thickness(body: Manifold) -> float:
-    return 2.0 * float(body.volume()) / float(body.surface_area())
+def _is_thick(body: Manifold, tol: float) -> bool:
+    return 2.0 * float(body.volume()) > tol * float(body.surface_area())
 
 
 def _onto(points: Array, known: Array, tol: float) -> Array:

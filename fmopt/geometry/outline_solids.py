@@ -10,9 +10,9 @@ from typing import TypeAlias
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.convex_polygons import Convex, Outline, convex_pieces, simple
 from fmopt.geometry.csg import Hull, Placed, Prism, Solid, Stack
 from fmopt.geometry.facets import place
+from fmopt.geometry.plane.convex_polygons import Convex, Outline, convex_pieces, simple
 from fmopt.geometry.section import united
 from fmopt.spatial.se3 import Pose
 

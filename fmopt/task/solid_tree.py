@@ -326,8 +326,8 @@ def _shape(source: Source, file: files.ModelFile, table: files.Shape) -> csg.Sol
 def _prism(table: files.Prism) -> tuple[csg.Solid, tuple[csg.Solid, ...]]:
     """A prism without its holes, and what is cut out of it for them, standing out at both ends."""
     from fmopt.geometry import csg
-    from fmopt.geometry.convex_polygons import is_convex
     from fmopt.geometry.outline_solids import stack
+    from fmopt.geometry.plane.convex_polygons import is_convex
 
     height, proud = table.height, 0.5 * table.height
     convex = is_convex(table.polygon)

@@ -19,9 +19,8 @@ from fmopt.errors import GeometryError, InputError
 from fmopt.geometry import csg
 from fmopt.geometry.centre import axis, centre
 from fmopt.geometry.convex_pieces import pieces, polyhedron, union_manifold
-from fmopt.geometry.convex_polygons import Convex, convex_pieces
 from fmopt.geometry.outline_solids import stack
-from fmopt.geometry.part import Part
+from fmopt.geometry.plane.convex_polygons import Convex, convex_pieces
 from fmopt.papers.lee_huang.nominal_trajectory import critical_poses, insertion
 from fmopt.plan import sealed
 from fmopt.planning import pipeline
@@ -33,10 +32,9 @@ from fmopt.task.sizes import measured_clearance
 from fmopt.verify import verify
 from fmopt.verify.problem.parts import Compared, part_beside_its_model
 from fmopt.verify.problem.problem import load_problem
-from fmopt.verify.reading.document import Body
-from fmopt.verify.reading.document import Part as Stated
 from tests import ROOT
 from tests.shared.parts import families
+from tests.shared.parts.stated import as_stated
 
 SEEDS = (0, 1, 2)
 U = ((0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (2.0, 3.0), (2.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0))
@@ -211,15 +209,6 @@ def beside(problem: Problem, path: Path) -> list[Compared]:
         part_beside_its_model(as_stated(part), stated, side, None)
         for side, part in (("moving", problem.moving), ("fixed", problem.fixed))
     ]
-
-
-def as_stated(part: Part) -> Stated:
-    """A part as a plan states it."""
-    own, *shapes = (
-        Body(tuple((x, y, z) for x, y, z in body.vertices.tolist()), tuple(face.loops for face in body.faces))
-        for body in (part.polyhedron, *part.pieces)
-    )
-    return Stated(own, tuple(shapes), part.name, (0.0, 0.0), 0.0)
 
 
 @pytest.mark.parametrize("n", range(3, 14))

@@ -18,7 +18,6 @@ from itertools import pairwise
 from typing import TypeAlias
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.facets import place
 
 Point: TypeAlias = tuple[Fraction, Fraction]
 Outline: TypeAlias = tuple[tuple[float, float], ...]
@@ -123,9 +122,11 @@ def simple(outline: Outline) -> Outline:
     shape = Polygon(made)
     if not shape.is_valid or shape.area == 0.0:
         reason = str(is_valid_reason(shape))
-        at = reason[reason.find("[") + 1 : -1].split() if "[" in reason else [str(value) for value in made[0]]
-        where = place((float(at[0]), float(at[1]), 0.0))
-        raise GeometryError(f"the outline crosses or touches itself at {where}", "list the corners in order around it")
+        at = reason[reason.find("[") + 1 : -1].split() if "[" in reason else made[0]
+        x, y = (1e3 * float(value) + 0.0 for value in at)
+        raise GeometryError(
+            f"the outline crosses or touches itself at ({x:.6g}, {y:.6g}) mm", "list the corners in order around it"
+        )
     if not shape.exterior.is_ccw:
         raise GeometryError("the outline runs clockwise", "list its corners counter-clockwise, seen from above")
     points = [(Fraction(x), Fraction(y)) for x, y in made]
