@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from fmopt.errors import InfeasibleError, OverdueError, SearchError
 from fmopt.plan import Body, Contact, Part, line
-from fmopt.report.attempt import Failure, Lack, Nearest, Step, box_words, failure_page
+from fmopt.report.attempt import Failure, Lack, Nearest, Step, failure_page
 from fmopt.report.naming import quantity
 from fmopt.runtime import output
 from fmopt.runtime.compiled import clock, until
@@ -62,7 +62,9 @@ def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: fl
         tried = nearest(problem, seconds - (clock() - begun), progress)
         cut = tried.late
         if tried.share:
-            found = Nearest(tried.share, tuple(map(float, tried.share * problem.start_box)), tried.margin)
+            velocity = (tried.velocity.translation, tried.velocity.rotation)
+            own = None if tried.velocity == problem.velocity_error else velocity
+            found = Nearest(tried.share, tuple(map(float, tried.share * problem.stated_box)), tried.margin, own)
     moves = () if attempt is None else (*attempt.moves, *(move for _, move in attempt.onward))
     return Failure(
         title=problem.title,
@@ -112,7 +114,7 @@ def _advice(problem: Problem, error: SearchError | InfeasibleError, found: Neare
     late, now = isinstance(error, SearchError) and error.late, f"{problem.settings.time_limit:g} s now"
     if found is not None:
         yield (
-            f"lower all start errors to {100.0 * found.share:.3g} % ({box_words(found.box)}), "
+            f"lower all start errors{found.and_velocity} to {100.0 * found.share:.3g} % ({found.words}), "
             f"which is certified with {quantity(found.margin)}"
         )
     if late:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -32,11 +32,12 @@ from fmopt.planning.robustness.error_tolerance import CertifiedMotion, ErrorTole
 from fmopt.planning.robustness.state_trace import Visited, visited
 from fmopt.runtime.compiled import clock, deadline, heed, undisturbed, until
 from fmopt.task.object_model.command import Answer, answer
-from fmopt.task.problem import Problem
+from fmopt.task.problem import Problem, VelocityError
 from fmopt.task.task_command import task_command
 from fmopt.verify import CERTIFIED, Verdict, verify
 
 _CHECKING = 4.0  # s beyond the time limit for the check of what there is by then
+_ALONE = 0.5  # of the time for the nearest problem, what is for start errors alone
 RESERVED = 0.25  # of the time limit, what commands keep to find the nearest problem that works
 
 T = TypeVar("T")
@@ -69,11 +70,13 @@ class Share:
         share: 0 where there is none.
         margin: the least of its motion, m.
         late: whether time ended an attempt, so that more of it might have found more.
+        velocity: the errors of velocity with which it is proved.
     """
 
     share: float
     margin: float
     late: bool
+    velocity: VelocityError
 
 
 @undisturbed()
@@ -101,22 +104,30 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None, reserved: 
 def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: None) -> Share:
     """The largest share of the start errors, in steps of 5 %, below that of 1 %, for which a plan is proved.
 
+    Where there is none with the errors of velocity as they are, which add up on the way however little is off at the
+    start, that of all errors alike is looked for.
+
     Args:
         problem: the task, which has no plan for all of them.
         seconds: how long that may take; each share that is tried may take its part of what is left of it.
         progress: told what is being done.
     """
-    lates, moment = list[bool](), clock() + seconds
+    stated, lates, moment = problem.velocity_error, list[bool](), clock() + seconds
+    moves = bool(stated.translation or stated.rotation)
 
-    def of(share: float) -> tuple[Problem, CertifiedMotion, Stages] | None:
-        left = max(moment - clock(), 0.0) / max(ATTEMPTS - len(lates), 1)
-        return _for_share(problem, share, left, progress, lates)
+    def of(share: float, scaled: bool, end: float, before: int) -> tuple[Problem, CertifiedMotion, Stages] | None:
+        left = max(end - clock(), 0.0) / max(ATTEMPTS - (len(lates) - before), 1)
+        part = replace(_within(problem, left).under(share), velocity_error=stated.scaled(share) if scaled else stated)
+        return _for_share(part, share, progress, lates)
 
-    with until(moment):
-        found = largest_share(of)
-    if found is None:
-        return Share(0.0, 0.0, any(lates))
-    return Share(found[0], found[1][1].placed.margin, any(lates))
+    for scaled in (False, True) if moves else (False,):
+        end = moment if scaled or not moves else clock() + _ALONE * seconds
+        with until(end):
+            found = largest_share(partial(of, scaled=scaled, end=end, before=len(lates)))
+        if found is not None:
+            share, (part, motion, _) = found
+            return Share(share, motion.placed.margin, any(lates), part.velocity_error)
+    return Share(0.0, 0.0, any(lates), stated)
 
 
 def _within(problem: Problem, seconds: float) -> Problem:
@@ -310,7 +321,10 @@ def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
     except (SearchError, InfeasibleError) as error:
         whole, short = None, error.message
     seconds = 0.5 * settings.time_limit / ATTEMPTS
-    found = largest_share(lambda share: _for_share(problem, share, seconds, progress))
+    brief = _within(problem, seconds)
+    found = largest_share(
+        lambda share: _for_share(replace(brief, start_box=share * problem.start_box), share, progress)
+    )
     if found is not None:
         share, (part, motion, own) = found
         return _reduced(problem, share, _completed(part, motion, own), short)
@@ -320,16 +334,13 @@ def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
 
 
 def _for_share(
-    problem: Problem, share: float, seconds: float, progress: Progress, lates: list[bool] | None = None
+    part: Problem, share: float, progress: Progress, lates: list[bool] | None = None
 ) -> tuple[Problem, CertifiedMotion, Stages] | None:
-    """The motion for a share of the start errors, if it is proved within some time; None when there is none.
+    """The motion for a problem with a share of the errors, if it is proved in its time; None when there is none.
 
     Whether that was for want of time is noted in `lates`.
     """
-    part, noted = (
-        replace(_within(problem, seconds), start_box=share * problem.start_box),
-        [] if lates is None else lates,
-    )
+    noted = [] if lates is None else lates
     stages = Stages(lambda words: progress(f"{share:.0%} of the errors: {words}"))
     try:
         motion = certified_motion(part, stages)

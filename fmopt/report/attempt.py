@@ -75,13 +75,29 @@ class Nearest:
 
     Args:
         share: of them.
-        box: half-widths (6,) of the start error then, m and rad.
+        box: half-widths (6,) of what is stated of the start error then, m and rad.
         margin: the least certified margin of its plan, m.
+        velocity: the errors of velocity then, of translation and rotation, as fractions; None where they are as stated.
     """
 
     share: float
     box: Numbers
     margin: float
+    velocity: tuple[float, float] | None = None
+
+    @property
+    def and_velocity(self) -> str:
+        """What is added to "all start errors"."""
+        return "" if self.velocity is None else " and errors of velocity"
+
+    @property
+    def words(self) -> str:
+        """Its errors, in words."""
+        found = box_words(self.box)
+        if self.velocity is not None:
+            along, about = (100.0 * value for value in self.velocity)
+            found += f", of velocity ±{along:.3g} % in translation, ±{about:.3g} % in rotation"
+        return found
 
 
 @dataclass(frozen=True)
@@ -148,7 +164,7 @@ class Failure:
         if near is None:
             return "No share of the start errors was found to have a certified plan."
         return (
-            f"certified for {100.0 * near.share:.3g} % of the start errors ({box_words(near.box)}), "
+            f"certified for {100.0 * near.share:.3g} % of the start errors{near.and_velocity} ({near.words}), "
             f"with a least margin of {quantity(near.margin)}"
         )
 
@@ -169,7 +185,12 @@ class Failure:
             "start_box": list(self.box),
             "nearest": None
             if near is None
-            else {"share": round(near.share, 9), "start_box": list(near.box), "margin": near.margin},
+            else {
+                "share": round(near.share, 9),
+                "start_box": list(near.box),
+                "velocity_error": None if near.velocity is None else list(near.velocity),
+                "margin": near.margin,
+            },
             "advice": list(self.advice),
             "moves": [
                 {"name": s.name, "start": [*s.start], "goal": [*s.goal], "made": [*s.made], "margin": s.margin}

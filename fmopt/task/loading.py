@@ -409,7 +409,7 @@ def _tessellation(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tup
     """What the facets of imported parts add to the position errors: how far the true surfaces lie from them, as ε_v."""
     return tuple(
         Contribution(
-            f"{side} part, facets of its mesh", "ε_v", np.repeat([parts[side].chord_error, 0.0], 3), _SIDES[side]
+            f"{side} part, facets of its mesh", "ε_v", np.repeat([parts[side].chord_error, 0.0], 3), _SIDES[side], False
         )
         for side, model in models.items()
         if model.file.mesh is not None and parts[side].chord_error > 0.0

@@ -5,13 +5,13 @@ Importing this module loads no solver, mesh library or unit library; `load` impo
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from fmopt.spatial.values import Array, Framing, Value, frozen
-from fmopt.task.sources import Contribution, Sources
+from fmopt.task.sources import Contribution, Sources, framing, total
 
 if TYPE_CHECKING:
     from fmopt.geometry.mating_features import Feature
@@ -65,6 +65,10 @@ class VelocityError:
 
     translation: float
     rotation: float
+
+    def scaled(self, share: float) -> VelocityError:
+        """A share of them."""
+        return VelocityError(share * self.translation, share * self.rotation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +154,17 @@ class Problem(Value):
         object.__setattr__(self, "goal", frozen(self.goal, 6, name="goal"))
         object.__setattr__(self, "start", frozen(self.start, 6, name="start"))
         object.__setattr__(self, "start_box", frozen(self.start_box, 6, name="start box"))
+
+    @property
+    def stated_box(self) -> Array:
+        """Half-widths (6,) of what is stated of the start error: all but what comes with the parts, m and rad."""
+        return self.start_box - total([one for one in self.budget if not one.stated])
+
+    def under(self, share: float) -> Problem:
+        """The problem with a share of its stated start errors."""
+        own = tuple(replace(one, box=share * one.box) if one.stated else one for one in self.budget)
+        box = self.start_box - (1.0 - share) * self.stated_box
+        return replace(self, start_box=box, budget=own, framing=framing(own) if own else self.framing)
 
     @property
     def peg(self) -> Feature:

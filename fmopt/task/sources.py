@@ -148,12 +148,16 @@ class Share:
 
 @dataclass(frozen=True, eq=False)
 class Contribution(Value):
-    """What one source adds to the half-widths (6,) of the start box, m and rad, and where it is fixed."""
+    """What one source adds to the half-widths (6,) of the start box, m and rad, and where it is fixed.
+
+    What is not `stated` comes with the parts, and stays where stated errors are lowered.
+    """
 
     source: str
     symbol: str
     box: Array
     frame: Frame = "world"
+    stated: bool = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "box", frozen(self.box, 6, name="contribution"))

@@ -16,6 +16,7 @@ from fmopt.errors import InfeasibleError, InterferenceError, SearchError
 from fmopt.notebook.problem import Problem
 from fmopt.planning.posed import Posed
 from fmopt.report.attempt import Failure
+from fmopt.task.sources import Contribution, framing, total
 from tests.shared.files.prisms import prism, rectangle, regular
 
 
@@ -61,6 +62,42 @@ def test_the_advice_works(failed: tuple[Problem, SearchError]) -> None:
     assert plan.proved
     assert plan.margin >= 0.5 * near.margin  # there is more time for it than there was for the share
     assert any(f"{100.0 * near.share:.3g} %" in words for words in error.failure.advice)
+
+
+def test_errors_of_velocity_are_lowered_too_where_they_alone_forbid_any_plan(tmp_path: Path) -> None:
+    task = prism(tmp_path, regular(12, 5), regular(12, 5.05), limit=8, error=0.1)
+    problem = fmopt.load(task).with_(uncertainty_velocity_translation=0.01, uncertainty_velocity_rotation=0.01)
+    with pytest.raises(SearchError) as caught:
+        fmopt.solve(problem)
+    near = caught.value.failure.nearest
+    assert near is not None
+    assert near.velocity == pytest.approx((0.01 * near.share, 0.01 * near.share))
+    advice = caught.value.failure.advice[0]
+    assert advice.startswith(f"lower all start errors and errors of velocity to {100.0 * near.share:.3g} %")
+    along, about = near.velocity
+    lower = problem.with_(
+        **{f"uncertainty_start_{axis}": f"{1e3 * near.box[k]} mm" for k, axis in enumerate("xyz")},
+        **{f"uncertainty_start_r{axis}": f"{np.degrees(near.box[3 + k])} deg" for k, axis in enumerate("xyz")},
+        uncertainty_velocity_translation=along,
+        uncertainty_velocity_rotation=about,
+    )
+    assert fmopt.solve(lower).proved
+    assert caught.value.failure.record()["nearest"]["velocity_error"] == [along, about]
+
+
+def test_what_facets_leave_out_stays_where_stated_errors_are_lowered() -> None:
+    problem = fmopt.load(fmopt.example("square_peg"))
+    assert np.array_equal(problem.stated_box, problem.start_box)
+    np.testing.assert_allclose(problem.under(0.25).start_box, 0.25 * problem.start_box, rtol=1e-12)
+    stated = Contribution("as stated", "", problem.start_box)
+    facets = Contribution("facets", "ε_v", np.array([1e-5, 1e-5, 1e-5, 0.0, 0.0, 0.0]), "hole", False)
+    both = (stated, facets)
+    round_ = replace(problem, budget=both, start_box=total(both), framing=framing(both))
+    lower = round_.under(0.25)
+    np.testing.assert_allclose(lower.start_box, 0.25 * stated.box + facets.box, rtol=1e-12)
+    np.testing.assert_allclose(round_.stated_box, stated.box, rtol=1e-12)
+    assert [one.stated for one in lower.budget] == [True, False]
+    assert lower.framing.hole[0] > round_.framing.hole[0]
 
 
 def test_a_failure_is_drawn(failed: tuple[Problem, SearchError], tmp_path: Path) -> None:

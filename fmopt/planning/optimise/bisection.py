@@ -121,7 +121,8 @@ def largest_share(
     """The largest share k / steps below the whole at which an attempt succeeds, by bisection, with its result.
 
     Success is taken to be monotone: where it is not, the answer is a share at which it succeeds, with a failure one
-    step above. Where attempts fail down to one step, the step is divided once more; None when they fail even so.
+    step above. One step is tried first: there a success is had soonest, and if there is none, larger shares would fail
+    after a long time each. The step is divided once more then; None when the attempt fails even so.
 
     Args:
         attempt: tries a share between 0 and the whole; None when it fails.
@@ -129,8 +130,11 @@ def largest_share(
         finer: in how many the last step is divided; 1 for not at all.
         whole: the share of which steps are taken, at which it fails.
     """
-    low, high = 0, steps
-    best: tuple[float, T] | None = None
+    low, high = 1, steps
+    found = attempt(whole / steps)
+    if found is None:
+        return largest_share(attempt, finer, 1, whole / steps) if finer > 1 else None
+    best = whole / steps, found
     while high - low > 1:
         middle = (low + high) // 2
         found = attempt(middle * whole / steps)
@@ -138,6 +142,4 @@ def largest_share(
             high = middle
         else:
             low, best = middle, (middle * whole / steps, found)
-    if best is None and finer > 1:
-        return largest_share(attempt, finer, 1, whole / steps)
     return best
