@@ -134,7 +134,7 @@ def _turns(peg: Part, hole: Part, depth: float) -> Iterator[float]:
 def turned_to(turn: float) -> float:
     """A turn as one says it: in (−π, π] rad, a whole number of degrees where it differs from that by rounding only."""
     degrees = round(math.degrees(turn))
-    turn = math.radians(degrees) if abs(turn - math.radians(degrees)) <= _SAME else turn
+    turn = math.radians(degrees) if abs(turn - math.radians(degrees)) <= _SAME else float(turn)
     return turn + 2.0 * math.pi if turn <= -math.pi else turn
 
 

@@ -39,3 +39,4 @@ def test_the_best_turn_is_that_of_all_measured_in_full(family: str, aside: float
     assert found.turn == min(as_good, key=lambda one: (abs(one), -one))
     assert mating_fit.goes_in(peg, problem.fixed, depth) == (best > 0.0)
     assert (found.gap > 0.0) == (best > 0.0)
+    assert type(found.turn) is float  # it goes into files as it is written
