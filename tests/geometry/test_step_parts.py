@@ -69,6 +69,27 @@ def test_plane_faces_are_those_of_the_file_in_any_unit_and_place(name: str, tmp_
         assert 0.0 <= mesh.body.volume * 1e9 - true <= 0.02 * area
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_free_forms_that_are_plane_are_read_as_planes(seed: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(seed)
+    angles = rng.uniform(0.0, 2.0 * np.pi) + np.radians([0.0, 120.0, 240.0]) + rng.uniform(-0.4, 0.4, 3)
+    corners = rng.uniform(6.0, 12.0) * np.column_stack([np.cos(angles), np.sin(angles)])
+    peg = step_parts.loft(corners, step_parts.offset(corners, 1.5), 20.0, reverse=bool(seed % 2))
+    if seed > 1:
+        peg = cut(box(80.0, 80.0, 20.0), peg)
+    pose = turned(seed)
+    step_parts.write(tmp_path / "part.step", peg, "mm", pose)
+    mesh = load_step(tmp_path / "part.step")
+    assert mesh.chord_error == 0.0
+    assert mesh.body.volume * 1e9 == pytest.approx(step_parts.volume(peg), rel=1e-9)
+    if seed < 2:
+        assert len(mesh.body.faces) == 5
+        ends = {0.0: corners, 20.0: step_parts.offset(corners, 1.5)}
+        points = np.array([(*at, z) for z, outline in ends.items() for at in outline])
+        there = 1e-3 * (points @ pose.R.T + pose.p)
+        assert np.abs(there[:, None] - mesh.body.vertices).max(axis=2).min(axis=1).max() <= EXACT
+
+
 def test_fillets_are_inside_of_their_facets(tmp_path: Path) -> None:
     shape = step_parts.filleted(np.random.default_rng(5))
     step_parts.write(tmp_path / "part.step", shape)

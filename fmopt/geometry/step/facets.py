@@ -12,7 +12,7 @@ from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.polyhedron import from_triangles
 from fmopt.geometry.step.exact_facets import Facets, exact_facets
 from fmopt.geometry.step.step_file import inside, openings
-from fmopt.geometry.step.surfaces import OtherSurfaceError
+from fmopt.geometry.step.surfaces import OtherSurfaceError, plane_of
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
@@ -97,7 +97,6 @@ def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, floa
     """Points (n, 3), outward triangles (m, 3), and how far they are from curved faces, mm; None if none is."""
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
-    from OCP.GeomAbs import GeomAbs_SurfaceType
 
     BRepMesh_IncrementalMesh(shape, deviation, False, _COARSEST, False)
     points: list[Array] = []
@@ -106,9 +105,8 @@ def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, floa
     count = 0
     for face in inside(shape, "FACE"):
         corners, sides, places = _mesh_of(face)
-        surface = BRepAdaptor_Surface(face)
-        if surface.GetType() != GeomAbs_SurfaceType.GeomAbs_Plane:
-            off.append(_distance(surface, corners[sides], places[sides]))
+        if plane_of(face) is None:
+            off.append(_distance(BRepAdaptor_Surface(face), corners[sides], places[sides]))
         points.append(corners)
         triangles.append(sides + count)
         count += len(corners)

@@ -1,6 +1,7 @@
 """The faces and edges of a solid as the surfaces and curves that the CAD kernel has for them, in mm.
 
-Planes, cylinders, cones, spheres and tori; a solid with any other surface is told apart.
+Planes, cylinders, cones, spheres and tori, and free forms that are plane; a solid with any other surface is told
+apart.
 """
 
 from __future__ import annotations
@@ -179,10 +180,13 @@ def _surface(face: Any, rings: Any, own: frozenset[Same]) -> Surface:
 
     adaptor = BRepAdaptor_Surface(face)
     kind = next((kind for kind in _KINDS if adaptor.GetType().name == f"GeomAbs_{kind}"), None)
-    if kind is None:
+    shape = plane_of(face) if kind is None else getattr(adaptor, kind)()
+    if shape is None:
         raise OtherSurfaceError(adaptor.GetType().name)
-    shape = getattr(adaptor, kind)()
     frame = shape.Position()
+    sign = -1.0 if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
+    if kind is None:
+        kind, sign = "Plane", sign * _agreement(adaptor, _columns(frame))
     radius = {"Cylinder": "Radius", "Cone": "RefRadius", "Torus": "MajorRadius"}.get(kind)
     tube = {"Sphere": "Radius", "Torus": "MinorRadius"}.get(kind)
     return Surface(
@@ -192,12 +196,41 @@ def _surface(face: Any, rings: Any, own: frozenset[Same]) -> Surface:
         getattr(shape, radius)() if radius else 0.0,
         getattr(shape, tube)() if tube else 0.0,
         shape.SemiAngle() if kind == "Cone" else 0.0,
-        -1.0 if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0,
+        sign,
         (adaptor.FirstUParameter(), adaptor.LastUParameter()),
         (adaptor.FirstVParameter(), adaptor.LastVParameter()),
         rings,
         own,
     )
+
+
+def plane_of(face: Any) -> Any:
+    """The kernel's plane that a face lies in, whatever its surface is called; None where it is curved.
+
+    Lofts of straight sides are free forms in a file.
+    """
+    from OCP.BRep import BRep_Tool
+    from OCP.GeomLib import GeomLib_IsPlanarSurface
+
+    found = GeomLib_IsPlanarSurface(BRep_Tool.Surface_s(face), REACH)
+    return found.Plan() if found.IsPlanar() else None
+
+
+def _agreement(adaptor: Any, axes: Array) -> float:
+    """1 where d/du × d/dv of a surface looks to the side that the cross product of the first two axes does, else -1."""
+    from OCP.gp import gp_Pnt, gp_Vec
+
+    u, v = (
+        0.5 * (first + last)
+        for first, last in (
+            (adaptor.FirstUParameter(), adaptor.LastUParameter()),
+            (adaptor.FirstVParameter(), adaptor.LastVParameter()),
+        )
+    )
+    along_u, along_v = gp_Vec(), gp_Vec()
+    adaptor.D1(u, v, gp_Pnt(), along_u, along_v)
+    across = np.cross(_xyz(along_u), _xyz(along_v))
+    return 1.0 if across @ np.cross(axes[:, 0], axes[:, 1]) > 0.0 else -1.0
 
 
 def _curve(edge: Any, face: Any) -> Curve:

@@ -87,6 +87,22 @@ def prism(corners: np.ndarray, height: float, z: float = 0.0) -> Any:
     return BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(outline.Wire()).Face(), gp_Vec(0.0, 0.0, height)).Shape()
 
 
+def loft(low: np.ndarray, high: np.ndarray, height: float, reverse: bool = False) -> Any:
+    """The solid between two polygons (n, 2) with parallel sides, its walls free forms; made downwards if `reverse`."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakePolygon
+    from OCP.BRepOffsetAPI import BRepOffsetAPI_ThruSections
+    from OCP.gp import gp_Pnt
+
+    made = BRepOffsetAPI_ThruSections(True, False)
+    for corners, z in ((high, height), (low, 0.0)) if reverse else ((low, 0.0), (high, height)):
+        outline = BRepBuilderAPI_MakePolygon()
+        for x, y in corners.tolist():
+            outline.Add(gp_Pnt(x, y, z))
+        outline.Close()
+        made.AddWire(outline.Wire())
+    return made.Shape()
+
+
 def offset(corners: np.ndarray, gap: float) -> np.ndarray:
     """A convex polygon (n, 2), counter-clockwise, each side moved outward by a gap."""
     sides = np.roll(corners, -1, axis=0) - corners
