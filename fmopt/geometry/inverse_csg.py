@@ -137,8 +137,7 @@ def _grown(part: Polyhedron, shape: Manifold, known: Array, faces: Sequence[Face
     """The part, faces of it pushed out one after the other to where the farthest of known points (n, 3) allows it."""
     size = float(np.linalg.norm(np.ptp(known, axis=0)))
     for normal, offset in [(face.normal, face.offset) for face in faces]:
-        heights = np.sort((known @ normal)[known @ normal > offset + _NEAR * size])
-        heights = heights[np.append(np.diff(heights) > ROUNDING, True)[: len(heights)]]
+        heights = np.unique(_levelled((known @ normal)[known @ normal > offset + _NEAR * size]))
         low, high = 0, len(heights)
         while low < high:
             middle = (low + high) // 2
@@ -206,19 +205,11 @@ def _opened(tool: Polyhedron, outer: Polyhedron, tol: float) -> Hull:
     middle, size = tool.vertices.mean(axis=0), outer.diameter
     room = np.column_stack([tool.normals, (tool.normals @ middle - offsets) / size])
     corners = middle + size * HalfspaceIntersection(room, np.zeros(3)).intersections
-    corners = np.array([_met(corner, tool.normals, offsets, _NEAR * size) for corner in corners])
     for normal, offset in zip(tool.normals[~at_hull], offsets[~at_hull], strict=True):
         for axis in np.flatnonzero(np.abs(normal) == 1.0):
             near = np.abs(corners[:, axis] - normal[axis] * offset) <= tol
             corners[near, axis] = normal[axis] * offset
     return _hull(_onto(corners, tool.vertices, tol))
-
-
-def _met(corner: Array, normals: Array, offsets: Array, near: float) -> Array:
-    """Where the planes near a corner meet: qhull leaves 1e-13 m open, more than pieces and part may differ by."""
-    through = np.abs(normals @ corner - offsets) <= near
-    step, *_ = np.linalg.lstsq(normals[through], offsets[through] - normals[through] @ corner, rcond=None)
-    return np.asarray(corner + step)
 
 
 def _halves(shape: Manifold, body: Polyhedron, plane: Plane) -> list[Manifold]:

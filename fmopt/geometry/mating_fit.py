@@ -37,7 +37,7 @@ _STEEP = 0.9  # upward part of a normal above which a face is no wall
 class Fit:
     """How a peg fits: turned by `turn` (rad) about the axis against the hole's frame it has `gap` (m) on each side.
 
-    Negative gaps are by how much its section would have to shrink, and its half diagonal is ∞ then.
+    Negative gaps are by how much its section would have to shrink. Half the diagonal of that is `half_diagonal` (m).
     """
 
     turn: float
@@ -57,17 +57,21 @@ def best_fit(peg: Part, hole: Part, depth: float, turning: bool = True) -> Fit:
     Raises:
         GeometryError: peg or hole has no material at those depths.
     """
+    from shapely import get_coordinates
+
     pairs = facing(peg, hole, depth)
     turns = [*_turns(peg, hole, depth)] if turning else [0.0]
-    fits = [_apart(turn, pairs) for turn in turns]
-    best = max(fit.gap for fit in fits)
-    if best <= 0.0:  # how much too thick it is takes long to find
-        best, fits = -math.inf, []
+    apart = [_distances(turn, pairs) for turn in turns]
+    gaps = [min(distances) for distances in apart]
+    if max(gaps) <= 0.0:  # how much too thick it is takes long to find
+        best, gaps = -math.inf, []
         for turn in turns:
-            fits.append(_overlapping(turn, pairs, _as_good(best)))
-            best = max(best, fits[-1].gap)
-    alike = [fit for fit in fits if fit.gap >= _as_good(best)]
-    return min(alike, key=lambda fit: (abs(fit.turn), -fit.turn))
+            gaps.append(_overlap(turn, pairs, _as_good(best)))
+            best = max(best, gaps[-1])
+    alike = [k for k, gap in enumerate(gaps) if gap >= _as_good(max(gaps))]
+    chosen = min(alike, key=lambda k: (abs(turns[k]), -turns[k]))
+    tightest, _ = pairs[int(np.argmin(apart[chosen]))]
+    return Fit(turns[chosen], gaps[chosen], 0.5 * diameter(get_coordinates(tightest.shape)))
 
 
 def goes_in(peg: Part, hole: Part, depth: float, turning: bool = True) -> bool:
@@ -80,7 +84,7 @@ def goes_in(peg: Part, hole: Part, depth: float, turning: bool = True) -> bool:
         GeometryError: peg or hole has no material at those depths.
     """
     pairs = facing(peg, hole, depth)
-    return any(_apart(turn, pairs).gap > 0.0 for turn in (_turns(peg, hole, depth) if turning else (0.0,)))
+    return any(min(_distances(turn, pairs)) > 0.0 for turn in (_turns(peg, hole, depth) if turning else (0.0,)))
 
 
 def _as_good(gap: float) -> float:
@@ -88,26 +92,22 @@ def _as_good(gap: float) -> float:
     return gap - max(_NEAR, _AS_GOOD * abs(gap))
 
 
-def _apart(turn: float, pairs: Sequence[tuple[Slice, Slice]]) -> Fit:
-    """How a peg fits that is turned, its gap 0 where it does not."""
-    from shapely import get_coordinates
-
+def _distances(turn: float, pairs: Sequence[tuple[Slice, Slice]]) -> list[float]:
+    """How far the sections of a peg that is turned are from those of the hole that they pass, m; 0 where they touch."""
     heed()
-    gaps = [float(_turned(peg, turn).distance(hole.shape)) for peg, hole in pairs]
-    peg, _ = pairs[int(np.argmin(gaps))]
-    return Fit(turn, min(gaps), 0.5 * diameter(np.asarray(get_coordinates(peg.shape))))
+    return [float(_turned(peg, turn).distance(hole.shape)) for peg, hole in pairs]
 
 
-def _overlapping(turn: float, pairs: Sequence[tuple[Slice, Slice]], least: float) -> Fit:
-    """How a peg does not fit that is turned; its gap is −∞ if it is less than `least`, m."""
+def _overlap(turn: float, pairs: Sequence[tuple[Slice, Slice]], least: float) -> float:
+    """The gap, m, of a peg that does not go in as it is turned; −∞ if it is less than `least`."""
     heed()
-    found = Fit(turn, 0.0, math.inf)
+    found = 0.0
     for peg, hole in pairs:
         shape = _turned(peg, turn)
         if math.isfinite(least) and overlap_shrunk(shape, hole.shape, -least):
-            return Fit(turn, -math.inf, math.inf)
-        if overlap_shrunk(shape, hole.shape, -found.gap):
-            found = Fit(turn, gap(shape, hole.shape), math.inf)
+            return -math.inf
+        if overlap_shrunk(shape, hole.shape, -found):
+            found = gap(shape, hole.shape)
     return found
 
 

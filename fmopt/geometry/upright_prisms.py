@@ -21,9 +21,9 @@ from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
     from shapely import Polygon
+    from shapely.geometry.base import BaseGeometry
 
 _UPRIGHT = 1e-9  # rad: walls lean less
-_LEVEL = 1e-12  # m: corners that differ less are on one level
 
 _Point = tuple[float, float]
 
@@ -46,7 +46,7 @@ def upright_prisms(body: Polyhedron, thin: float = 0.0) -> Prisms | None:
     """A body as the fewest prisms; None where its faces have no axis in common along which no section is nested.
 
     Args:
-        body: closed; corners above each other agree to the bit.
+        body: closed; corners above each other or on one level agree to the bit.
         thin: what it lacks no thicker than this, m, it counts as having.
     """
     found = []
@@ -66,8 +66,7 @@ def _as_prisms(body: Polyhedron, axis: int, thin: float) -> Prisms:
     """
     from shapely import MultiPoint
 
-    heights = np.unique(body.vertices[:, axis])
-    levels = heights[np.append(True, np.diff(heights) > _LEVEL)].tolist()
+    levels = np.unique(body.vertices[:, axis]).tolist()
     whole = _convex(MultiPoint(np.delete(np.roll(body.vertices, -axis, axis=1), 0, axis=1)).convex_hull)
     tools = [
         _prism(piece, axis, low, high)
@@ -77,25 +76,24 @@ def _as_prisms(body: Polyhedron, axis: int, thin: float) -> Prisms:
     return Prisms(axis, _prism(whole, axis, levels[0], levels[-1]), tools)
 
 
-def _lacking(whole: Convex, section: Sequence[Polygon], thin: float) -> Iterator[Convex]:
+def _lacking(whole: Convex, section: BaseGeometry, thin: float) -> Iterator[Convex]:
     """Convex polygons that make up what a convex polygon has more than a section.
 
     Raises:
         GeometryError: one piece of the section is within another.
     """
-    from shapely import Polygon, union_all
+    from shapely import Polygon, get_parts
 
     def is_thick(polygon: Polygon) -> bool:
         return bool(2.0 * polygon.area > thin * polygon.length)
 
-    solid = union_all(section)
-    hull = _convex(solid.convex_hull)
+    hull = _convex(section.convex_hull)
     for a, b in zip(hull.corners, (*hull.corners[1:], hull.corners[0]), strict=True):
         beyond = whole.beyond(b, a, None)
         if beyond is not None and is_thick(Polygon(beyond.outline)):
             yield beyond
-    rest = solid.convex_hull.difference(solid)  # no sides cross, so that corners are those there are
-    for polygon in getattr(rest, "geoms", [rest]):
+    # No sides cross, so that corners are those there are.
+    for polygon in get_parts(section.convex_hull.difference(section)):
         if is_thick(polygon):
             if polygon.interiors:
                 raise GeometryError("a section has one piece within another", "give them as two parts")
@@ -114,46 +112,18 @@ def _convex(polygon: Polygon) -> Convex:
     return Convex(corners, (None,) * len(corners))
 
 
-def _section(body: Polyhedron, axis: int, height: float) -> list[Polygon]:
-    """The section at a height, of the coordinates that follow the axis.
+def _section(body: Polyhedron, axis: int, height: float) -> BaseGeometry:
+    """The section at a height, of the coordinates that follow the axis."""
+    from shapely import MultiLineString, build_area
 
-    Raises:
-        GeometryError: it touches itself, or one piece is within another.
-    """
-    from shapely import Polygon
-
-    ahead: dict[_Point, _Point] = {}
-    for face in body.faces:
-        if abs(face.normal[axis]) < 0.5:
-            for start, end in _crossed(body.vertices, face, axis, height):
-                if start in ahead:
-                    raise GeometryError("a section touches itself", "cut the body apart there")
-                ahead[start] = end
-    outer: list[Polygon] = []
-    inner: list[Polygon] = []
-    while ahead:
-        start, at = ahead.popitem()
-        ring = [start]
-        while at != start:
-            ring.append(at)
-            if at not in ahead:
-                raise GeometryError("a section is open", "let corners above each other agree")
-            at = ahead.pop(at)
-        first = ring.index(min(ring))
-        polygon = Polygon([*ring[first:], *ring[:first]])
-        (outer if polygon.exterior.is_ccw else inner).append(polygon)
-    outer.sort(key=_ring)
-    inner.sort(key=_ring)
-    made = [Polygon(one.exterior, [ring.exterior for ring in inner if one.contains(ring)]) for one in outer]
-    if sum(len(one.interiors) for one in made) != len(inner) or not all(one.is_valid for one in made):
-        raise GeometryError("a section has one piece within another", "give them as two parts")
-    return made
+    upright = (face for face in body.faces if abs(face.normal[axis]) < 0.5)
+    return build_area(
+        MultiLineString([side for face in upright for side in _crossed(body.vertices, face, axis, height)])
+    )
 
 
-def _crossed(
-    vertices: Array, face: Face, axis: int, height: float
-) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
-    """Where an upright face crosses a height: from, to, the body on the left."""
+def _crossed(vertices: Array, face: Face, axis: int, height: float) -> Iterator[tuple[_Point, _Point]]:
+    """Where an upright face crosses a height: from, to."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
     found = []
     for loop in face.loops:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -113,21 +113,27 @@ def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: Non
         progress: told what is being done.
     """
     stated, lates, moment = problem.velocity_error, list[bool](), clock() + seconds
-    moves = bool(stated.translation or stated.rotation)
 
-    def of(share: float, scaled: bool, end: float, before: int) -> tuple[Problem, CertifiedMotion, Stages] | None:
-        left = max(end - clock(), 0.0) / max(ATTEMPTS - (len(lates) - before), 1)
-        part = replace(_within(problem, left).under(share), velocity_error=stated.scaled(share) if scaled else stated)
-        return _for_share(part, share, progress, lates)
+    def largest(velocity: Callable[[float], VelocityError], end: float) -> Share | None:
+        before = len(lates)
 
-    for scaled in (False, True) if moves else (False,):
-        end = moment if scaled or not moves else clock() + _ALONE * seconds
+        def of(share: float) -> tuple[Problem, CertifiedMotion, Stages] | None:
+            left = max(end - clock(), 0.0) / max(ATTEMPTS - (len(lates) - before), 1)
+            part = replace(_within(problem, left).under(share), velocity_error=velocity(share))
+            return _for_share(part, share, progress, lates)
+
         with until(end):
-            found = largest_share(partial(of, scaled=scaled, end=end, before=len(lates)))
-        if found is not None:
-            share, (part, motion, _) = found
-            return Share(share, motion.placed.margin, any(lates), part.velocity_error)
-    return Share(0.0, 0.0, any(lates), stated)
+            found = largest_share(of)
+        if found is None:
+            return None
+        share, (part, motion, _) = found
+        return Share(share, motion.placed.margin, any(lates), part.velocity_error)
+
+    moves = bool(stated.translation or stated.rotation)
+    found = largest(lambda _: stated, clock() + (_ALONE * seconds if moves else seconds))
+    if found is None and moves:
+        found = largest(stated.scaled, moment)
+    return found or Share(0.0, 0.0, any(lates), stated)
 
 
 def _within(problem: Problem, seconds: float) -> Problem:

@@ -76,31 +76,33 @@ def upright(a: np.ndarray, b: np.ndarray) -> bool:
 
 def prism(corners: np.ndarray, height: float, z: float = 0.0) -> Any:
     """The prism over a polygon (n, 2), from z up."""
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakePolygon
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
-    from OCP.gp import gp_Pnt, gp_Vec
+    from OCP.gp import gp_Vec
+
+    return BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(_wire(corners, z)).Face(), gp_Vec(0.0, 0.0, height)).Shape()
+
+
+def loft(low: np.ndarray, high: np.ndarray, height: float, reverse: bool = False) -> Any:
+    """The solid between two polygons (n, 2) with parallel sides, its walls free forms; made downwards if `reverse`."""
+    from OCP.BRepOffsetAPI import BRepOffsetAPI_ThruSections
+
+    made = BRepOffsetAPI_ThruSections(True, False)
+    for corners, z in ((high, height), (low, 0.0)) if reverse else ((low, 0.0), (high, height)):
+        made.AddWire(_wire(corners, z))
+    return made.Shape()
+
+
+def _wire(corners: np.ndarray, z: float) -> Any:
+    """A polygon (n, 2) at a height, closed."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakePolygon
+    from OCP.gp import gp_Pnt
 
     outline = BRepBuilderAPI_MakePolygon()
     for x, y in corners.tolist():
         outline.Add(gp_Pnt(x, y, z))
     outline.Close()
-    return BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(outline.Wire()).Face(), gp_Vec(0.0, 0.0, height)).Shape()
-
-
-def loft(low: np.ndarray, high: np.ndarray, height: float, reverse: bool = False) -> Any:
-    """The solid between two polygons (n, 2) with parallel sides, its walls free forms; made downwards if `reverse`."""
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakePolygon
-    from OCP.BRepOffsetAPI import BRepOffsetAPI_ThruSections
-    from OCP.gp import gp_Pnt
-
-    made = BRepOffsetAPI_ThruSections(True, False)
-    for corners, z in ((high, height), (low, 0.0)) if reverse else ((low, 0.0), (high, height)):
-        outline = BRepBuilderAPI_MakePolygon()
-        for x, y in corners.tolist():
-            outline.Add(gp_Pnt(x, y, z))
-        outline.Close()
-        made.AddWire(outline.Wire())
-    return made.Shape()
+    return outline.Wire()
 
 
 def offset(corners: np.ndarray, gap: float) -> np.ndarray:
