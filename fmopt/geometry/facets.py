@@ -152,6 +152,23 @@ def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Ar
     Raises:
         GeometryError: the vertices lie in heaps.
     """
+    firsts = first_within(points, reach)
+    kept, group = np.unique(firsts, return_inverse=True)
+    merged = group[triangles].astype(np.int64)
+    alive = np.all(merged != np.roll(merged, 1, axis=1), axis=1)
+    return points[kept], merged[alive], np.flatnonzero(alive)
+
+
+def first_within(points: Array, reach: float) -> Indices:
+    """For each point (n,) the first of those that hang together by steps of at most `reach`.
+
+    Args:
+        points: (n, 3), m.
+        reach: m.
+
+    Raises:
+        GeometryError: the points lie in heaps.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
@@ -161,10 +178,7 @@ def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Ar
     pairs = cKDTree(points[distinct]).query_pairs(reach, output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(distinct), len(distinct)))
     group = connected_components(links, directed=False)[1]
-    first = distinct[np.unique(group, return_index=True)[1]]
-    merged = group[which][triangles].astype(np.int64)
-    alive = np.all(merged != np.roll(merged, 1, axis=1), axis=1)
-    return points[first], merged[alive], np.flatnonzero(alive)
+    return np.asarray(distinct[np.unique(group, return_index=True)[1]][group][which])
 
 
 def _distinct(points: Array) -> tuple[Indices, Indices]:

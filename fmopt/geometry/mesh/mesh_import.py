@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.facets import Indices, merged_vertices, place
+from fmopt.geometry.facets import Indices, first_within, merged_vertices, place
 from fmopt.geometry.mesh.mesh_file import read_triangles
 from fmopt.geometry.mesh.mesh_repair import (
     MOST_OFF,
@@ -185,6 +185,8 @@ def _reaches(points: Array, triangles: Indices, span: float) -> Iterator[tuple[f
             open_[reach] = _open_sides(points, triangles, reach)
         except GeometryError:  # in heaps, which the least distance may leave apart
             break
+    if 0 < open_[least] <= _MOST_LOOSE:  # vertices on sides of others may be all that it is open by
+        yield least, _FLAT * span, 0.0
     fewest = min(open_.values())
     good = sorted(reach for reach, count in open_.items() if count <= 1.1 * fewest + 3)
     yield good[0], max(_FLAT * span, 0.5 * good[0]), 0.0
@@ -219,6 +221,7 @@ def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin
     if thin > 0.0:
         high = _heights(merged, corners) > thin
         corners, numbers = corners[high], numbers[high]
+    corners, numbers, joined = _joined(merged, corners, numbers, beside)
     notes += [f"{doubled} triangles stand twice in the file and count once"] if doubled else []
     corners, numbers = _sewn(merged, turned_alike(merged, corners), numbers, beside)
     corners = turned_alike(merged, corners)
@@ -229,7 +232,7 @@ def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin
     called = np.append(numbers, np.full(len(closed) - len(numbers), _MENDED))
     closed = turned_outward(merged, closed)
     notes += _turned(points, triangles, merged[closed], called)
-    return _Closed(merged, closed, called, mended, moved, tuple(notes))
+    return _Closed(merged, closed, called, mended, moved + joined, tuple(notes))
 
 
 def _heights(points: Array, triangles: Indices) -> Array:
@@ -321,6 +324,21 @@ def _sides(triangles: Indices) -> dict[tuple[int, int], tuple[int, int]]:
 def _loose(sides: dict[tuple[int, int], tuple[int, int]]) -> list[tuple[int, int]]:
     """The sides without another one across."""
     return [side for side in sides if side[::-1] not in sides]
+
+
+def _joined(points: Array, triangles: Indices, numbers: Indices, reach: float) -> tuple[Indices, Indices, float]:
+    """Triangles (k, 3) with one vertex for those of open edges that lie within `reach`, their numbers, and how far, m.
+
+    A rim that is cut differently on its two sides may have corners in the same place that noise has set apart.
+    """
+    rim = np.unique(np.array(_loose(_sides(triangles)), dtype=np.int64))
+    if not 0 < len(rim) <= _MOST_LOOSE:
+        return triangles, numbers, 0.0
+    became = np.arange(len(points))
+    became[rim] = rim[first_within(points[rim], reach)]
+    found = became[triangles]
+    alive = np.all(found != np.roll(found, 1, axis=1), axis=1)
+    return found[alive], numbers[alive], float(np.max(np.linalg.norm(points[became] - points, axis=1)))
 
 
 def _sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> tuple[Indices, Indices]:

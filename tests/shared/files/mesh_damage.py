@@ -17,6 +17,11 @@ def rounded_to_singles(points: np.ndarray, triangles: np.ndarray, rng: np.random
     return points.astype(np.float32).astype(np.float64), triangles
 
 
+def in_inches(points: np.ndarray, triangles: np.ndarray, rng: np.random.Generator) -> Mesh:
+    """Written in inches, as binary STL holds them, and read as such."""
+    return 25.4 * (points / 25.4).astype(np.float32).astype(np.float64), triangles
+
+
 def noisy(size: float) -> Damage:
     """Each vertex moved by up to a size (mm) along each axis."""
 
@@ -34,6 +39,44 @@ def subdivided(points: np.ndarray, triangles: np.ndarray, rng: np.random.Generat
     a, b, c = triangles.T
     cut = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
     return np.vstack([points, points[edges].mean(axis=1)]), np.vstack([np.stack(t, axis=1) for t in cut])
+
+
+def decimated(points: np.ndarray, triangles: np.ndarray, rng: np.random.Generator) -> Mesh:
+    """Vertices drawn onto a neighbour wherever that leaves the surface where it is, in random order."""
+    star: list[set[int]] = [set() for _ in points]
+    alive = dict(enumerate(map(tuple, triangles.tolist())))
+    for number, triangle in alive.items():
+        for vertex in triangle:
+            star[vertex].add(number)
+
+    def area(triangle: tuple[int, ...]) -> np.ndarray:
+        a, b, c = points[list(triangle)]
+        return np.cross(b - a, c - a)
+
+    for vertex in rng.permutation(len(points)).tolist():
+        for onto in sorted({v for number in star[vertex] for v in alive[number]} - {vertex}):
+            gone = star[vertex] & star[onto]
+            sides = [sum(v in alive[number] for number in star[vertex]) for v in {*_around(alive, star[vertex])}]
+            shared = _around(alive, star[vertex]) & _around(alive, star[onto]) - {vertex, onto}
+            moved = {n: tuple(onto if v == vertex else v for v in alive[n]) for n in star[vertex] - gone}
+            if len(gone) != 2 or any(count not in (2, len(star[vertex])) for count in sides) or len(shared) != 2:
+                continue
+            before, after = ([area(t) for t in ts] for ts in ((alive[n] for n in moved), moved.values()))
+            size = [float(np.linalg.norm(a) * np.linalg.norm(b)) for a, b in zip(before, after, strict=True)]
+            if all(a @ b > (1.0 - 1e-12) * s > 0.0 for a, b, s in zip(before, after, size, strict=True)):
+                for number in gone:
+                    for v in alive.pop(number):
+                        star[v].discard(number)
+                alive.update(moved)
+                star[onto] |= moved.keys()
+                star[vertex] = set()
+                break
+    return points, np.array([alive[n] for n in sorted(alive)])
+
+
+def _around(alive: dict[int, tuple[int, ...]], star: set[int]) -> set[int]:
+    """The vertices of some triangles."""
+    return {vertex for number in star for vertex in alive[number]}
 
 
 def finely_noisy(points: np.ndarray, triangles: np.ndarray, rng: np.random.Generator) -> Mesh:
@@ -114,6 +157,8 @@ def turned_and_noisy(points: np.ndarray, triangles: np.ndarray, rng: np.random.G
 
 DAMAGES: dict[str, Damage] = {
     "singles": rounded_to_singles,
+    "inches": in_inches,
+    "decimated": decimated,
     "noise of 0.1 µm": noisy(1e-4),
     "noise of 1 µm": noisy(1e-3),
     "noise of 10 µm": noisy(1e-2),
