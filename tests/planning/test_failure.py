@@ -65,7 +65,7 @@ def test_the_advice_works(failed: tuple[Problem, SearchError]) -> None:
 
 
 def test_errors_of_velocity_are_lowered_too_where_they_alone_forbid_any_plan(tmp_path: Path) -> None:
-    task = prism(tmp_path, regular(12, 5), regular(12, 5.05), limit=8, error=0.1)
+    task = prism(tmp_path, regular(12, 5), regular(12, 5.05), limit=16, error=0.1)
     problem = fmopt.load(task).with_(uncertainty_velocity_translation=0.01, uncertainty_velocity_rotation=0.01)
     with pytest.raises(SearchError) as caught:
         fmopt.solve(problem)

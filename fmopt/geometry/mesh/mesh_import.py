@@ -4,24 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.facets import Indices, first_within, merged_vertices, place
+from fmopt.geometry.facets import Indices, merged_vertices, place
 from fmopt.geometry.mesh.mesh_file import read_triangles
-from fmopt.geometry.mesh.mesh_repair import (
-    MOST_OFF,
-    Crossing,
-    Patch,
-    first_crossing,
-    patches,
-    turned_alike,
-    turned_outward,
-)
+from fmopt.geometry.mesh.mesh_repair import Crossing, first_crossing, turned_alike, turned_outward
+from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, joined, open_among, patches, sewn, sides_of
 from fmopt.geometry.mesh.plane_facets import flattened
 from fmopt.geometry.mesh.round_planes import chord_error
 from fmopt.geometry.polyhedron import Polyhedron
@@ -35,8 +27,6 @@ _MERGE = 1e-7  # of the diameter: vertices this close are one
 _WIDER = (10.0, 100.0, 1000.0, 10000.0)  # times that: so close where the surface does not close otherwise
 _TRIES = 2  # distances that are tried
 _FLAT = 1e-6  # of the diameter: triangles this close to a plane are coplanar
-_MOST_LOOSE = 5_000  # open edges: more are no rims of gaps
-_MOST_SPLITS = 10  # times that triangles are split at the rims of gaps
 _MENDED = -1  # what triangles that no file holds are called
 _COUNTS = 1e-9  # m: what facets are off their faces by less is rounding
 _WHERE_MADE = "leave out what does not mate, or mend the faces there, where the solid was made"
@@ -96,8 +86,8 @@ class _Closed:
     @property
     def is_closed(self) -> bool:
         """Whether every side of a triangle has one other across it."""
-        sides = _sides(self.triangles)
-        return len(self.triangles) > 3 and len(sides) == 3 * len(self.triangles) and not _loose(sides)
+        sides = sides_of(self.triangles)
+        return len(self.triangles) > 3 and len(sides) == 3 * len(self.triangles) and not open_among(sides)
 
 
 def load_mesh(path: Path | str, unit: Unit) -> Imported:
@@ -166,7 +156,7 @@ def _best(points: Array, triangles: Indices, span: float) -> _Closed:
             if not attempt.mended:
                 return attempt
             with_gaps = with_gaps or attempt
-        elif len(_loose(_sides(attempt.triangles))) > _MOST_LOOSE:
+        elif len(open_among(sides_of(attempt.triangles))) > MOST_OPEN:
             break
     found = with_gaps or first
     return found if found is not None else _closed(points, triangles, _MERGE * span, _FLAT * span, 0.0)
@@ -185,7 +175,7 @@ def _reaches(points: Array, triangles: Indices, span: float) -> Iterator[tuple[f
             open_[reach] = _open_sides(points, triangles, reach)
         except GeometryError:  # in heaps, which the least distance may leave apart
             break
-    if 0 < open_[least] <= _MOST_LOOSE:  # vertices on sides of others may be all that it is open by
+    if 0 < open_[least] <= MOST_OPEN:  # vertices on sides of others may be all that it is open by
         yield least, _FLAT * span, 0.0
     fewest = min(open_.values())
     good = sorted(reach for reach, count in open_.items() if count <= 1.1 * fewest + 3)
@@ -221,9 +211,9 @@ def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin
     if thin > 0.0:
         high = _heights(merged, corners) > thin
         corners, numbers = corners[high], numbers[high]
-    corners, numbers, joined = _joined(merged, corners, numbers, beside)
+    corners, numbers, closer = joined(merged, corners, numbers, beside)
     notes += [f"{doubled} triangles stand twice in the file and count once"] if doubled else []
-    corners, numbers = _sewn(merged, turned_alike(merged, corners), numbers, beside)
+    corners, numbers = sewn(merged, turned_alike(merged, corners), numbers, beside)
     corners = turned_alike(merged, corners)
     mended = tuple(
         replace(patch, beside=int(numbers[patch.beside])) for patch in patches(merged, corners, _FLAT * span)
@@ -232,7 +222,7 @@ def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin
     called = np.append(numbers, np.full(len(closed) - len(numbers), _MENDED))
     closed = turned_outward(merged, closed)
     notes += _turned(points, triangles, merged[closed], called)
-    return _Closed(merged, closed, called, mended, moved + joined, tuple(notes))
+    return _Closed(merged, closed, called, mended, moved + closer, tuple(notes))
 
 
 def _heights(points: Array, triangles: Indices) -> Array:
@@ -314,71 +304,6 @@ def _left_out(points: Array, triangles: Indices, kept: Indices) -> list[str]:
 def _gap(patch: Patch) -> str:
     a, b = patch.corners.min(axis=0), patch.corners.max(axis=0)
     return f"the mesh is open beside triangle {patch.beside}, from {place(a)} to {place(b)}; it was closed there"
-
-
-def _sides(triangles: Indices) -> dict[tuple[int, int], tuple[int, int]]:
-    """The triangle and the side of it that runs from one vertex to another."""
-    return {(t[k], t[(k + 1) % 3]): (i, k) for i, t in enumerate(triangles.tolist()) for k in range(3)}
-
-
-def _loose(sides: dict[tuple[int, int], tuple[int, int]]) -> list[tuple[int, int]]:
-    """The sides without another one across."""
-    return [side for side in sides if side[::-1] not in sides]
-
-
-def _joined(points: Array, triangles: Indices, numbers: Indices, reach: float) -> tuple[Indices, Indices, float]:
-    """Triangles (k, 3) with one vertex for those of open edges that lie within `reach`, their numbers, and how far, m.
-
-    A rim that is cut differently on its two sides may have corners in the same place that noise has set apart.
-    """
-    rim = np.unique(np.array(_loose(_sides(triangles)), dtype=np.int64))
-    if not 0 < len(rim) <= _MOST_LOOSE:
-        return triangles, numbers, 0.0
-    became = np.arange(len(points))
-    became[rim] = rim[first_within(points[rim], reach)]
-    found = became[triangles]
-    alive = np.all(found != np.roll(found, 1, axis=1), axis=1)
-    return found[alive], numbers[alive], float(np.max(np.linalg.norm(points[became] - points, axis=1)))
-
-
-def _sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> tuple[Indices, Indices]:
-    """Triangles with an open edge are split at the vertices that lie on it, as where a rim was subdivided on one side.
-
-    Only vertices of open edges within `reach` of the edge count, so that the surface stays where it is. The parts of
-    a triangle keep its number. Where there are too many to be a rim, the surface is left as open as it is.
-    """
-    for _ in range(_MOST_SPLITS):
-        sides = _sides(triangles)
-        loose = _loose(sides)
-        if len(loose) > _MOST_LOOSE:
-            break
-        rim = np.unique(np.array(loose, dtype=np.int64))
-        splits: dict[int, tuple[int, list[int]]] = {}
-        for a, b in loose:
-            if between := _between(points, a, b, rim, reach):
-                splits.setdefault(sides[a, b][0], (sides[a, b][1], between))
-        if not 0 < sum(len(between) for _, between in splits.values()) <= _MOST_LOOSE:
-            break
-        kept = [triangle for i, triangle in enumerate(triangles.tolist()) if i not in splits]
-        called = [number for i, number in enumerate(numbers.tolist()) if i not in splits]
-        for i, (k, between) in splits.items():
-            a, b, c = np.roll(triangles[i], -k).tolist()
-            parts = [[one, two, c] for one, two in pairwise([a, *between, b])]
-            kept.extend(parts)
-            called.extend([int(numbers[i])] * len(parts))
-        triangles, numbers = np.array(kept, dtype=np.int64), np.array(called, dtype=np.int64)
-    return triangles, numbers
-
-
-def _between(points: Array, a: int, b: int, candidates: Indices, reach: float) -> list[int]:
-    """The candidates strictly inside the segment from a to b, in order along it."""
-    along = points[b] - points[a]
-    length = float(np.linalg.norm(along))
-    arms = points[candidates] - points[a]
-    run = arms @ along / length
-    off = np.linalg.norm(arms - np.outer(run / length, along), axis=1)
-    on = (off <= reach) & (run > reach) & (run < length - reach)
-    return [int(index) for index in candidates[on][np.argsort(run[on])]]
 
 
 def _require_simple(points: Array, triangles: Indices, crossing: Crossing | None, numbers: Indices) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, Loop, Patchwork, faces_of, patchwork
 from fmopt.geometry.mesh.fitted_planes import EXACT, aligned, corners_of, fit
-from fmopt.geometry.mesh.mesh_repair import MOST_OFF
+from fmopt.geometry.mesh.open_edges import MOST_OFF
 from fmopt.geometry.mesh.round_planes import evenly_out, is_even, through_columns
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, plane_basis
 from fmopt.spatial.values import Array, Value, frozen

@@ -1,0 +1,266 @@
+"""Open edges of a mesh: corners of both rims made one, sides split at corners that lie on them, gaps closed.
+
+A gap whose loops lie in one plane is closed by flat triangles. Two loops that run along each other, as where a wall
+ends short of the face below it, are joined by a band. Any other gap stays open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.facets import Indices, first_within
+from fmopt.geometry.polyhedron import plane_basis
+from fmopt.spatial.values import Array, Value, frozen
+
+_BAND = 0.05  # of a loop's size: as far apart as this, two loops run along each other
+_MOST_GAPS = 100  # beyond which nothing is plain to see
+MOST_OFF = 2.5e-5  # m: facets farther off one plane are meant to be several
+_ALIKE = 0.9  # of the cosine: what looks the same way
+_MOST = 0.45  # of the whole surface: gaps beyond this are no gaps
+MOST_OPEN = 5_000  # open edges: more are no rims of gaps
+_MOST_SPLITS = 10  # times that triangles are split at the rims of gaps
+
+
+@dataclass(frozen=True, eq=False)
+class Patch(Value):
+    """What closes a gap of a mesh.
+
+    Args:
+        triangles: (k, 3) vertex indices, counter-clockwise seen from outside.
+        corners: (n, 3), the rim of the gap, m.
+        beside: index of a triangle at the rim.
+        flush: whether it goes on a face that is there, in its plane.
+    """
+
+    triangles: Indices
+    corners: Array
+    beside: int
+    flush: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "corners", frozen(self.corners, None, 3, name="rim of a gap"))
+
+
+@dataclass(frozen=True)
+class _Gap:
+    """A loop of open edges, as the missing surface has it around itself, with the triangle beside its first edge."""
+
+    loop: tuple[int, ...]
+    beside: int
+
+
+Sides: TypeAlias = dict[tuple[int, int], tuple[int, int]]
+"""The triangle, and the number of its side, that runs from one vertex to another."""
+
+
+def sides_of(triangles: Indices) -> Sides:
+    """All sides of triangles (m, 3)."""
+    return {(t[k], t[(k + 1) % 3]): (i, k) for i, t in enumerate(triangles.tolist()) for k in range(3)}
+
+
+def open_among(sides: Sides) -> list[tuple[int, int]]:
+    """The sides without another one across."""
+    return [side for side in sides if side[::-1] not in sides]
+
+
+def joined(points: Array, triangles: Indices, numbers: Indices, reach: float) -> tuple[Indices, Indices, float]:
+    """Triangles with one vertex for those of open edges that lie together, and how far these were moved for it, m.
+
+    A rim that is cut differently on its two sides may have corners in the same place that noise has set apart.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3).
+        numbers: what each is called (m,); those that are left keep theirs.
+        reach: how far apart they may be, m.
+    """
+    rim = np.unique(np.array(open_among(sides_of(triangles)), dtype=np.int64))
+    if not 0 < len(rim) <= MOST_OPEN:
+        return triangles, numbers, 0.0
+    became = np.arange(len(points))
+    became[rim] = rim[first_within(points[rim], reach)]
+    found = became[triangles]
+    alive = np.all(found != np.roll(found, 1, axis=1), axis=1)
+    return found[alive], numbers[alive], float(np.max(np.linalg.norm(points[became] - points, axis=1)))
+
+
+def sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> tuple[Indices, Indices]:
+    """Triangles with an open edge are split at the vertices that lie on it, as where a rim was subdivided on one side.
+
+    Only vertices of open edges count, so that the surface stays where it is. Where there are too many to be a rim, it
+    is left as open as it is.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3).
+        numbers: what each is called (m,); the parts of one keep its.
+        reach: how far from the edge they may be, m.
+    """
+    for _ in range(_MOST_SPLITS):
+        sides = sides_of(triangles)
+        loose = open_among(sides)
+        if len(loose) > MOST_OPEN:
+            break
+        rim = np.unique(np.array(loose, dtype=np.int64))
+        splits: dict[int, tuple[int, list[int]]] = {}
+        for a, b in loose:
+            if between := _between(points, a, b, rim, reach):
+                splits.setdefault(sides[a, b][0], (sides[a, b][1], between))
+        if not 0 < sum(len(between) for _, between in splits.values()) <= MOST_OPEN:
+            break
+        kept = [triangle for i, triangle in enumerate(triangles.tolist()) if i not in splits]
+        called = [number for i, number in enumerate(numbers.tolist()) if i not in splits]
+        for i, (k, between) in splits.items():
+            a, b, c = np.roll(triangles[i], -k).tolist()
+            parts = [[one, two, c] for one, two in pairwise([a, *between, b])]
+            kept.extend(parts)
+            called.extend([int(numbers[i])] * len(parts))
+        triangles, numbers = np.array(kept, dtype=np.int64), np.array(called, dtype=np.int64)
+    return triangles, numbers
+
+
+def _between(points: Array, a: int, b: int, candidates: Indices, reach: float) -> list[int]:
+    """The candidates strictly inside the segment from a to b, in order along it."""
+    along = points[b] - points[a]
+    length = float(np.linalg.norm(along))
+    arms = points[candidates] - points[a]
+    run = arms @ along / length
+    off = np.linalg.norm(arms - np.outer(run / length, along), axis=1)
+    on = (off <= reach) & (run > reach) & (run < length - reach)
+    return [int(index) for index in candidates[on][np.argsort(run[on])]]
+
+
+def patches(points: Array, triangles: Indices, tol: float) -> tuple[Patch, ...]:
+    """What closes the gaps of a mesh, as far as that is plain to see; nothing where triangles disagree.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3), counter-clockwise seen from outside.
+        tol: points this close to a plane lie in it, m.
+    """
+    gaps = _gaps(triangles)
+    made = []
+    while gaps:
+        first = gaps.pop(0)
+        twin = next((gap for gap in gaps if _along(points, first, gap, tol)), None)
+        if twin is not None:
+            gaps.remove(twin)
+            made.append(_patch(points, _band(points, first.loop, twin.loop), (first, twin)))
+            continue
+        level = [first, *(gap for gap in gaps if _is_flat(points, (first, gap), tol))]
+        if not _is_flat(points, level, tol):
+            continue
+        gaps = [gap for gap in gaps if gap not in level]
+        made.append(_patch(points, _cap(points, level), level))
+    whole = _area(points, triangles)
+    made = [replace(patch, flush=_is_flush(points, triangles, patch)) for patch in made]
+    return tuple(made) if sum(_area(points, patch.triangles) for patch in made) <= _MOST * whole else ()
+
+
+def _gaps(triangles: Indices) -> list[_Gap]:
+    """The gaps of a mesh; none where they are too many."""
+    sides: dict[tuple[int, int], int] = {}
+    for number, triangle in enumerate(triangles.tolist()):
+        for k in range(3):
+            if sides.setdefault((triangle[k], triangle[(k + 1) % 3]), number) != number:
+                return []
+    missing = {(b, a): number for (a, b), number in sides.items() if (b, a) not in sides}
+    following = dict(missing.keys())
+    if len(following) != len(missing):
+        return []
+    found = list[_Gap]()
+    while following:
+        if len(found) == _MOST_GAPS:
+            return []
+        start = min(following)
+        loop = [start]
+        while (ahead := following.pop(loop[-1], start)) != start:
+            loop.append(ahead)
+        found.append(_Gap(tuple(loop), missing[loop[0], loop[1]]))
+    return found
+
+
+def _is_flat(points: Array, gaps: Sequence[_Gap], tol: float) -> bool:
+    corners = points[[index for gap in gaps for index in gap.loop]]
+    centred = corners - corners.mean(axis=0)
+    return bool(np.abs(centred @ np.linalg.svd(centred, full_matrices=False)[2][-1]).max() <= tol)
+
+
+def _along(points: Array, one: _Gap, other: _Gap, tol: float) -> bool:
+    """Whether two loops, not in one plane, run along each other in opposite directions."""
+    from scipy.spatial import cKDTree
+
+    a, b = points[list(one.loop)], points[list(other.loop)]
+    reach = _BAND * float(min(np.linalg.norm(np.ptp(a, axis=0)), np.linalg.norm(np.ptp(b, axis=0))))
+    apart = max(float(np.max(cKDTree(a).query(b)[0])), float(np.max(cKDTree(b).query(a)[0])))
+    opposite = float(_normal(a) @ _normal(b)) < 0.0
+    return opposite and apart <= reach and not _is_flat(points, (one, other), tol)
+
+
+def _band(points: Array, one: tuple[int, ...], other: tuple[int, ...]) -> Indices:
+    """Triangles between two loops that run against each other, by the shorter diagonal each time."""
+    back = other[::-1]
+    near = int(np.argmin(np.linalg.norm(points[list(back)] - points[one[0]], axis=1)))
+    a, b = [*one, one[0]], [*back[near:], *back[:near], back[near]]
+    made, i, j = [], 0, 0
+    while i < len(one) or j < len(back):
+        ahead = i < len(one) and (
+            j == len(back)
+            or np.linalg.norm(points[a[i + 1]] - points[b[j]]) <= np.linalg.norm(points[a[i]] - points[b[j + 1]])
+        )
+        made.append((a[i], a[i + 1], b[j]) if ahead else (a[i], b[j + 1], b[j]))
+        i, j = (i + 1, j) if ahead else (i, j + 1)
+    return np.array(made, dtype=np.int64)
+
+
+def _cap(points: Array, gaps: Sequence[_Gap]) -> Indices:
+    """Flat triangles inside loops of one plane, outer ones counter-clockwise about the outward normal."""
+    from manifold3d import triangulate
+
+    loops = [np.array(gap.loop) for gap in gaps]
+    normal = np.sum([_normal(points[loop]) for loop in loops], axis=0)
+    length = float(np.linalg.norm(normal))
+    if length == 0.0:
+        raise GeometryError("the surface is open along two equal loops", "close the mesh")
+    flat = points @ plane_basis(normal / length)
+    return np.concatenate(loops)[np.asarray(triangulate([flat[loop] for loop in loops]), dtype=np.int64)]
+
+
+def _patch(points: Array, triangles: Indices, gaps: Sequence[_Gap]) -> Patch:
+    corners = points[[index for gap in gaps for index in gap.loop]]
+    return Patch(triangles, corners, min(gap.beside for gap in gaps))
+
+
+def _is_flush(points: Array, triangles: Indices, patch: Patch) -> bool:
+    """Whether a flat patch lies in the plane of a triangle at its rim that looks the same way."""
+    corners = points[np.unique(patch.triangles)]
+    a, b, c = (points[patch.triangles[:, k]] for k in range(3))
+    area = np.cross(b - a, c - a).sum(axis=0)
+    size = float(np.linalg.norm(area))
+    if size == 0.0 or np.ptp(corners @ area) > MOST_OFF * size:
+        return False
+    normal = area / size
+    rim = set(np.unique(patch.triangles).tolist())
+    for triangle in triangles[np.isin(triangles, list(rim)).sum(axis=1) == 2]:
+        own = _normal(points[triangle])
+        near = np.abs(points[triangle] @ normal - np.mean(corners @ normal)).max() <= MOST_OFF
+        if near and own @ normal > _ALIKE * np.linalg.norm(own):
+            return True
+    return False
+
+
+def _normal(loop: Array) -> Array:
+    """Normal of a loop (n, 3) of points, twice as long as its area, m²."""
+    arms = loop - loop.mean(axis=0)
+    return np.asarray(np.sum(np.cross(arms, np.roll(arms, -1, axis=0)), axis=0))
+
+
+def _area(points: Array, triangles: Indices) -> float:
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return 0.5 * float(np.sum(np.linalg.norm(np.cross(b - a, c - a), axis=1)))
