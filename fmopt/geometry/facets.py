@@ -96,7 +96,7 @@ def polygon_faces(
     """
     called = np.arange(len(triangles)) if numbers is None else numbers
     parts = patchwork(vertices, triangles, tol, called)
-    return faces_of(parts, parts.region)
+    return faces_of(parts, parts.region)[0]
 
 
 def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices, most: int = MAX_FACES) -> Patchwork:
@@ -114,8 +114,8 @@ def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices,
     return Patchwork(vertices, triangles, mesh.across, _regions(mesh, normals, heights, (tol, most)))
 
 
-def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[Loop, ...], ...]:
-    """The faces of regions of triangles as loops, outer loop first, collinear vertices dropped.
+def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[tuple[Loop, ...], ...], Indices]:
+    """The faces of regions of triangles as loops, outer loop first, collinear vertices dropped; and these regions (m,).
 
     A region without corners, such as a sliver along an edge, goes to the one beside it with which it shares most.
 
@@ -129,13 +129,11 @@ def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[Loop, ...], ...]:
     mesh = _Mesh(parts.vertices, parts.triangles, parts.across)
     if len(np.unique(region)) > MAX_FACES:
         raise _too_many(len(region))
-    for _ in range(len(parts.triangles)):
-        outlines = _outlines(mesh, region)
-        bare = _without_corners(outlines)
-        if bare is None:
-            return _straightened(parts, region, outlines)
+    outlines = _outlines(mesh, region)
+    while (bare := _without_corners(outlines)) is not None:  # with each there is one region less
         region = _handed_over(parts, region, bare)
-    raise GeometryError("the surface has no corners", "export the mesh again")
+        outlines = _outlines(mesh, region)
+    return _straightened(parts, region, outlines), region
 
 
 def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Array, Indices, Indices]:

@@ -69,13 +69,13 @@ def flattened(points: Array, triangles: Indices, numbers: Indices, noise: float 
     span = float(np.linalg.norm(np.ptp(points, axis=0)))
     parts = patchwork(points, triangles, 0.5 * _NOISE * span, numbers, len(triangles))
     order = _joined(parts, min(MOST_OFF, _SHARE * span))
-    fault: GeometryError | None = None
+    faults: list[GeometryError] = []
     for count in _gaps([cost for cost, _, _ in order], _NOISE * span):
         try:
             return _made_plane(parts, _labels(parts, order[:count]), noise)
         except GeometryError as error:
-            fault = fault or error
-    raise fault if fault is not None else GeometryError("the mesh has no plane faces", "export it again")
+            faults.append(error)
+    raise faults[0]
 
 
 def _joined(parts: Patchwork, most: float) -> list[tuple[float, int, int]]:
@@ -191,8 +191,8 @@ def _made_plane(parts: Patchwork, region: Indices, noise: float) -> Flattened:
     Normals are made to belong together as far as the noise may have turned them. Of few corners nothing much follows
     about the noise: more is tried first, and kept where it takes the surface no farther off.
     """
+    faces, region = faces_of(parts, region)
     region = np.unique(region, return_inverse=True)[1].astype(np.int64)
-    faces = faces_of(parts, region)
     members = [np.flatnonzero(region == k) for k in range(int(region.max()) + 1)]
     corners = [np.unique(parts.triangles[which]) for which in members]
     off = max(_off_plane(parts.vertices[which]) for which in corners)
