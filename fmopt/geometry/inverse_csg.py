@@ -42,6 +42,7 @@ _PUSHED = 0.05  # of the diameter: how far tools stand out of the hull
 _LEVEL = 1e-6  # of three normals: less is as good as a plane
 _NEAR = 1e-6  # of the size: no step worth taking
 _OVERLAP = 1e-9  # of the volume: what two bodies have in common by rounding
+_SIMPLER = "leave out what does not mate, or describe the part by [solids] of a model file, which are taken as they are"
 _PAIRS = 128  # reflex edges up to which planes through any two are tried; above, through neighbours only
 
 
@@ -170,15 +171,15 @@ def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> l
         np.asarray(mesh.tri_verts, dtype=np.int64),
         tol,
     )
-    body = from_triangles(points, triangles, tol)
+    try:
+        body = from_triangles(points, triangles, tol)
+    except GeometryError as error:  # what was cut off is no mesh that anybody made
+        raise GeometryError("it does not come apart into convex bodies", _SIMPLER) from error
     plane = _best_cut(body, tol)
     if plane is None:
         return [convex_hull_polyhedron(body.vertices[_solid_corners(body)])]
     if patience == 0:
-        raise GeometryError(
-            f"it does not come apart into convex bodies in {_CUTS} cuts",
-            "model it as a CSG solid (Union, Difference): its half-space pieces are exact",
-        )
+        raise GeometryError(f"it does not come apart into convex bodies in {_CUTS} cuts", _SIMPLER)
     parts = [part for half in _halves(shape, body, plane) for part in half.decompose() if _is_thick(part, tol)]
     return [tool for part in parts for tool in _convex_parts(part, known, tol, patience - 1)]
 

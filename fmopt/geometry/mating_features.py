@@ -40,10 +40,10 @@ _REPEATED = 1e-12  # m: origins this close to multiples of a nanometre are meant
 FeatureKind = Literal["solid", "hollow"]
 
 DESCRIBE = (
-    'describe where it mates under [features]: a hole, or a slot that is open to the side, by kind = "hollow", '
-    "at = [x, y, z] in the middle of its mouth, turn = [rx, ry, rz] such that z points out of the mouth, length = its "
-    'depth; a peg by kind = "solid", at = [x, y, z] in the middle of its leading end, turn such that z points from '
-    "there into the part, length = how long it is"
+    "describe where it mates under [features] of a model file: a hole, or a slot that is open to the side, by kind = "
+    '"hollow", at = [x, y, z] in the middle of its mouth, turn = [rx, ry, rz] such that z points out of the mouth, '
+    'length = its depth; a peg by kind = "solid", at = [x, y, z] in the middle of its leading end, turn such that z '
+    "points from there into the part, length = how long it is"
 )
 
 _NARROW = 2e-3  # of the diameter: facets of curved surfaces are off them by less

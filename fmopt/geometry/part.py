@@ -163,7 +163,7 @@ def mesh_part(
     if abs(volume - body.volume) > _MESH_VOLUME * body.volume:
         raise mesh.fault(
             f"{mesh.kind} {name!r} has {body.volume:.6g} m³, its convex pieces {volume:.6g} m³",
-            "give one connected solid, or model it as a CSG solid",
+            "give one connected solid, or describe the part by [solids] of a model file",
         )
     known = found_features(part.polyhedron, part.pieces) if features is None else tuple(features)
     for feature in known:

@@ -44,6 +44,6 @@ def test_a_slot_that_is_open_sideways_has_to_be_described(name: str) -> None:
     mesh = load_mesh(PARTS / name / "hole_chamfered.obj", "mm")
     with pytest.raises(GeometryError, match="no peg or hole was found on it") as told:
         mesh_part("slot", mesh)
-    assert told.value.advice.startswith("describe where it mates under [features]: a hole, or a slot")
+    assert told.value.advice.startswith("describe where it mates under [features] of a model file: a hole, or a slot")
     described = mesh_part("slot", mesh, [])
     assert described.polyhedron.volume == pytest.approx(mesh.body.volume, rel=1e-9)

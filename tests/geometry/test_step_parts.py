@@ -191,7 +191,7 @@ def test_bodies_of_an_assembly_are_named_and_placed(tmp_path: Path) -> None:
     assert two.mesh.body.vertices.max(axis=0) == pytest.approx([0.005, 0.004, 0.03], abs=EXACT)
     assert load_step(path, body="peg_2").body.volume == pytest.approx(2.4e-6)
     assert load_step(path, body="1").body.volume == pytest.approx(one.mesh.body.volume)
-    with pytest.raises(GeometryError, match=r"holds 3 bodies: 1 'plate', 2 'peg_1', 3 'peg_2'; say which with 'body'"):
+    with pytest.raises(GeometryError, match=r"holds 3 bodies: 1 'plate', 2 'peg_1', 3 'peg_2'; say which by body ="):
         load_step(path)
     with pytest.raises(GeometryError, match=r"has no body 'pin'; name one that it has, or give its number: 1 'plate'"):
         load_step(path, body="pin")

@@ -221,7 +221,7 @@ def _off_half_turn(angle: Array) -> Array:
     return np.asarray(np.abs(angle - math.pi * np.round(np.asarray(angle) / math.pi)))
 
 
-def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, off: float) -> Array:
+def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, off: float, frame: Array) -> Array:
     """The points with the corners of the faces moved into all of their planes.
 
     Where more than three planes meet, offsets give way; where that is not enough, normals that are neither along z nor
@@ -232,6 +232,7 @@ def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, o
         faces: loops of vertices of each face.
         planes: unit normals (k, 3) and offsets (k,) in m, a row a face.
         off: how far a corner may move, m.
+        frame: (3, 3), of the points in the mesh, where places in messages are.
 
     Raises:
         GeometryError: there is no such place near a corner; names it.
@@ -248,7 +249,7 @@ def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, o
         rows, wanted = normals[own], offsets[own]
         lean = np.linalg.svd(rows, compute_uv=False)
         if lean[2] < _LEAST_LEAN:
-            message = f"the faces at {place(points[vertex])} are {1e6 * off:.3g} µm off planes that meet there"
+            message = f"the faces at {place(frame @ points[vertex])} are {1e6 * off:.3g} µm off planes that meet there"
             raise GeometryError(message, "export the mesh with more digits")
         for _ in range(2):
             moved[vertex] += np.linalg.lstsq(rows, wanted - rows @ moved[vertex], rcond=None)[0]
@@ -257,7 +258,7 @@ def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, o
                 moved[vertex, axis] = normal[axis] * offset
         missed = float(np.abs(rows @ moved[vertex] - wanted).max())
         if missed > EXACT or np.linalg.norm(moved[vertex] - points[vertex]) > _STRAY * max(off, EXACT):
-            message = f"the faces at {place(points[vertex])} have no corner in common near it"
+            message = f"the faces at {place(frame @ points[vertex])} have no corner in common near it"
             raise GeometryError(message, "export the mesh with more digits")
     return moved
 

@@ -193,7 +193,9 @@ def _open_sides(points: Array, triangles: Indices, reach: float) -> int:
     """
     corners = merged_vertices(points, triangles, reach)[1]
     if 2 * len(corners) < len(triangles):
-        raise GeometryError("most triangles are no larger than noise", "export the mesh again, in the right unit")
+        raise GeometryError(
+            "most triangles are no larger than noise", "export the mesh again, in mm or with more digits"
+        )
     sides = np.sort(np.vstack([corners[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
     return int(np.count_nonzero(np.unique(sides, axis=0, return_counts=True)[1] == 1))
 

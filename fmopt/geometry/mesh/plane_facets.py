@@ -256,7 +256,7 @@ def _attempt(surface: _Surface, off: float, times: float) -> Flattened | Geometr
     if fine.any() and not is_even(straight[fine]):
         straight, offsets = through_columns(points, surface.faces, (straight, offsets), fine)
     try:
-        moved = corners_of(points, surface.faces, (straight, offsets), off)
+        moved = corners_of(points, surface.faces, (straight, offsets), off, turn)
         moved = moved if np.array_equal(turn, np.eye(3)) else moved @ turn.T
         return Flattened(from_faces(moved, surface.faces), *_apart(surface, moved))
     except GeometryError as error:

@@ -11,7 +11,7 @@ from fmopt.geometry.mesh.mesh_repair import first_crossing
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.polyhedron import from_triangles
 from fmopt.geometry.step.exact_facets import Facets, exact_facets
-from fmopt.geometry.step.step_file import inside, openings
+from fmopt.geometry.step.step_file import SIMPLER, inside, openings
 from fmopt.geometry.step.surfaces import OtherSurfaceError, plane_of
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ _METRES = 1e-3  # a mm
 _FLAT = 1e-6  # of the diameter: facets that cross by less touch
 _ROUNDING = 1e-6  # of the volume
 _HEAL = "heal the solid where it was made"
-_COARSER = "export one part on its own, with simpler surfaces, or give a larger 'deviation'"
 
 
 def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
@@ -124,7 +123,7 @@ def _mesh_of(face: Any) -> tuple[Array, Indices, Array]:
     if mesh is None or not mesh.NbTriangles() or not mesh.HasUVNodes():
         raise GeometryError("a face of the STEP file has no facets", _HEAL)
     if mesh.NbTriangles() > MAX_TRIANGLES:
-        raise GeometryError(f"a face becomes {mesh.NbTriangles()} facets", _COARSER)
+        raise GeometryError(f"a face becomes {mesh.NbTriangles()} facets", SIMPLER)
     move = location.Transformation()
     nodes = [mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1)]
     corners = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])

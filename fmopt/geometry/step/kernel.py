@@ -18,7 +18,6 @@ from fmopt.errors import GeometryError
 MEMORY = 4 << 30  # bytes of address space
 SECONDS = 60  # of the processor
 _PR_SET_PDEATHSIG = 1
-_SIMPLER = "export one part on its own, with simpler surfaces, or give a larger 'deviation'"
 
 
 def main(arguments: list[str]) -> None:
@@ -43,19 +42,24 @@ def main(arguments: list[str]) -> None:
 
 
 def _read(path: str, deviation: float, which: str) -> dict[str, Any]:
+    from fmopt.geometry.step.step_file import COARSER, SIMPLER
+
     try:
-        from OCP.Standard import Standard_Failure
+        from OCP import Standard
     except ImportError as error:
         return {"kernel": str(error)}
+    # Not all versions of the kernel derive its errors from Standard_Failure.
+    failures = tuple(kind for kind in vars(Standard).values() if isinstance(kind, type) and issubclass(kind, Exception))
     try:
         return {"bodies": _bodies(path, deviation, which)}
     except GeometryError as error:
         return {"message": error.message, "advice": error.advice}
     except MemoryError:
-        return {"message": f"the CAD kernel needs more than {MEMORY >> 30} GiB for it", "advice": _SIMPLER}
-    except (Standard_Failure, RuntimeError) as error:
+        return {"message": f"the CAD kernel needs more than {MEMORY >> 30} GiB for it", "advice": SIMPLER}
+    except (*failures, RuntimeError) as error:
         told = " ".join(str(error).split())[:200]
-        return {"message": f"the CAD kernel gives up on it: {type(error).__name__} {told}", "advice": "export it again"}
+        message = f"the CAD kernel gives up on it: {type(error).__name__} {told}"
+        return {"message": message, "advice": f"export it again, or {COARSER}"}
 
 
 def _bodies(path: str, deviation: float, which: str) -> list[dict[str, Any]]:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from fmopt.spatial.values import Array
 
 AGAIN = "export it again, as AP203, AP214 or AP242; or export the part as STL"
+COARSER = "give a larger 'deviation' under [mesh] of a model file"
+SIMPLER = "export one part on its own, with simpler surfaces, or " + COARSER
 _NAMELESS = ("", "solid", "compound", "shell", "none", "body", "part", "unnamed")  # what programs call what has no name
 _WRITER = "Open CASCADE STEP translator"  # how the kernel calls products that have no name
 _SAME = 1e-9  # between a placement and a rigid one
@@ -98,7 +100,8 @@ def chosen(names: list[str], which: str) -> int:
         return 0
     if not which:
         example = f'"{names[0]}"' if names[0] else "1"
-        advice = f"say which with 'body' in [mesh], such as body = {example}, or export one part on its own"
+        advice = f"say which by body = {example}, under [mesh], [moving] or [fixed], where the file is named"
+        advice += "; or export one part on its own"
         raise GeometryError(f"it holds {len(names)} bodies: {known}", advice)
     if which in names:
         return names.index(which)

@@ -23,14 +23,14 @@ from fmopt.geometry.mesh.mesh_import import Imported, mesh_polyhedron
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.polyhedron import from_triangles, placed
 from fmopt.geometry.section import require_plausible
+from fmopt.geometry.step.step_file import AGAIN, COARSER, SIMPLER
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Value
 
 DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
 _MILLIMETRE = 1e-3
 _SECONDS = 300.0  # by the clock; the process has less of the processor
-_AGAIN = "export it again, as AP203, AP214 or AP242; or export the part as STL"
-_HEAL = "heal the solid where it was made, leave out what does not mate, or give a larger 'deviation'"
+_HEAL = "heal the solid where it was made, leave out what does not mate, or " + COARSER
 _OUTSIDE = {signal.SIGKILL, signal.SIGTERM, signal.SIGHUP}  # what others send
 _CODE = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
@@ -161,9 +161,9 @@ def _facets(answer: dict[str, Any]) -> tuple[Any, Any, float | None]:
     points = _MILLIMETRE * np.array(answer["points"], dtype=np.float64).reshape(-1, 3)
     triangles = np.array(answer["triangles"], dtype=np.int64).reshape(-1, 3)
     if len(triangles) > MAX_TRIANGLES:
-        raise GeometryError(f"it becomes {len(triangles)} facets", "give a larger 'deviation'")
+        raise GeometryError(f"it becomes {len(triangles)} facets", COARSER)
     if not np.isfinite(points).all() or triangles.min() < 0 or triangles.max() >= len(points):
-        raise GeometryError("the CAD kernel makes no surface of it", _AGAIN)
+        raise GeometryError("the CAD kernel makes no surface of it", AGAIN)
     off = answer["off"]
     return points, triangles, None if off is None else _MILLIMETRE * off
 
@@ -182,7 +182,7 @@ def _answer(path: Path, deviation: float, body: str) -> dict[str, Any]:
             try:
                 told, said = process.communicate(timeout=_SECONDS)
             except subprocess.TimeoutExpired:
-                raise GeometryError(f"the CAD kernel has not read it in {_SECONDS:g} s", _AGAIN) from None
+                raise GeometryError(f"the CAD kernel has not read it in {_SECONDS:g} s", SIMPLER) from None
             finally:
                 process.kill()
     finally:
@@ -219,5 +219,5 @@ def _ending(path: Path, code: int, said: bytes) -> FmoptError:
     if -code in _OUTSIDE:
         return ResourceError(f"{path}: the process that reads it was ended by {name}", "free memory, and try again")
     if -code == signal.SIGXCPU:
-        return GeometryError("the CAD kernel comes to no end with it", _AGAIN)
-    return GeometryError(f"the CAD kernel breaks down on it ({name})", _AGAIN)
+        return GeometryError("the CAD kernel comes to no end with it", SIMPLER)
+    return GeometryError(f"the CAD kernel breaks down on it ({name})", AGAIN)
