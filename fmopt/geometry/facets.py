@@ -124,7 +124,7 @@ def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[tuple[Loop, ...],
         region: number of the region of each triangle (m,).
 
     Raises:
-        GeometryError: a region has no corners and no region beside it; or there are more than `MAX_FACES`.
+        GeometryError: a region is all of a surface that closes; or there are more than `MAX_FACES`.
     """
     mesh = _Mesh(parts.vertices, parts.triangles, parts.across)
     if len(np.unique(region)) > MAX_FACES:
@@ -133,6 +133,9 @@ def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[tuple[Loop, ...],
     while (bare := _without_corners(outlines)) is not None:  # with each there is one region less
         region = _handed_over(parts, region, bare)
         outlines = _outlines(mesh, region)
+    if len(whole := np.flatnonzero(~np.isin(region, [*outlines]))):  # all of a surface that closes
+        where = place(parts.vertices[parts.triangles[whole[0], 0]])
+        raise GeometryError(f"the face at {where} has no corners", "export the mesh again: it bounds no solid there")
     return _straightened(parts, region, outlines), region
 
 
@@ -320,11 +323,7 @@ def _without_corners(outlines: dict[int, list[list[int]]]) -> int | None:
 
 
 def _handed_over(parts: Patchwork, region: Indices, bare: int) -> Indices:
-    """The regions with one of them made part of that beside it along the longest border.
-
-    Raises:
-        GeometryError: there is none.
-    """
+    """The regions with one of them, which has an outline, made part of that beside it along the longest border."""
     shared: dict[int, float] = {}
     for number in np.flatnonzero(region == bare).tolist():
         for k, (other, _) in enumerate(parts.across[number]):
@@ -332,9 +331,6 @@ def _handed_over(parts: Patchwork, region: Indices, bare: int) -> Indices:
                 a, b = parts.vertices[parts.triangles[number][[k, (k + 1) % 3]]]
                 beside = int(region[other])
                 shared[beside] = shared.get(beside, 0.0) + float(np.linalg.norm(b - a))
-    if not shared:
-        where = place(parts.vertices[parts.triangles[np.flatnonzero(region == bare)[0], 0]])
-        raise GeometryError(f"the face at {where} has no corners", "export the mesh again: it bounds no solid there")
     return np.where(region == bare, max(sorted(shared), key=lambda number: shared[number]), region)
 
 

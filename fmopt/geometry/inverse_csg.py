@@ -71,6 +71,13 @@ def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
     Raises:
         GeometryError: the excess does not come apart into convex bodies.
     """
+    try:
+        return _apart(body, tol)
+    except GeometryError as error:  # of what was cut off, which nobody who reads this has made
+        raise GeometryError("it does not come apart into convex bodies", _SIMPLER) from error
+
+
+def _apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
     turn = _squared(body, 4.0 * tol / body.diameter)
     loops = [face.loops for face in body.faces]
     if np.array_equal(turn, np.eye(3)):
@@ -171,15 +178,12 @@ def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> l
         np.asarray(mesh.tri_verts, dtype=np.int64),
         tol,
     )
-    try:
-        body = from_triangles(points, triangles, tol)
-    except GeometryError as error:  # what was cut off is no mesh that anybody made
-        raise GeometryError("it does not come apart into convex bodies", _SIMPLER) from error
+    body = from_triangles(points, triangles, tol)
     plane = _best_cut(body, tol)
     if plane is None:
         return [convex_hull_polyhedron(body.vertices[_solid_corners(body)])]
     if patience == 0:
-        raise GeometryError(f"it does not come apart into convex bodies in {_CUTS} cuts", _SIMPLER)
+        raise GeometryError(f"more than {_CUTS} cuts are needed")
     parts = [part for half in _halves(shape, body, plane) for part in half.decompose() if _is_thick(part, tol)]
     return [tool for part in parts for tool in _convex_parts(part, known, tol, patience - 1)]
 

@@ -120,7 +120,8 @@ def _common_turn(angle: Array, areas: Array, slack: Array) -> float:
     parts = np.array([_whole_part(a, s) for a, s in zip(angle, slack, strict=True)])
     known = parts != angle
     weight = areas[known] / slack[known] ** 2
-    return float(np.sum(weight * (angle - parts)[known]) / weight.sum()) if known.any() else 0.0
+    whole = float(weight.sum())  # nothing where the only ones are facets without area
+    return float(np.sum(weight * (angle - parts)[known])) / whole if whole > 0.0 else 0.0
 
 
 def _families(angle: Array, areas: Array, slacks: tuple[Array, Array]) -> Array:

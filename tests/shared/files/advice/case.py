@@ -1,0 +1,56 @@
+"""A case of advice: what was done wrong, and what a reader does then who takes the advice at its word."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fmopt.errors import FmoptError, InputError
+from fmopt.geometry.part import Part
+from fmopt.task.model import load_model
+from fmopt.task.solid_tree import build_part
+from fmopt.task.toml.source import Place
+
+UNITS = '[units]\nlength = "mm"\nangle = "deg"\n'
+
+
+@dataclass(frozen=True)
+class Case:
+    """Advice in all its words; `wrong` meets it, and `followed` does what it says, each in an empty folder.
+
+    `followed` says a number, such as a volume in m³, or one for each thing that the advice leaves to choose from; they
+    are as `gives` says, but for a thousandth.
+    """
+
+    name: str
+    advice: str
+    wrong: Callable[[Path], object]
+    followed: Callable[[Path], float | tuple[float, ...]]
+    gives: float | tuple[float, ...]
+
+
+def advice_of(error: FmoptError) -> str:
+    """What an error advises; of a file at fault what the first of its faults does."""
+    return error.faults[0].advice if isinstance(error, InputError) else error.advice
+
+
+def modelled(folder: Path, text: str) -> Part:
+    """The part of a model file, mm and deg.
+
+    Raises:
+        InputError: with every fault.
+    """
+    path = folder / "part.toml"
+    path.write_text(f'name = "part"\n{text}\n{UNITS}', encoding="utf-8")
+    model, faults = load_model(path, Place(str(path)), {})
+    if model is None or faults:
+        raise InputError(*faults)
+    return build_part(model.source, model.file)
+
+
+def volume(part: Any) -> float:
+    """Of a part, what came of a mesh, or a polyhedron, m³."""
+    body = getattr(part, "polyhedron", getattr(part, "body", part))
+    return float(body.volume)

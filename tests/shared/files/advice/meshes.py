@@ -1,0 +1,357 @@
+"""Advice on mesh files, followed: what is damaged is exported again, what is too fine coarser, what is open closed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from trimesh.creation import icosphere
+
+from fmopt.geometry.convex_pieces import polyhedron
+from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Solid, Sphere, Union
+from fmopt.geometry.mating_features import Feature
+from fmopt.geometry.mesh.mesh_file import OWN_UNIT
+from fmopt.geometry.mesh.mesh_import import Imported, load_mesh, mesh_polyhedron
+from fmopt.geometry.part import Part, mesh_part
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.spatial.se3 import exp
+from tests.shared.files.advice.case import Case, modelled, volume
+from tests.shared.files.mesh_damage import Mesh, subdivided
+from tests.shared.files.mesh_files import at, glb, plate, ply_text, stl_text, three_mf, triangles_of
+from tests.shared.files.step_files import write_step
+from tests.shared.files.step_parts import box
+from tests.shared.fuzz.files import binary_stl, obj_text
+
+ROD = triangles_of(Box((0.012, 0.008, 0.03)))
+PLATE = triangles_of(plate((0.0123, 0.0083)))
+UNEVEN = 5  # a seed
+RNG = np.random.default_rng(0)  # asked for by what draws nothing
+ROD_SIZE = 0.012 * 0.008 * 0.03
+PLATE_SIZE = 0.01 * (0.04**2 - 0.0123 * 0.0083)
+COARSER = "export it coarser: the planner takes parts of some hundred faces"
+REPAIR = "repair the mesh: close it, orient all triangles outward, keep the solid free of edges of no thickness"
+
+
+def read(folder: Path, content: bytes | str, name: str = "part.stl", unit: str = "mm") -> float:
+    """The volume of a mesh file."""
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return volume(load_mesh(path, "m" if unit == "m" else "mm"))
+
+
+def meshed(name: str, mesh: Mesh, features: list[Feature] | None = None) -> Part:
+    """The part of points (n, 3) in mm and triangles (m, 3)."""
+    return mesh_part(name, mesh_polyhedron(1e-3 * mesh[0], mesh[1]), features)
+
+
+def fine(mesh: Mesh, times: int) -> Mesh:
+    """Each triangle cut in four, so many times."""
+    for _ in range(times):
+        mesh = subdivided(*mesh, RNG)
+    return mesh
+
+
+def both(mesh: Mesh, move: Callable[[np.ndarray], np.ndarray]) -> Mesh:
+    """A mesh and its moved copy, as two bodies of one file."""
+    return np.vstack([mesh[0], move(mesh[0])]), np.vstack([mesh[1], mesh[1] + len(mesh[0])])
+
+
+def without(mesh: Mesh, height: float) -> Mesh:
+    """A mesh without the triangles that lie at a height."""
+    return mesh[0], mesh[1][~np.all(mesh[0][mesh[1]][:, :, 2] == height, axis=1)]
+
+
+def with_few_digits(solid: Solid, seed: int, decimals: int) -> Mesh:
+    """A solid turned anyhow, its triangles cut in four and its corners rounded to so many decimals of mm."""
+    rng = np.random.default_rng(seed)
+    points, triangles = subdivided(*triangles_of(solid), rng)
+    return np.round(points @ exp(rng.normal(size=3)).T, decimals), triangles
+
+
+def many_sided(sides: int) -> Mesh:
+    """A cylinder of 12 x 30 mm with its ends as fans about one corner, as exporters make them."""
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    ring = 6.0 * np.column_stack([np.cos(angles), np.sin(angles)])
+    points = np.vstack([np.column_stack([ring, np.full(sides, z)]) for z in (0.0, 30.0)])
+    one, fan = np.arange(sides), np.arange(1, sides - 1)
+    two, first = np.roll(one, -1), np.zeros(sides - 2, dtype=np.int64)
+    walls = [(one, two, two + sides), (one, two + sides, one + sides)]
+    ends = [(first, fan + 1, fan), (first + sides, fan + sides, fan + 1 + sides)]
+    return points, np.vstack([np.column_stack(each) for each in (*walls, *ends)])
+
+
+def rough(share: float) -> Mesh:
+    """A ball of 20 mm whose corners are up to a share of its radius too low, as on a casting."""
+    ball = icosphere(2, 10.0)
+    low = np.random.default_rng(1).uniform(1.0 - share, 1.0, len(ball.vertices))
+    return np.asarray(ball.vertices) * low[:, None], np.asarray(ball.faces, dtype=np.int64)
+
+
+BALL = mesh_polyhedron(1e-3 * rough(0.0)[0], rough(0.0)[1]).body.volume
+SPHERE = 'part = "ball"\n[solids.ball]\nshape = "sphere"\nradius = 10\nsides = 16'
+
+
+def every_format(folder: Path) -> tuple[float, ...]:
+    """The volume of the rod from a file of each format."""
+    points, triangles = ROD
+    written: dict[str, bytes | str] = {
+        "stl": stl_text(points, triangles),
+        "obj": obj_text(points, triangles),
+        "ply": ply_text(points, triangles),
+        "3mf": three_mf(points, triangles, "millimeter", (0.0, 0.0, 0.0)),
+        "glb": glb(1e-3 * points, triangles, {}),
+    }
+    found = [
+        read(folder, content, f"rod.{form}", "m" if form in OWN_UNIT else "mm") for form, content in written.items()
+    ]
+    write_step(folder / "rod.step", box(12.0, 8.0, 30.0))
+    return *found, volume(modelled(folder, '[mesh]\nfile = "rod.step"'))
+
+
+def rough_solid(share: float) -> Imported:
+    """The same as a solid of which no facets are to be seen."""
+    points, triangles = rough(share)
+    return replace(mesh_polyhedron(1e-3 * points, triangles), kind="solid")
+
+
+def island(inside: bool) -> Polyhedron:
+    """A box with a closed cavity, and a body in it that hangs on nothing, or not."""
+    hollow = Difference(Box((0.04, 0.04, 0.04)), (Placed(Box((0.03, 0.03, 0.03)), at(z=0.005)),))
+    parts = (hollow, Placed(Box((0.01, 0.01, 0.01)), at(z=0.015))) if inside else (hollow,)
+    return polyhedron(Union(parts))
+
+
+ISLAND = """part = "whole"
+[solids.whole]
+shape = "union"
+of = ["hollow", "island"]
+[solids.hollow]
+shape = "difference"
+of = "outer"
+minus = ["inner"]
+[solids.outer]
+shape = "box"
+size = [40, 40, 40]
+[solids.inner]
+shape = "box"
+size = [30, 30, 30]
+at = [0, 0, 5]
+[solids.island]
+shape = "box"
+size = [10, 10, 10]
+at = [0, 0, 15]"""
+KNOB = '[features.knob]\nkind = "solid"\nat = [0, 0, -10]\nlength = 20'
+OUTSIDE = '[features.outside]\nkind = "solid"\nat = [0, 0, 0]\nlength = 40'
+FRAME = Difference(Box((0.06, 0.06, 0.04)), (Placed(Box((0.0202, 0.0202, 0.06)), at(z=-0.01)),))
+FRAME_SIZE = 0.04 * (0.06**2 - 0.0202**2)
+CUBE = triangles_of(Box((0.008, 0.008, 0.008)))
+BESIDE = np.array([16.0, 0.0, 8.0])
+HOLES = tuple(
+    Placed(Cylinder(0.006, 0.03, 128), at(0.02 * i, 0.04 * j, -0.01)) for i in range(-4, 5) for j in (-2, 0, 2)
+)
+FEWER = tuple(Placed(Cylinder(0.006, 0.03, 12), hole.pose) for hole in HOLES)
+PERFORATED = Box((0.2, 0.2, 0.01))
+
+
+def level_gaps(open_: bool) -> Mesh:
+    """Two cubes, one upon the height of the other; open where both end at one height, or not."""
+    low, up = (without(CUBE, 8.0), without(CUBE, 0.0)) if open_ else (CUBE, CUBE)
+    return np.round(np.vstack([low[0], up[0] + BESIDE])), np.vstack([low[1], up[1] + len(low[0])])
+
+
+def heap() -> Mesh:
+    """Triangles as good as in one point, but for two corners."""
+    near = 1e-9 * np.random.default_rng(1).normal(size=(90_000, 3))
+    near[:2] = [[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0]]
+    return near, np.arange(90_000).reshape(-1, 3)
+
+
+def from_mesh(folder: Path, mesh: Mesh) -> float:
+    """The volume of a mesh from a binary STL file."""
+    return read(folder, binary_stl(*mesh))
+
+
+def from_solid(folder: Path, solid: Solid) -> float:
+    """The volume of a solid from a binary STL file."""
+    return read(folder, binary_stl(*triangles_of(solid)))
+
+
+def moved(*by: float) -> Callable[[np.ndarray], np.ndarray]:
+    """A shift, mm."""
+    return lambda points: points + np.array(by)
+
+
+def shared_edge(gap: float) -> Mesh:
+    """Two cubes beside each other at an edge, or with a gap there, mm."""
+    return both(CUBE, moved(8.0 + gap, 8.0 + gap, 0.0))
+
+
+def in_metres(folder: Path, mesh: Mesh, decimals: int) -> float:
+    """The volume of a mesh from an STL file in m with so many decimals."""
+    return read(folder, stl_text(np.round(1e-3 * mesh[0], decimals), mesh[1]), unit="m")
+
+
+ROUND, ROUNDER = (0.03 * 0.5 * n * 0.006**2 * math.sin(2.0 * math.pi / n) for n in (64, 200))
+
+CASES = (
+    Case(
+        "cut short",
+        "export it again",
+        lambda f: read(f, stl_text(*ROD)[:-9]),
+        lambda f: read(f, stl_text(*ROD)),
+        ROD_SIZE,
+    ),
+    Case("too many triangles", COARSER, lambda f: from_mesh(f, fine(ROD, 7)), lambda f: from_mesh(f, ROD), ROD_SIZE),
+    Case(
+        "lines only",
+        "export the solid, not a drawing or a point cloud",
+        lambda f: read(f, "v 0 0 0\nv 9 0 0\nl 1 2\n", "a.obj"),
+        lambda f: read(f, obj_text(*ROD), "a.obj"),
+        ROD_SIZE,
+    ),
+    Case(
+        "no mesh format",
+        "use .stl, .obj, .ply, .3mf or .glb, or .step with the extra step",
+        lambda f: read(f, "", "rod.iges"),
+        every_format,
+        (ROD_SIZE,) * 6,
+    ),
+    Case(
+        "no such mesh",
+        "check the path",
+        lambda f: load_mesh(f / "rob.stl", "mm"),
+        lambda f: read(f, stl_text(*ROD), "rod.stl"),
+        ROD_SIZE,
+    ),
+    Case(
+        "another unit",
+        "check the unit of its numbers",
+        lambda f: read(f, stl_text(*ROD), unit="m"),
+        lambda f: read(f, stl_text(*ROD), unit="mm"),
+        ROD_SIZE,
+    ),
+    Case(
+        "metres with three decimals",
+        "export the mesh again, in mm or with more digits",
+        lambda f: in_metres(f, many_sided(200), 3),
+        lambda f: (
+            read(f, stl_text(np.round(many_sided(200)[0], 3), many_sided(200)[1])),
+            in_metres(f, many_sided(200), 6),
+        ),
+        (ROUNDER, ROUNDER),
+    ),
+    Case(
+        "bodies that cross",
+        "unite the bodies in the program that made the mesh, and export it again",
+        lambda f: from_mesh(f, both(CUBE, moved(2.0, 2.0, 2.0))),
+        lambda f: from_solid(
+            f, Union((Box((0.008, 0.008, 0.008)), Placed(Box((0.008, 0.008, 0.008)), at(0.002, 0.002, 0.002))))
+        ),
+        2 * 0.008**3 - 0.006**3,
+    ),
+    Case(
+        "a body in another",
+        "unite them in the program that made the mesh",
+        lambda f: from_mesh(f, both(CUBE, lambda points: 0.5 * points + (0.0, 0.0, 2.0))),
+        lambda f: from_solid(f, Union((Box((0.008, 0.008, 0.008)), Placed(Box((0.004, 0.004, 0.004)), at(z=0.002))))),
+        0.008**3,
+    ),
+    Case(
+        "gaps in one plane",
+        "close the mesh",
+        lambda f: from_mesh(f, level_gaps(True)),
+        lambda f: from_mesh(f, level_gaps(False)),
+        2 * 0.008**3,
+    ),
+    Case(
+        "fans of thousands",
+        "export the mesh coarser",
+        lambda f: from_mesh(f, many_sided(2100)),
+        lambda f: from_mesh(f, many_sided(64)),
+        ROUND,
+    ),
+    Case(
+        "too many faces",
+        "export it coarser: curved surfaces with fewer facets",
+        lambda f: from_solid(f, Difference(PERFORATED, HOLES)),
+        lambda f: from_solid(f, Difference(PERFORATED, FEWER)),
+        0.2 * 0.2 * 0.01 - 27 * 0.01 * 3.0 * 0.006**2,
+    ),
+    Case("a lost corner", REPAIR, lambda f: from_mesh(f, (ROD[0], ROD[1][4:])), lambda f: from_mesh(f, ROD), ROD_SIZE),
+    Case(
+        "an edge of no thickness",
+        REPAIR,
+        lambda f: from_mesh(f, shared_edge(0.0)),
+        lambda f: from_mesh(f, shared_edge(0.5)),
+        2 * 0.008**3,
+    ),
+    Case(
+        "all in one point",
+        "export the mesh again: its points must be spread over its surface",
+        lambda f: from_mesh(f, heap()),
+        lambda f: from_mesh(f, ROD),
+        ROD_SIZE,
+    ),
+    Case(
+        "a sheet",
+        "export the mesh again: it bounds no solid there",
+        lambda f: from_mesh(f, (ROD[0] * (1.0, 1.0, 3e-7), ROD[1])),
+        lambda f: from_mesh(f, ROD),
+        ROD_SIZE,
+    ),
+    Case(
+        "one digit, no corner",
+        "export the mesh with more digits",
+        lambda f: meshed("frame", with_few_digits(plate((0.0123, 0.0083)), 17, 1)),
+        lambda f: volume(meshed("frame", with_few_digits(plate((0.0123, 0.0083)), 17, 4))),
+        PLATE_SIZE,
+    ),
+    Case(
+        "one digit, planes astray",
+        "export the mesh with more digits",
+        lambda f: meshed("frame", with_few_digits(FRAME, 23, 1)),
+        lambda f: volume(meshed("frame", with_few_digits(FRAME, 23, 4))),
+        FRAME_SIZE,
+    ),
+    Case(
+        "one digit, uneven facets",
+        "make them plane in the program that made the mesh, or write the file with more digits",
+        lambda f: meshed("frame", with_few_digits(FRAME, UNEVEN, 1)),
+        lambda f: tuple(volume(meshed("frame", with_few_digits(FRAME, UNEVEN, digits))) for digits in (12, 4)),
+        (FRAME_SIZE, FRAME_SIZE),
+    ),
+    Case(
+        "a gap in a mating face",
+        "close the mesh in the program that made it; a gap may be left open at a feature's far end only",
+        lambda f: meshed("plate", without(PLATE, 10.0)),
+        lambda f: (volume(meshed("plate", PLATE)), volume(meshed("plate", without(PLATE, 0.0)))),
+        (PLATE_SIZE, PLATE_SIZE),
+    ),
+    Case(
+        "a rough mesh",
+        "leave out what does not mate, or describe the part by [solids] of a model file, which are taken as they are",
+        lambda f: meshed("knob", rough(0.1), []),
+        lambda f: (volume(meshed("knob", rough(0.0), [])), volume(modelled(f, f"{SPHERE}\n{KNOB}"))),
+        (BALL, polyhedron(Sphere(0.01, 16)).volume),
+    ),
+    Case(
+        "a rough solid",
+        "leave out what does not mate, or mend the faces there, where the solid was made",
+        lambda f: mesh_part("knob", rough_solid(0.1), []),
+        lambda f: volume(mesh_part("knob", rough_solid(0.0), [])),
+        BALL,
+    ),
+    Case(
+        "an island in a cavity",
+        "give one connected solid, or describe the part by [solids] of a model file",
+        lambda f: mesh_part("hollow", Imported(island(True), 0.0), []),
+        lambda f: (
+            volume(mesh_part("hollow", Imported(island(False), 0.0), [])),
+            volume(modelled(f, f"{ISLAND}\n{OUTSIDE}")),
+        ),
+        (0.04**3 - 0.03**3, 0.04**3 - 0.03**3 + 0.01**3),
+    ),
+)
