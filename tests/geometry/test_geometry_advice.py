@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from fmopt.errors import FmoptError
-from tests.shared.files.advice import meshes
+from tests.shared.files.advice import meshes, objects, step
 from tests.shared.files.advice.case import Case, advice_of
-from tests.shared.files.advice.given import given
 
-CASES = meshes.CASES
+CASES = (*meshes.CASES, *step.CASES, *objects.CASES)
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)

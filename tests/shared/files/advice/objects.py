@@ -1,0 +1,277 @@
+"""Advice on objects of Python and on features and fits, followed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import manifold3d
+import numpy as np
+import trimesh
+
+from fmopt.geometry import python_objects
+from fmopt.geometry.clearance import checked_clearance, mating_clearance
+from fmopt.geometry.csg import Box, Difference, Placed, Solid
+from fmopt.geometry.mating_features import DESCRIBE, Feature
+from fmopt.geometry.mesh.mesh_import import Unit
+from fmopt.geometry.part import Part, part_of, rebased, with_balls
+from fmopt.geometry.python_objects import imported_of
+from fmopt.spatial.se3 import Pose
+from tests.shared.files.advice.case import Case, volume
+from tests.shared.files.advice.step import SIZE, block, exported
+from tests.shared.files.mesh_files import at
+from tests.shared.files.step_parts import box
+
+OUTLINE = [(0.0, 0.0), (12.0, 0.0), (12.0, 8.0), (0.0, 8.0)]
+INNER = [(2.0, 2.0), (10.0, 2.0), (10.0, 6.0), (2.0, 6.0)]
+UNITS: tuple[Unit, ...] = ("m", "dm", "cm", "mm", "um", "in")
+PER_METRE = (1.0, 10.0, 100.0, 1e3, 1e6, 1.0 / 0.0254)
+
+
+def taken(thing: object, unit: Unit | None = "mm") -> float:
+    """The volume of an object, its numbers in mm."""
+    return volume(imported_of(thing, unit))
+
+
+def of_trimesh() -> Any:
+    return trimesh.creation.box((12.0, 8.0, 30.0))
+
+
+def of_manifold() -> Any:
+    return manifold3d.Manifold.cube((12.0, 8.0, 30.0))
+
+
+def workplane(built: bool) -> Any:
+    """A workplane of CadQuery, with a block on it once it is built."""
+    import cadquery
+
+    return cadquery.Workplane().box(12.0, 8.0, 30.0) if built else cadquery.Workplane()
+
+
+def nothing() -> Any:
+    """A shape of the kernel that nothing was made of."""
+    from OCP.TopoDS import TopoDS_Shape
+
+    return TopoDS_Shape()
+
+
+def two() -> Any:
+    """A compound of two blocks."""
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Compound
+
+    made, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(made)
+    for shape in (block(), box(12.0, 8.0, 30.0, (40.0, 0.0, 0.0))):
+        builder.Add(made, shape)
+    return made
+
+
+def first(compound: Any) -> Any:
+    """The first of the solids of a compound."""
+    from fmopt.geometry.step.step_file import inside
+
+    return next(inside(compound, "SOLID"))
+
+
+def in_every_unit() -> tuple[float, ...]:
+    """The volume of the prism with its numbers in each unit."""
+    scales = [1e-3 * per for per in PER_METRE]
+    prisms = [([(x * s, y * s) for x, y in OUTLINE], 30.0 * s) for s in scales]
+    return tuple(volume(imported_of(prism, unit)) for prism, unit in zip(prisms, UNITS, strict=True))
+
+
+HOLE = Feature("hole", "hollow", at(z=0.04), 0.03)
+SEATED = at(z=-0.03)
+
+
+def hole(width: float = 0.0202) -> Part:
+    """A block with a blind hole, in the hole's frame."""
+    tool = Placed(Box((width, width, 0.03)), at(z=0.01))
+    solid: Solid = Difference(Box((0.06, 0.06, 0.04)), (tool,))
+    return rebased(part_of("block", solid, (HOLE,)), HOLE.frame)
+
+
+def peg(width: float = 0.02, tip: Pose | None = None) -> Part:
+    """A square peg, in the frame of its tip."""
+    solid = Box((width, width, 0.05))
+    return rebased(part_of("peg", solid, (Feature("tip", "solid", at(), 0.05),)), at() if tip is None else tip)
+
+
+def room(moving: Part, fixed: Part, seated: Pose = SEATED) -> float:
+    """The clearance of parts that can be assembled, m a side."""
+    return checked_clearance(moving, fixed, seated, 0.03).per_side
+
+
+CUBE = 'part = "cube"\n[solids.cube]\nshape = "box"\nsize = [10, 10, 10]\n'
+PEG = '[features.peg]\nkind = "solid"\nat = [0, 0, 0]\nturn = [0, 0, 0]\nlength = 10'
+CHANNEL = """part = "channel"
+[solids.channel]
+shape = "prism"
+polygon = [[-15, 0], [15, 0], [15, 20], [5.05, 20], [5.05, 8], [-5.05, 8], [-5.05, 20], [-15, 20]]
+height = 31
+turn = [90, 0, 0]
+"""
+MOUTH = '[features.hole]\nkind = "hollow"\nat = [0, -15, 20]\nturn = [0, 0, 0]\nlength = 12'
+
+
+def found(folder: Path, text: str) -> float:
+    """How many features a model file comes to have, where its features may be left to be found."""
+    from fmopt.task.model import load_model
+    from fmopt.task.toml.source import Place
+
+    path = folder / "found.toml"
+    path.write_text(f'name = "part"\n{text}\n[units]\nlength = "mm"\nangle = "deg"\n', encoding="utf-8")
+    model, faults = load_model(path, Place(str(path)), {})
+    assert model is not None, faults
+    return float(len(model.file.features))
+
+
+def fitted(clearance: str, width: float, folder: Path) -> float:
+    """The clearance of a rod in a hole of a width, mm, from a problem file."""
+    import fmopt
+    from fmopt.task.sizes import measured_clearance
+
+    names = {"rod": (8.0, 8.0, 30.0), "plate": (120.0, 120.0, 10.0)}
+    for name, size in names.items():
+        tool = f'\n[solids.tool]\nshape = "box"\nsize = [{width}, {width}, 30]\nat = [0, 0, -5]'
+        part = f'part = "{name}"\n[units]\nlength = "mm"\n[solids.{name}]\n'
+        body = f'shape = "box"\nsize = {list(size)}'
+        text = f'{part}shape = "difference"\nof = "whole"\nminus = ["tool"]\n[solids.whole]\n{body}{tool}'
+        (folder / f"{name}.toml").write_text(text if name == "plate" else part + body)
+    start = 'moving = "rod.toml"\nfixed = "plate.toml"\n[uncertainty]\nstart = "0.02 mm, 0.02 deg"\n'
+    (folder / "problem.toml").write_text(start + clearance)
+    return measured_clearance(fmopt.load(folder / "problem.toml")).per_side
+
+
+FIT = "check the units of both files, and which features are to mate; or state [clearance] if that is meant"
+LOOSE = '[clearance]\nx = "40 mm"\ny = "40 mm"\n'
+FRAMES = "check the feature's frame: z points out of a hole, and back into the part from a peg's leading end"
+BALL = ([0.0, 0.0, -0.01], 0.004)
+
+CASES = (
+    Case(
+        "no part at all",
+        python_objects._ADVICE,
+        lambda f: taken(5),
+        lambda f: (exported(), taken(of_trimesh()), taken(of_manifold()), taken((OUTLINE, 30.0))),
+        (SIZE,) * 4,
+    ),
+    Case(
+        "an outline of numbers",
+        python_objects._ADVICE,
+        lambda f: taken(([1, 2, 3], 5.0)),
+        lambda f: taken((OUTLINE, 30.0)),
+        SIZE,
+    ),
+    Case(
+        "no unit",
+        "give unit = one of m, dm, cm, mm, um, in",
+        lambda f: taken((OUTLINE, 30.0), None),
+        lambda f: in_every_unit(),
+        (SIZE,) * 6,
+    ),
+    Case(
+        "nothing built",
+        "give it once it is built",
+        lambda f: taken(workplane(False)),
+        lambda f: taken(workplane(True)),
+        SIZE,
+    ),
+    Case("two solids", "give one of its solids", lambda f: taken(two()), lambda f: taken(first(two())), SIZE),
+    Case("a shape of nothing", "give one solid", lambda f: taken(nothing()), lambda f: exported(), SIZE),
+    Case(
+        "a scene",
+        "give one Trimesh, as of scene.to_mesh()",
+        lambda f: taken(trimesh.Scene([of_trimesh()])),
+        lambda f: taken(trimesh.Scene([of_trimesh()]).to_mesh()),
+        SIZE,
+    ),
+    Case(
+        "a cross-section",
+        "give a Manifold",
+        lambda f: taken(manifold3d.CrossSection.square((12.0, 8.0))),
+        lambda f: taken(of_manifold()),
+        SIZE,
+    ),
+    Case(
+        "a manifold of nothing",
+        "give a solid",
+        lambda f: taken(manifold3d.Manifold()),
+        lambda f: taken(of_manifold()),
+        SIZE,
+    ),
+    Case("no height", "make it positive", lambda f: taken((OUTLINE, 0.0)), lambda f: taken((OUTLINE, 30.0)), SIZE),
+    Case(
+        "loops that cross",
+        "list the corners of loops that do not cross, the outer one first, then its holes",
+        lambda f: taken(([INNER, OUTLINE], 30.0)),
+        lambda f: taken(([OUTLINE, INNER], 30.0)),
+        (12 * 8 - 8 * 4) * 30e-9,
+    ),
+    Case("a cube", DESCRIBE, lambda f: found(f, CUBE), lambda f: found(f, CUBE + PEG), 1.0),
+    Case("a slot", DESCRIBE, lambda f: found(f, CHANNEL), lambda f: found(f, CHANNEL + MOUTH), 1.0),
+    Case(
+        "no length",
+        "make it positive",
+        lambda f: Feature("tip", "solid", at(), 0.0),
+        lambda f: Feature("tip", "solid", at(), 0.1).length,
+        0.1,
+    ),
+    Case(
+        "a peg that is through",
+        "drop `through`",
+        lambda f: Feature("tip", "solid", at(), 0.1, through=True),
+        lambda f: Feature("tip", "solid", at(), 0.1).length,
+        0.1,
+    ),
+    Case(
+        "another name",
+        "its features: hole",
+        lambda f: hole().feature("slot"),
+        lambda f: hole().feature("hole").length,
+        0.03,
+    ),
+    Case(
+        "too thick",
+        "make the peg thinner or the hole wider, and check the units of both",
+        lambda f: room(peg(0.0204), hole()),
+        lambda f: (room(peg(0.02), hole()), room(peg(0.0204), hole(0.0206))),
+        (1e-4, 1e-4),
+    ),
+    Case(
+        "too deep",
+        "seat it less deep, or move the features' frames",
+        lambda f: room(peg(), hole(), at(z=-0.0301)),
+        lambda f: (room(peg(), hole(), SEATED), room(peg(tip=at(z=-0.0001)), hole(), at(z=-0.0301))),
+        (1e-4, 1e-4),
+    ),
+    Case(
+        "a frame the wrong way",
+        FRAMES,
+        lambda f: mating_clearance(peg(tip=Pose.from_vector([0.0, 0.0, 0.0, np.pi, 0.0, 0.0])), hole(), 0.03),
+        lambda f: room(peg(), hole()),
+        1e-4,
+    ),
+    Case(
+        "lost in the hole",
+        FIT,
+        lambda f: fitted("", 88.0, f),
+        lambda f: (fitted("", 8.2, f), fitted(LOOSE, 88.0, f)),
+        (1e-4, 0.04),
+    ),
+    Case(
+        "a ball of no size",
+        "give it a positive one",
+        lambda f: with_balls(peg(), [(BALL[0], 0.0)]),
+        lambda f: with_balls(peg(), [BALL]).balls[0].radii[0],
+        0.004,
+    ),
+    Case(
+        "a ball at a corner",
+        "move it a little",
+        lambda f: with_balls(peg(), [([0.01, 0.01, 0.0], 0.004)]),
+        lambda f: with_balls(peg(), [([0.01, 0.01, -1e-6], 0.004)]).balls[0].radii[0],
+        0.004,
+    ),
+)
