@@ -20,7 +20,7 @@ from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, remembered
 
 _PROBE = 1e-9  # m, how far a point on a boundary looks for interior
-_MAX_SIDES = 4096
+_MAX_SIDES, _MAX_MERIDIANS = 1998, 62  # with more a part has more than `facets.MAX_FACES` faces
 
 
 @dataclass(frozen=True)
@@ -366,8 +366,9 @@ def _require_positive(solid: Primitive, *lengths: float) -> None:
 
 
 def _require_sides(solid: Cylinder | Cone | Sphere, sides: int) -> None:
-    if not 3 <= sides <= _MAX_SIDES:
-        raise GeometryError(f"{type(solid).__name__} has {sides} sides", f"use 3 to {_MAX_SIDES}")
+    most = _MAX_MERIDIANS if isinstance(solid, Sphere) else _MAX_SIDES
+    if not 3 <= sides <= most:
+        raise GeometryError(f"{type(solid).__name__} has {sides} sides", f"use 3 to {most}")
 
 
 def _require_convex(solid: Prism, polygon: tuple[tuple[float, float], ...]) -> None:

@@ -278,7 +278,7 @@ def _regions(mesh: _Mesh, normals: Array, heights: Array, limits: tuple[float, i
 
 def _too_many(triangles: int) -> GeometryError:
     message = f"the {triangles} triangles make more than {MAX_FACES} faces"
-    return GeometryError(message, "export it coarser: curved surfaces with fewer facets")
+    return GeometryError(message, "give curved surfaces fewer facets, by a coarser export or by lower 'sides'")
 
 
 def _over_longest_side(mesh: _Mesh, region: Indices, triangle: int) -> int:

@@ -89,14 +89,30 @@ def _runs(lofts: Sequence[_Loft]) -> Iterator[tuple[_Ring, ...]]:
     yield from open_.values()
 
 
-def _lofted(lower: Outline, upper: Outline) -> Iterator[tuple[tuple[int | None, ...], Outline, Outline]]:
-    """Convex pieces between two outlines: the sides that they lie behind, and their corners below and above."""
+_Piece: TypeAlias = tuple[tuple[int | None, ...], Outline, Outline]
+
+
+def _lofted(lower: Outline, upper: Outline) -> Iterator[_Piece]:
+    """Convex pieces between two outlines: the sides that they lie behind, and their corners below and above.
+
+    Raises:
+        GeometryError: those of neither outline go on as those of the other.
+    """
+    if lower == upper:
+        yield from ((piece.sides, piece.outline, piece.outline) for piece in convex_pieces(lower))
+        return
+    try:
+        made = list(_followed(lower, upper))
+    except GeometryError:  # where sides come to lie in one line, only the other outline says how they part
+        made = [(sides, below, above) for sides, above, below in _followed(upper, lower)]
+    yield from made
+
+
+def _followed(lower: Outline, upper: Outline) -> Iterator[_Piece]:
+    """Convex pieces of one outline, each with what it becomes in the other."""
     from shapely import Polygon
 
     found = convex_pieces(lower)
-    if lower == upper:
-        yield from ((piece.sides, piece.outline, piece.outline) for piece in found)
-        return
     if len(found) == 1:
         yield found[0].sides, lower, upper
         return

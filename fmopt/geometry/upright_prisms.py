@@ -96,7 +96,7 @@ def _lacking(whole: Convex, section: BaseGeometry, thin: float) -> Iterator[Conv
     for polygon in get_parts(section.convex_hull.difference(section)):
         if is_thick(polygon):
             if polygon.interiors:
-                raise GeometryError("a section has one piece within another", "give them as two parts")
+                raise GeometryError("a section has one piece within another")
             yield from convex_pieces(_ring(polygon))
 
 

@@ -7,10 +7,22 @@ from pathlib import Path
 import pytest
 
 from fmopt.errors import FmoptError
-from tests.shared.files.advice import meshes, objects, step
+from tests.shared.files.advice import meshes, objects, outlines, solids, step
 from tests.shared.files.advice.case import Case, advice_of
+from tests.shared.files.advice.given import Given, given
 
-CASES = (*meshes.CASES, *step.CASES, *objects.CASES)
+CASES = (*meshes.CASES, *step.CASES, *objects.CASES, *solids.CASES, *outlines.CASES)
+UNFOLLOWED = {  # advice that no test can follow, and why
+    "free memory": "the operating system starts no process",
+    "free memory, and try again": "the operating system ended the process that reads the file",
+    "install one of cadquery-ocp and cadquery-ocp-novtk anew, the one that stands beside the others": (
+        "an installation that is broken"
+    ),
+    "export the bodies as they are, each by itself": "no program at hand writes bodies that are mirrored or scaled",
+    "report the model: its faces do not close": "a fault of this program: convex bodies are made closed",
+    "check both outlines": "outlines are refused before walls are made between them, unless they are all but one line",
+    "give the curves there more distance": "rounding that loses a curve where several all but touch",
+}
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -19,3 +31,49 @@ def test_advice_that_is_followed_helps(case: Case, tmp_path: Path) -> None:
         case.wrong(tmp_path)
     assert advice_of(told.value) == case.advice
     assert case.followed(tmp_path) == pytest.approx(case.gives, rel=1e-3)
+
+
+def test_all_advice_is_followed() -> None:
+    known = given("geometry")
+    assert len(known) > 90
+    told = [*(case.advice for case in CASES), *UNFOLLOWED]
+    assert [one for one in known if not any(one.says(text) for text in told)] == []
+    assert [text for text in told if not any(one.says(text) for one in known)] == []
+
+
+def test_advice_is_seen_however_it_is_put_together(tmp_path: Path) -> None:
+    """In a constant, a sum, a choice, what a function returns or takes by default, an answer; not what is handed on."""
+    (tmp_path / "other.py").write_text('FAR = "from afar"\n')
+    (tmp_path / "room.py").write_text(SOURCE)
+    found = given(str(tmp_path))
+    assert {one.pattern.replace("\\", "") for one in found} == {
+        *("plain", "named", "from a keyword", "grown longer", "one way", "the other way", "returned", "by default"),
+        *("answered", "for .+ of them", "as a fault"),
+    }
+    assert Given("", 1, "for .+ of them").says("for 3 of them")
+    assert not Given("", 1, "plain").says("plainer")
+
+
+SOURCE = """
+NAMED = "named"
+
+def f(x, error, mesh, advice="by default"):
+    longer = "grown"
+    longer += " longer"
+    if x:
+        raise GeometryError("wrong", "plain")
+    if x > 1:
+        raise GeometryError("wrong", NAMED) from InterferenceError("wrong", 0.0, "there", longer)
+    if x > 2:
+        raise ResourceError("wrong", advice="from a keyword")
+    if x > 3:
+        raise GeometryError("wrong", "one way" if x else "the other way") from mesh.fault("wrong", "as a fault")
+    if x > 4:
+        raise GeometryError(*g()) from SizeError("wrong", 1.0, f"for {x} of them")
+    if x > 5:
+        return {"message": "wrong", "advice": "answered"}
+    raise GeometryError("wrong", error.advice) from GeometryError("wrong", advice)
+
+def g():
+    return "wrong", "returned"
+"""

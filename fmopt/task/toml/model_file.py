@@ -59,7 +59,7 @@ class Cylinder(_Placed):
     shape: Literal["cylinder"]
     radius: Length
     height: Length
-    sides: Annotated[int, Field(ge=3, le=4096)] = 64
+    sides: Annotated[int, Field(ge=3, le=1998)] = 64
 
 
 class Cone(_Placed):
@@ -69,7 +69,7 @@ class Cone(_Placed):
     radius_bottom: Distance
     radius_top: Distance
     height: Length
-    sides: Annotated[int, Field(ge=3, le=4096)] = 64
+    sides: Annotated[int, Field(ge=3, le=1998)] = 64
 
 
 class Sphere(_Placed):
@@ -77,7 +77,7 @@ class Sphere(_Placed):
 
     shape: Literal["sphere"]
     radius: Length
-    sides: Annotated[int, Field(ge=3, le=256)] = 16
+    sides: Annotated[int, Field(ge=3, le=62)] = 16
     """Meridians, and half as many bands; the polyhedron has up to about half the square of this many faces."""
 
 

@@ -34,7 +34,8 @@ def given(folder: str) -> tuple[Given, ...]:
     Raises:
         AssertionError: advice is put together in a way that nobody can read here.
     """
-    found = [one for path in sorted((PACKAGE / folder).rglob("*.py")) for one in _Module(path).given()]
+    root = PACKAGE / folder
+    found = [one for path in sorted(root.rglob("*.py")) for one in _Module(path).given(path.relative_to(root))]
     return tuple(sorted({(one.file, one.pattern): one for one in reversed(found)}.values(), key=lambda one: one.file))
 
 
@@ -47,15 +48,14 @@ class _Module:
         self.names = _assigned(self.tree)
         self.functions = {one.name: one for one in ast.walk(self.tree) if isinstance(one, ast.FunctionDef)}
 
-    def given(self) -> Iterator[Given]:
-        """All its advice."""
-        file = self.path.relative_to(PACKAGE).as_posix()
+    def given(self, file: Path) -> Iterator[Given]:
+        """All its advice, as of a file."""
         for scope in self.tree.body:
             names = self.names | (_assigned(scope) if isinstance(scope, ast.FunctionDef | ast.ClassDef) else {})
             taken = {one.arg for one in ast.walk(scope) if isinstance(one, ast.arg)}
             for line, node in _advice(scope, self.functions):
                 for pattern in self._patterns(node, names, taken):
-                    yield Given(file, line, pattern)
+                    yield Given(file.as_posix(), line, pattern)
 
     def _patterns(self, node: ast.expr, names: Mapping[str, list[ast.expr]], taken: set[str]) -> Iterator[str]:
         """What an expression may be, as patterns; nothing where it is another error's."""

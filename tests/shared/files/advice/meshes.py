@@ -275,7 +275,7 @@ CASES = (
     ),
     Case(
         "too many faces",
-        "export it coarser: curved surfaces with fewer facets",
+        "give curved surfaces fewer facets, by a coarser export or by lower 'sides'",
         lambda f: from_solid(f, Difference(PERFORATED, HOLES)),
         lambda f: from_solid(f, Difference(PERFORATED, FEWER)),
         0.2 * 0.2 * 0.01 - 27 * 0.01 * 3.0 * 0.006**2,

@@ -105,14 +105,6 @@ def room(moving: Part, fixed: Part, seated: Pose = SEATED) -> float:
 
 CUBE = 'part = "cube"\n[solids.cube]\nshape = "box"\nsize = [10, 10, 10]\n'
 PEG = '[features.peg]\nkind = "solid"\nat = [0, 0, 0]\nturn = [0, 0, 0]\nlength = 10'
-CHANNEL = """part = "channel"
-[solids.channel]
-shape = "prism"
-polygon = [[-15, 0], [15, 0], [15, 20], [5.05, 20], [5.05, 8], [-5.05, 8], [-5.05, 20], [-15, 20]]
-height = 31
-turn = [90, 0, 0]
-"""
-MOUTH = '[features.hole]\nkind = "hollow"\nat = [0, -15, 20]\nturn = [0, 0, 0]\nlength = 12'
 
 
 def found(folder: Path, text: str) -> float:
@@ -210,7 +202,6 @@ CASES = (
         (12 * 8 - 8 * 4) * 30e-9,
     ),
     Case("a cube", DESCRIBE, lambda f: found(f, CUBE), lambda f: found(f, CUBE + PEG), 1.0),
-    Case("a slot", DESCRIBE, lambda f: found(f, CHANNEL), lambda f: found(f, CHANNEL + MOUTH), 1.0),
     Case(
         "no length",
         "make it positive",
