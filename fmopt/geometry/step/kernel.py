@@ -49,14 +49,15 @@ def _read(path: str, deviation: float, which: str) -> dict[str, Any]:
     except ImportError as error:
         return {"kernel": str(error)}
     # Not all versions of the kernel derive its errors from Standard_Failure.
-    failures = tuple(kind for kind in vars(Standard).values() if isinstance(kind, type) and issubclass(kind, Exception))
+    known = [kind for kind in vars(Standard).values() if isinstance(kind, type) and issubclass(kind, Exception)]
+    failures: tuple[type[Exception], ...] = (*known, RuntimeError)
     try:
         return {"bodies": _bodies(path, deviation, which)}
     except GeometryError as error:
         return {"message": error.message, "advice": error.advice}
     except MemoryError:
         return {"message": f"the CAD kernel needs more than {MEMORY >> 30} GiB for it", "advice": SIMPLER}
-    except (*failures, RuntimeError) as error:
+    except failures as error:
         told = " ".join(str(error).split())[:200]
         message = f"the CAD kernel gives up on it: {type(error).__name__} {told}"
         return {"message": message, "advice": f"export it again, or {COARSER}"}

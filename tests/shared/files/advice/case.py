@@ -29,6 +29,7 @@ class Case:
     wrong: Callable[[Path], object]
     followed: Callable[[Path], float | tuple[float, ...]]
     gives: float | tuple[float, ...]
+    slow: bool = False
 
 
 def advice_of(error: FmoptError) -> str:

@@ -296,7 +296,7 @@ CASES = (
         ROD_SIZE,
     ),
     Case(
-        "a sheet",
+        "a mesh of no thickness",
         "export the mesh again: it bounds no solid there",
         lambda f: from_mesh(f, (ROD[0] * (1.0, 1.0, 3e-7), ROD[1])),
         lambda f: from_mesh(f, ROD),

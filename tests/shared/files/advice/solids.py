@@ -220,7 +220,7 @@ CASES = (
         SIZE * (1.0 - 2.0 * 0.1**2),
     ),
     Case(
-        "an open surface",
+        "a box without a face",
         "close the surface and orient all faces outward",
         lambda f: of_faces(1),
         lambda f: of_faces(),

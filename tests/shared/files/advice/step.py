@@ -169,6 +169,7 @@ CASES = (
         unreadable,
         lambda f: (in_schema(f, "AP203"), in_schema(f, "AP214IS"), in_schema(f, "AP242DIS")),
         (SIZE, SIZE, SIZE),
+        slow=True,
     ),
     Case("no unit of lengths", AGAIN, without_unit, lambda f: (exported(), as_stl(f)), (SIZE, SIZE)),
     Case("no such STEP file", "check the path", lambda f: load_step(f / "prat.step"), lambda f: exported(), SIZE),
@@ -186,6 +187,7 @@ CASES = (
         lambda f: of_the_fit(f, ""),
         lambda f: (of_the_fit(f, 'body = "plate"'), named_bare(f, 'body = "rod"\n'), exported()),
         (OTHER, SIZE, SIZE),
+        slow=True,
     ),
     Case(
         "no such body",
@@ -193,6 +195,7 @@ CASES = (
         lambda f: of_the_fit(f, 'body = "rid"'),
         lambda f: (of_the_fit(f, 'body = "plate"'), of_the_fit(f, "body = 1")),
         (OTHER, OTHER),
+        slow=True,
     ),
     Case("no solid", "export the solid, not its surfaces", lambda f: read(f, line()), lambda f: exported(), SIZE),
     Case(
@@ -223,6 +226,7 @@ CASES = (
         lambda f: read(f, cylinder(6.0, 30.0), 1e-11),
         lambda f: read(f, cylinder(6.0, 30.0), 1e-5),
         ROD,
+        slow=True,
     ),
     Case("finer than is taken", LARGER, lambda f: few_facets(f, 1e-5), lambda f: few_facets(f, 1e-4), COARSE_ROD),
     Case(
