@@ -171,8 +171,8 @@ CASES = (
         "too many meridians",
         "it should be less than or equal to 62",
         lambda f: size(f, ball(100)),
-        lambda f: size(f, ball(62)),
-        4170.9,
+        lambda f: size(f, ball(16)),
+        3926.6,
     ),
 )
 
