@@ -155,10 +155,11 @@ def _wrapped(thing: Any) -> Iterable[Any]:
 def _of_trimesh(thing: Any, unit: Unit | None) -> Imported:
     said = str(getattr(thing, "units", None) or "")
     factor = _factor(unit or _SPELT.get(said, said) or None, "the trimesh")
+    if hasattr(thing, "graph") and len(thing.graph.nodes_geometry) == 1:  # a scene, as of files that hold one
+        thing = thing.to_mesh()
     if not hasattr(thing, "faces"):
-        raise GeometryError(
-            f"a {type(thing).__name__} of trimesh is no mesh", "give one Trimesh, as of scene.to_mesh()"
-        )
+        message = f"a {type(thing).__name__} of trimesh is no mesh"
+        raise GeometryError(message, "give one Trimesh, such as one of scene.geometry, or scene.to_mesh()")
     return _of_triangles(factor * np.asarray(thing.vertices, np.float64), np.asarray(thing.faces, np.int64))
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -216,19 +215,11 @@ def problem(
         GeometryError: an object that is no part.
         ResourceError: a file cannot be written.
     """
-    place = Path(folder) if folder is not None else _temporary()
+    place = Path(folder) if folder is not None else output.own_folder()
     output.prepare(place)
     one, two = (_file(part, place / name, unit) for part, name in ((peg, "peg"), (hole, "hole")))
     text = error if isinstance(error, str) else _error_text(error)
     return Asked((one[0], two[0]), text, (one[1], two[1])).written(place / "problem.toml")
-
-
-_kept: list[tempfile.TemporaryDirectory[str]] = []
-
-
-def _temporary() -> Path:
-    _kept.append(tempfile.TemporaryDirectory(prefix="fmopt-"))
-    return Path(_kept[-1].name)
 
 
 def _error_text(error: tuple[Size, Size]) -> str:

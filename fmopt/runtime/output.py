@@ -6,10 +6,12 @@ sockets are no places for files: replacing one by a file would break it for ever
 
 from __future__ import annotations
 
+import atexit
 import itertools
 import os
 import shutil
 import stat
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -40,6 +42,20 @@ def prepare(folder: Path) -> None:
         raise _refused(folder, error) from error
     if not os.access(folder, os.W_OK | os.X_OK):
         raise ResourceError(f"{folder}: nothing can be written there", _ADVICE)
+
+
+def own_folder() -> Path:
+    """A new folder of this process's own, which goes when the process ends.
+
+    Raises:
+        ResourceError: it cannot be made.
+    """
+    try:
+        made = tempfile.mkdtemp(prefix="fmopt-")
+    except OSError as error:
+        raise ResourceError(f"{error.filename or tempfile.gettempdir()}: {error.strerror}", "free some disk") from error
+    atexit.register(shutil.rmtree, made, ignore_errors=True)
+    return Path(made)
 
 
 def save(content: bytes, path: Path) -> None:

@@ -15,9 +15,8 @@ CASES = (*meshes.CASES, *step.CASES, *objects.CASES, *solids.CASES, *outlines.CA
 UNFOLLOWED = {  # advice that no test can follow, and why
     "free memory": "the operating system starts no process",
     "free memory, and try again": "the operating system ended the process that reads the file",
-    "install one of cadquery-ocp and cadquery-ocp-novtk anew, the one that stands beside the others": (
-        "an installation that is broken"
-    ),
+    "install it anew: pip install --force-reinstall --no-deps {}=={}": "an installation that is broken",
+    "install the package anew that it comes from, or export the part as STL": "an installation that is broken",
     "export the bodies as they are, each by itself": "no program at hand writes bodies that are mirrored or scaled",
     "report the model: its faces do not close": "a fault of this program: convex bodies are made closed",
     "check both outlines": "outlines are refused before walls are made between them, unless they are all but one line",

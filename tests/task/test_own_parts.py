@@ -103,7 +103,7 @@ def test_step_files_that_cannot_be_used_say_why(folder: Path, monkeypatch: pytes
         load(folder / "problem.toml")
     (folder / "plate.step").write_text(whole)
     monkeypatch.setitem(sys.modules, "OCP", None)
-    with pytest.raises(fmopt.ResourceError, match=r"need the extra step; install fmopt\[step\], or export the part as"):
+    with pytest.raises(fmopt.ResourceError, match=r"there is none; install it anew: pip install --force-reinst"):
         load(folder / "problem.toml")
 
 

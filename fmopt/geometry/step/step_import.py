@@ -10,7 +10,9 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -106,12 +108,14 @@ def _read(path: Path, deviation: float, body: str) -> list[dict[str, Any]]:
     if not path.is_file():
         raise ResourceError(f"cannot read {path}: there is no such file", "check the path")
     if find_spec("OCP") is None:
-        advice = "install fmopt[step], or export the part as STL"
-        raise ResourceError(f"{path}: STEP files need the extra step", advice)
+        wheel, extra = _listed(), "install fmopt[step], or export the part as STL"
+        advice = f"install it anew: pip install --force-reinstall --no-deps {wheel}" if wheel else extra
+        raise ResourceError(f"{path}: STEP files need a CAD kernel, and there is none", advice)
     try:
         answer = _answer(path, deviation, body)
         if "kernel" in answer:
-            advice = "install one of cadquery-ocp and cadquery-ocp-novtk anew, the one that stands beside the others"
+            wheel, other = _listed(), "install the package anew that it comes from, or export the part as STL"
+            advice = f"install it anew: pip install --force-reinstall --no-deps {wheel}" if wheel else other
             raise ResourceError(f"{path}: the installed CAD kernel does not work: {answer['kernel']}", advice)
         if "message" in answer:
             raise GeometryError(answer["message"], answer["advice"])
@@ -119,6 +123,14 @@ def _read(path: Path, deviation: float, body: str) -> list[dict[str, Any]]:
         raise GeometryError(f"{path}: {error.message}", error.advice) from error
     found: list[dict[str, Any]] = answer["bodies"]
     return found
+
+
+def _listed() -> str:
+    """The kernel that is listed as installed, in the version that other libraries rely on; nothing where none is."""
+    for name in ("cadquery-ocp", "cadquery-ocp-novtk"):  # both own the same files, the first has more of them
+        with suppress(PackageNotFoundError):
+            return f"{name}=={version(name)}"
+    return ""
 
 
 def _called(one: dict[str, Any], number: int, count: int) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,7 +86,7 @@ class Returned:
     left: tuple[Run, ...] = ()
 
 
-_FOLDERS: dict[str, tempfile.TemporaryDirectory[str]] = {}  # this process's own, until it ends
+_FOLDERS: dict[str, Path] = {}  # this process's own, until it ends
 
 
 def digest(inputs: Mapping[str, bytes]) -> str:
@@ -124,9 +123,6 @@ def laid_out(inputs: Mapping[str, bytes], home: Path | None) -> Path:
 
 
 def _own_folder(name: str) -> Path:
-    try:
-        if name not in _FOLDERS:
-            _FOLDERS[name] = tempfile.TemporaryDirectory(prefix="fmopt-")
-        return Path(_FOLDERS[name].name)
-    except OSError as error:
-        raise ResourceError(f"{error.filename or name}: {error.strerror or error}", "free some disk") from error
+    if name not in _FOLDERS:
+        _FOLDERS[name] = output.own_folder()
+    return _FOLDERS[name]

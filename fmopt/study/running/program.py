@@ -11,7 +11,7 @@ import fmopt
 
 _LIBRARIES = (
     *("casadi", "clarabel", "daqp", "manifold3d", "numpy", "scipy", "shapely", "sympy"),
-    *("cadquery-ocp-novtk", "mujoco"),  # of extras, where they are installed
+    *("cadquery-ocp", "cadquery-ocp-novtk", "mujoco"),  # of extras, where they are installed
 )
 
 

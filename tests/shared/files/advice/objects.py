@@ -174,10 +174,14 @@ CASES = (
     Case("a shape of nothing", "give one solid", lambda f: taken(nothing()), lambda f: exported(), SIZE),
     Case(
         "a scene",
-        "give one Trimesh, as of scene.to_mesh()",
-        lambda f: taken(trimesh.Scene([of_trimesh()])),
-        lambda f: taken(trimesh.Scene([of_trimesh()]).to_mesh()),
-        SIZE,
+        "give one Trimesh, such as one of scene.geometry, or scene.to_mesh()",
+        lambda f: taken(trimesh.Scene([of_trimesh(), of_trimesh()])),
+        lambda f: (
+            taken(next(iter(trimesh.Scene([of_trimesh()]).geometry.values()))),
+            taken(trimesh.Scene([of_trimesh()]).to_mesh()),
+            taken(trimesh.Scene([of_trimesh()])),
+        ),
+        (SIZE, SIZE, SIZE),
     ),
     Case(
         "a cross-section",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -141,7 +142,10 @@ def no_memory(folder: Path) -> None:
 
 
 def without_kernel(folder: Path) -> None:
-    with mock.patch.object(step_import, "find_spec", return_value=None):
+    with (
+        mock.patch.object(step_import, "find_spec", return_value=None),
+        mock.patch.object(step_import, "version", side_effect=PackageNotFoundError),
+    ):
         read(folder, block())
 
 
