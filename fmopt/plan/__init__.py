@@ -81,6 +81,7 @@ __all__ = [
 ]  # fmt: skip
 
 STDIO = Path("-")  # standard input or output, in place of a file
+_ROUNDING = 1e-13  # m: what floating point may leave of a margin
 
 
 def canonical(document: Mapping[str, Any]) -> str:
@@ -201,5 +202,9 @@ def _refused(name: str, error: PlanError) -> PlanFormatError:
 
 
 def rounded_down(value: float) -> float:
-    """A little less than `value`: what may be stated of a margin that was computed in floating point."""
-    return value - 1e-15 - 1e-12 * abs(value) if math.isfinite(value) else 1.0
+    """A little less than `value` (m): what may be stated of a margin that was computed in floating point.
+
+    Rounding of coordinates counts as many times as much as edges that cross at a small sine are longer than that: 3.5 fm
+    were met on a part of 100 mm, between edges that cross at 10°.
+    """
+    return value - _ROUNDING - 1e-12 * abs(value) if math.isfinite(value) else 1.0
