@@ -251,11 +251,11 @@ def write_toml(pair: Pair, folder: Path, error: tuple[float, float] | None = Non
 
 
 def write_stl(pair: Pair, folder: Path, error: tuple[float, float] | None = None, time_limit: float = 60.0) -> Path:
-    """The same with each part as a binary STL file and a model file that names it."""
+    """The same with each part as a binary STL file and a model file that names it, its facets plane as drawn."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, (points, triangles) in zip(("peg", "block"), meshes(pair), strict=True):
         (folder / f"{name}.stl").write_bytes(stl_bytes(points, triangles))
-        lines = [f'name = "{name}"', "", _UNITS, "[mesh]", f'file = "{name}.stl"', 'unit = "mm"', ""]
+        lines = [f'name = "{name}"', "", _UNITS, "[mesh]", f'file = "{name}.stl"', 'unit = "mm"', "deviation = 0", ""]
         (folder / f"{name}.toml").write_text("\n".join(lines))
     return _write_problem(pair, folder, error or pair.error, time_limit)
 
