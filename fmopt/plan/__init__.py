@@ -204,7 +204,7 @@ def _refused(name: str, error: PlanError) -> PlanFormatError:
 def rounded_down(value: float) -> float:
     """A little less than `value` (m): what may be stated of a margin that was computed in floating point.
 
-    Rounding of coordinates counts as many times as much as edges that cross at a small sine are longer than that: 3.5 fm
-    were met on a part of 100 mm, between edges that cross at 10°.
+    Between edges rounding of coordinates is divided by the sine of the angle at which they cross: 3.5 fm were met on a
+    part of 100 mm, where they cross at 10°.
     """
     return value - _ROUNDING - 1e-12 * abs(value) if math.isfinite(value) else 1.0
