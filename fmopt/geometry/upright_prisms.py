@@ -87,6 +87,9 @@ def _lacking(whole: Convex, section: BaseGeometry, thin: float) -> Iterator[Conv
     def is_thick(polygon: Polygon) -> bool:
         return bool(2.0 * polygon.area > thin * polygon.length)
 
+    if section.is_empty:  # between two walls that nothing joins
+        yield whole
+        return
     hull = _convex(section.convex_hull)
     for a, b in zip(hull.corners, (*hull.corners[1:], hull.corners[0]), strict=True):
         beyond = whole.beyond(b, a, None)
