@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -227,7 +228,8 @@ def test_a_kernel_that_cannot_be_imported_is_a_missing_resource(
     (broken / "__init__.py").write_text("raise ImportError('libTK.so: cannot open shared object file')")
     monkeypatch.setattr(sys, "path", [str(broken.parent), *sys.path])
     monkeypatch.delitem(sys.modules, "OCP")
-    with pytest.raises(ResourceError, match=r"does not work: libTK\.so: cannot open .*install one of cadquery-ocp and"):
+    listed = rf"install it anew: pip install --force-reinstall --no-deps cadquery-ocp=={version('cadquery-ocp')}"
+    with pytest.raises(ResourceError, match=rf"does not work: libTK\.so: cannot open .*{listed}$"):
         load_step(tmp_path / "part.step")
 
 
