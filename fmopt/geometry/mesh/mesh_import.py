@@ -149,7 +149,7 @@ def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0) ->
 def _best(points: Array, triangles: Indices, span: float) -> _Closed:
     """The surface closed with as little as it takes: without closing gaps if it can be; as the file has it if not."""
     first, with_gaps = None, None
-    for reaches in _reaches(points, triangles, span):
+    for reaches in dict.fromkeys(_reaches(points, triangles, span)):
         attempt = _closed(points, triangles, *reaches)
         first = first or attempt
         if attempt.is_closed:

@@ -108,15 +108,11 @@ def _read(path: Path, deviation: float, body: str) -> list[dict[str, Any]]:
     if not path.is_file():
         raise ResourceError(f"cannot read {path}: there is no such file", "check the path")
     if find_spec("OCP") is None:
-        wheel, extra = _listed(), "install fmopt[step], or export the part as STL"
-        advice = f"install it anew: pip install --force-reinstall --no-deps {wheel}" if wheel else extra
-        raise ResourceError(f"{path}: STEP files need a CAD kernel, and there is none", advice)
+        raise _no_kernel(path, None)
     try:
         answer = _answer(path, deviation, body)
         if "kernel" in answer:
-            wheel, other = _listed(), "install the package anew that it comes from, or export the part as STL"
-            advice = f"install it anew: pip install --force-reinstall --no-deps {wheel}" if wheel else other
-            raise ResourceError(f"{path}: the installed CAD kernel does not work: {answer['kernel']}", advice)
+            raise _no_kernel(path, answer["kernel"])
         if "message" in answer:
             raise GeometryError(answer["message"], answer["advice"])
     except GeometryError as error:
@@ -125,12 +121,21 @@ def _read(path: Path, deviation: float, body: str) -> list[dict[str, Any]]:
     return found
 
 
-def _listed() -> str:
-    """The kernel that is listed as installed, in the version that other libraries rely on; nothing where none is."""
-    for name in ("cadquery-ocp", "cadquery-ocp-novtk"):  # both own the same files, the first has more of them
+def _no_kernel(path: Path, fault: str | None) -> ResourceError:
+    """That there is no CAD kernel, or what is wrong with the one there is.
+
+    Where one is listed it is that which other libraries rely on, and its very version is to be installed anew.
+    """
+    if fault is None:
+        message, advice = "STEP files need a CAD kernel, and there is none", "install fmopt[step]"
+    else:
+        message = f"the installed CAD kernel does not work: {fault}"
+        advice = "install the package anew that it comes from"
+    advice += ", or export the part as STL"
+    for name in ("cadquery-ocp-novtk", "cadquery-ocp"):  # both own the same files, the last has more of them
         with suppress(PackageNotFoundError):
-            return f"{name}=={version(name)}"
-    return ""
+            advice = f"install it anew: pip install --force-reinstall --no-deps {name}=={version(name)}"
+    return ResourceError(f"{path}: {message}", advice)
 
 
 def _called(one: dict[str, Any], number: int, count: int) -> str:
