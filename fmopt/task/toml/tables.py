@@ -377,7 +377,7 @@ def _words(kind: str, item: Mapping[str, Any], value: object) -> tuple[str, str,
         wanted = str(item["msg"]).removeprefix("Input should be ").split(" or an instance")[0]
         wanted = wanted.replace("a valid dictionary", "a table").replace("a valid tuple", "an array")
         return "wrong-type", f"{kind_of(value)} stands here", f"write {wanted.replace('a valid string', 'text')}"
-    return "bad-value", f"{shown(value)} is not accepted", str(item["msg"]).replace("Input should", "it should")
+    return "bad-value", f"{shown(value)} is not accepted", f"it should {str(item['msg']).partition(' should ')[2]}"
 
 
 def _existing(source: Source, loc: Sequence[str | int]) -> Key:

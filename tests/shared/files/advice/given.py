@@ -11,7 +11,9 @@ from pathlib import Path
 import fmopt
 
 PACKAGE = Path(fmopt.__file__).parent
-_PLACE = {"Damage": 2, "InterferenceError": 3, "SizeError": 2, "TaskError": 3}  # of advice among the arguments
+_PLACE = {"Damage": 2, "InterferenceError": 3, "QuantityError": 2, "SizeError": 2, "TaskError": 3, "fault": -1}
+"""Of advice among the arguments; it is the second of those of any other error."""
+_OTHERS = {"PydanticCustomError", "VelocityError"}  # whose arguments are no advice
 _HOLE = ".+"
 
 
@@ -53,7 +55,7 @@ class _Module:
         for scope in self.tree.body:
             names = self.names | (_assigned(scope) if isinstance(scope, ast.FunctionDef | ast.ClassDef) else {})
             taken = {one.arg for one in ast.walk(scope) if isinstance(one, ast.arg)}
-            for line, node in _advice(scope, self.functions):
+            for line, node in self._advice(scope):
                 for pattern in self._patterns(node, names, taken):
                     yield Given(file.as_posix(), line, pattern)
 
@@ -70,6 +72,13 @@ class _Module:
             case ast.BinOp(op=ast.Add()):
                 for first in self._patterns(node.left, names, taken):
                     yield from (first + last for last in self._patterns(node.right, names, taken))
+            case ast.BoolOp(op=ast.Or(), values=values):
+                for value in values:
+                    yield from self._patterns(value, names, taken)
+            case ast.Call(func=ast.Name(id=name)):
+                yield from self._returned(name, None)
+            case ast.Subscript(value=ast.Call(func=ast.Name(id=name)), slice=ast.Constant(value=int(place))):
+                yield from self._returned(name, place)
             case ast.Name(id=name) if name in names:
                 for value in names[name]:
                     yield from self._patterns(value, names, taken)
@@ -82,14 +91,68 @@ class _Module:
 
     def _elsewhere(self, name: str) -> Iterator[str]:
         """What a name stands for that comes from another module."""
+        module = self._home(name)
+        for value in module.names[name]:
+            yield from module._patterns(value, module.names, set())
+
+    def _returned(self, name: str, place: int | None) -> Iterator[str]:
+        """What a function returns, of tuples the one at a place."""
+        if name not in self.functions:
+            yield from self._home(name)._returned(name, place)
+            return
+        function = self.functions[name]
+        names, taken = (
+            self.names | _assigned(function),
+            {one.arg for one in ast.walk(function) if isinstance(one, ast.arg)},
+        )
+        for node in ast.walk(function):
+            if isinstance(node, ast.Return) and node.value is not None:
+                value = (
+                    node.value.elts[place] if place is not None and isinstance(node.value, ast.Tuple) else node.value
+                )
+                yield from self._patterns(value, names, taken)
+
+    def _home(self, name: str) -> _Module:
+        """The module that a name comes from."""
         for node in ast.walk(self.tree):
             if isinstance(node, ast.ImportFrom) and any(alias.name == name for alias in node.names):
-                path = PACKAGE.parent / f"{str(node.module).replace('.', '/')}.py"
-                module = _Module(path)
-                for value in module.names[name]:
-                    yield from module._patterns(value, module.names, set())
-                return
+                return _Module(PACKAGE.parent / f"{str(node.module).replace('.', '/')}.py")
         raise AssertionError(f"{self.path}: nobody knows what {name} stands for")
+
+    def _advice(self, scope: ast.AST) -> Iterator[tuple[int, ast.expr]]:
+        """The expressions in a scope that are advice: of errors, of what becomes one, and of answers of a process."""
+        for node in ast.walk(scope):
+            if isinstance(node, ast.Call):
+                yield from ((node.lineno, one) for one in self._argued(node))
+            elif isinstance(node, ast.Dict):
+                keys = [key.value if isinstance(key, ast.Constant) else None for key in node.keys]
+                yield from ((node.lineno, v) for key, v in zip(keys, node.values, strict=True) if key == "advice")
+            elif isinstance(node, ast.FunctionDef):
+                arguments = node.args.args[len(node.args.args) - len(node.args.defaults) :]
+                values = zip(arguments, node.args.defaults, strict=True)
+                yield from ((node.lineno, value) for one, value in values if one.arg == "advice")
+
+    def _argued(self, call: ast.Call) -> Iterator[ast.expr]:
+        """The arguments of a call that are advice."""
+        name = call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
+        taken = [one.arg for one in self.functions[name].args.args] if name in self.functions else []
+        if "advice" in taken and name != "fault":
+            place = taken.index("advice") - (taken[0] == "self")
+        elif name in _OTHERS or not (name.endswith("Error") or name in _PLACE):
+            return
+        else:
+            place = _PLACE.get(name, 1)
+        yield from (one.value for one in call.keywords if one.arg == "advice")
+        if len(call.args) > max(place, 1):
+            yield call.args[place]
+        for one in call.args:
+            if (
+                isinstance(one, ast.Starred)
+                and isinstance(one.value, ast.Call)
+                and isinstance(one.value.func, ast.Name)
+            ):
+                if one.value.func.id in self.functions:
+                    yield ast.Subscript(one.value, ast.Constant(1))
 
 
 def _assigned(scope: ast.AST) -> dict[str, list[ast.expr]]:
@@ -104,36 +167,10 @@ def _assigned(scope: ast.AST) -> dict[str, list[ast.expr]]:
                 for target, value in zip(targets, values, strict=True):
                     if isinstance(target, ast.Name):
                         found.setdefault(target.id, []).append(value)
+            case ast.Assign(targets=[ast.Tuple(elts=targets)], value=ast.Call(func=ast.Name()) as value):
+                for place, target in enumerate(targets):
+                    if isinstance(target, ast.Name):
+                        found.setdefault(target.id, []).append(ast.Subscript(value, ast.Constant(place)))
             case ast.AugAssign(target=ast.Name(id=name), op=ast.Add(), value=value) if name in found:
                 found[name] = [ast.BinOp(before, ast.Add(), value) for before in found[name]]
     return found
-
-
-def _advice(scope: ast.AST, functions: Mapping[str, ast.FunctionDef]) -> Iterator[tuple[int, ast.expr]]:
-    """The expressions within a scope that are advice: of errors, of what becomes one, and of answers of a process."""
-    for node in ast.walk(scope):
-        if isinstance(node, ast.Call):
-            name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
-            if not (name.endswith("Error") or name in ("Damage", "fault")):
-                continue
-            yield from ((node.lineno, one.value) for one in node.keywords if one.arg == "advice")
-            place = _PLACE.get(name, 1)
-            if len(node.args) > place:
-                yield node.lineno, node.args[place]
-            for one in node.args:
-                if isinstance(one, ast.Starred) and isinstance(one.value, ast.Call):
-                    yield from _returned(functions[ast.unparse(one.value.func)])
-        elif isinstance(node, ast.Dict):
-            keys = [key.value if isinstance(key, ast.Constant) else None for key in node.keys]
-            yield from ((node.lineno, v) for key, v in zip(keys, node.values, strict=True) if key == "advice")
-        elif isinstance(node, ast.FunctionDef):
-            arguments = node.args.args[len(node.args.args) - len(node.args.defaults) :]
-            values = zip(arguments, node.args.defaults, strict=True)
-            yield from ((node.lineno, value) for one, value in values if one.arg == "advice")
-
-
-def _returned(function: ast.FunctionDef) -> Iterator[tuple[int, ast.expr]]:
-    """The second of each pair that a function returns."""
-    for node in ast.walk(function):
-        if isinstance(node, ast.Return) and isinstance(node.value, ast.Tuple):
-            yield node.lineno, node.value.elts[1]
