@@ -37,8 +37,8 @@ from fmopt.task.sources import (
 )
 from fmopt.task.task_command import PLANNED, attributes, is_round
 from fmopt.task.toml import problem_file as files
-from fmopt.task.toml.source import Source, read, read_bytes
-from fmopt.task.toml.tables import Reading, checked, in_words
+from fmopt.task.toml.source import NAME_PROBLEM, Source, read, read_bytes
+from fmopt.task.toml.tables import Reading, at_most, checked, in_words
 from fmopt.task.toml.units import LENGTH, did_you_mean
 
 if TYPE_CHECKING:
@@ -65,8 +65,7 @@ def problem_of(source: Source) -> Problem:
         InputError: with every fault of the document and of its models.
     """
     if not {"moving", "fixed"} & set(source.data) and {"features", "solids", "mesh"} & set(source.data):
-        advice = "name a problem file, which names two models under [moving] and [fixed]; or both parts, with --error"
-        raise InputError(source.place(()).fault("file-kind", "this is a model file, not a problem", advice))
+        raise InputError(source.place(()).fault("file-kind", "this is a model file, not a problem", NAME_PROBLEM))
     if {"objects", "tasks"} & set(source.data):
         advice = "check it with fmopt check; a plan is of one task, which a problem file describes"
         raise InputError(source.place(()).fault("file-kind", "this is an assembly, not a problem", advice))
@@ -148,7 +147,7 @@ def _depth_faults(source: Source, file: files.ProblemFile, models: Mapping[str, 
     """A goal deeper than hole and peg allow."""
     deepest = _deepest(file, models)
     if deepest is not None and file.goal.depth is not None and file.goal.depth > deepest:
-        message = f"{in_words(file.goal.depth, LENGTH)} is deeper than hole and peg allow, {in_words(deepest, LENGTH)}"
+        message = f"{in_words(file.goal.depth, LENGTH)} is deeper than hole and peg allow, {at_most(deepest, LENGTH)}"
         yield source.place(("goal", "depth")).fault("out-of-range", message, 'lower it, or write "full"')
 
 
@@ -220,8 +219,8 @@ def _configuration_faults(source: Source, sources: files.Sources | None) -> Iter
             yield source.place(key).fault("conflict", message, advice)
         alone = [k for k in ("angle", "about") if k in table.model_fields_set and table.position is None]
         for k in alone:
-            message = f"{k!r} stands without 'position'"
-            yield source.place((*key, k)).fault("conflict", message, "add 'position', or drop it")
+            message, advice = f"{k!r} stands without 'position'", "drop it" if stated else "add 'position', or drop it"
+            yield source.place((*key, k)).fault("conflict", message, advice)
         if table.observed is not None and least_altitude(table.observed.points) < 1e-6:
             message = "the three points lie on a line, a turn about it was not observed"
             place = source.place((*key, "observed", "points"))

@@ -31,6 +31,16 @@ def says_unit(mesh: Mesh) -> bool:
     return Path(mesh.file).suffix.lower() in OWN_UNIT
 
 
+def takes(mesh: Mesh | None, name: str) -> bool:
+    """Whether the table of a mesh may say its unit, or which body of the file is meant.
+
+    Args:
+        mesh: the table, if there is one.
+        name: "unit" or "body".
+    """
+    return mesh is not None and (is_step(mesh) if name == "body" else not says_unit(mesh))
+
+
 def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
     """A mesh without a unit, with its size in the numbers of its file to choose by; or a file that says it with one.
 

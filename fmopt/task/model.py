@@ -15,7 +15,7 @@ import numpy as np
 
 from fmopt.errors import Fault, InputError, SizeError
 from fmopt.spatial.se3 import Pose
-from fmopt.task.mesh_source import MAX_MESH_BYTES, MESHES, OWN_UNIT, STEP, mesh_faults
+from fmopt.task.mesh_source import MAX_MESH_BYTES, MESHES, OWN_UNIT, STEP, mesh_faults, takes
 from fmopt.task.sizes import implausible
 from fmopt.task.solid_tree import bare_part, build_part, part_reach, tree_faults, unstated
 from fmopt.task.toml.model_file import MatingFeature, ModelFile, Profile
@@ -109,8 +109,9 @@ def load_model(
     reading, faults = _parameters(source, replace(Reading.of(source.data), names={}), overrides)
     file, more = checked(ModelFile, source, reading)
     faults += more
+    there = ", or put it under [mesh] of the model file"
     for name in ("unit", "body"):
-        advice = f"leave {name!r} out, or put it into the model file under [mesh]"
+        advice = f"leave {name!r} out{there if file and takes(file.mesh, name) else ''}"
         faults += said.misplaced(name, cited, "this is for mesh and STEP files", advice)
     if file is not None:
         file = file if file.name else file.model_copy(update={"name": _called(path.stem)})
@@ -128,10 +129,9 @@ def _bare_model(
     """The model that a mesh or STEP file is by itself."""
     read_bytes(path, cited, MAX_MESH_BYTES)
     advice = "name a model file, or leave it out"
-    faults = [
-        given.place.fault("unknown-parameter", f"{path.name} has no parameters", advice) for given in overrides.values()
-    ]
-    step, own = path.suffix.lower() in STEP, path.suffix.lower() in OWN_UNIT
+    message = f"{path.name} has no parameters"
+    faults = [given.place.fault("unknown-parameter", message, advice) for given in overrides.values()]
+    step, own = (path.suffix.lower() in kinds for kinds in (STEP, OWN_UNIT))
     if own:
         faults += said.misplaced("unit", cited, f"{path.name} says its unit itself", "leave 'unit' out")
     if not step:
@@ -249,7 +249,8 @@ def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
             faults.append(place.fault("conflict", "a solid feature cannot be through", "remove 'through'"))
         for i, solid in enumerate(feature.solids or ()):
             if solid not in file.solids:
-                advice = did_you_mean(solid, dict(file.solids)) or f"solids: {', '.join(file.solids) or 'none'}"
+                known = f"solids: {', '.join(file.solids)}" if file.solids else "leave 'solids' out"
+                advice = did_you_mean(solid, dict(file.solids)) or known
                 place = source.place(("features", name, "solids", i))
                 faults.append(place.fault("unknown-solid", f"there is no solid {solid!r}", advice))
     return faults
@@ -285,11 +286,10 @@ def _profile_faults(source: Source, file: ModelFile, profile: Profile) -> list[F
     faults = []
     kinds = sorted({feature.kind for feature in file.features.values()})
     if len(kinds) > 1:
-        place = source.place(("features",), of_key=True)
-        faults.append(place.fault("conflict", "a profile has both solid and hollow features", "keep one kind"))
+        message, place = "a profile has both solid and hollow features", source.place(("features",), of_key=True)
+        faults.append(place.fault("conflict", message, "keep one kind"))
     if kinds == ["solid"] and len(profile.polygons) > 1:
-        message = f"a moving profile of {len(profile.polygons)} polygons"
-        place = source.place(("profile", "polygons"))
+        message, place = f"a moving profile of {len(profile.polygons)} polygons", source.place(("profile", "polygons"))
         faults.append(place.fault("not-supported", message, "what moves in a plane is to be one convex polygon"))
     for name, feature in file.features.items():
         for key in ("at", "length"):

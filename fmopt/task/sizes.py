@@ -24,7 +24,7 @@ from fmopt.task.problem import Problem
 from fmopt.task.sources import Contribution, total
 from fmopt.task.toml import problem_file as files
 from fmopt.task.toml.source import Key, Source, holds
-from fmopt.task.toml.tables import in_words
+from fmopt.task.toml.tables import at_most, in_words
 from fmopt.task.toml.units import ANGLE, FORCE, LENGTH, UNITS
 
 _LARGEST_ERROR = 0.5  # m and rad: what the check of a plan takes
@@ -54,7 +54,7 @@ def implausible(source: Source, key: Key, unit: str | None, error: SizeError) ->
     fitting = {name: size for name, size in others.items() if SMALLEST <= size <= LARGEST}
     message, advice = error.message, "check its numbers"
     if unit is None:
-        advice = "its file says its unit itself: export it again in the right one"
+        advice = "its file says its unit itself: export it again, in the size that is meant"
     elif fitting:
         right = min(fitting, key=lambda name: abs(math.log(fitting[name] / _USUAL)))
         message += f"; in {right} it would be {told(fitting[right])}"
@@ -90,14 +90,15 @@ def refuse_wild(source: Source, shares: Sequence[Contribution]) -> None:
         shares: of all sources, boxes (6,) in m and rad.
 
     Raises:
-        InputError: the sources together may turn the parts by more than 45°.
+        InputError: the sources together may turn the parts by more than 0.5 rad.
     """
     angle = float(total(shares)[3])
-    if angle > 0.25 * math.pi:
+    if angle > _LARGEST_ERROR:
         largest = max(shares, key=lambda share: float(share.box[3]))
         message = f"the sources may turn the parts by {in_words(angle, ANGLE)}, most of it by: {largest.source}"
         place = source.place(("uncertainty", "sources"), of_key=True)
-        raise InputError(place.fault("out-of-range", message, "keep all together at most 45 deg"))
+        advice = f"keep all together at most {at_most(_LARGEST_ERROR, ANGLE)}"
+        raise InputError(place.fault("out-of-range", message, advice))
 
 
 def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
@@ -114,7 +115,7 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
     if np.max(box) > _LARGEST_ERROR:
         message = f"the start errors add up to {in_words(float(np.max(box[:3])), LENGTH)}"
         message += f" and {in_words(float(np.max(box[3:])), ANGLE)}"
-        advice = f"keep them at most {in_words(_LARGEST_ERROR, LENGTH)} and {in_words(_LARGEST_ERROR, ANGLE)}"
+        advice = f"keep them at most {at_most(_LARGEST_ERROR, LENGTH)} and {at_most(_LARGEST_ERROR, ANGLE)}"
         raise InputError(source.place(("uncertainty",), of_key=True).fault("out-of-range", message, advice))
     size = max(float(np.linalg.norm(part.polyhedron.widths)) for part in parts)
     for axis, error in zip("xyz", box[:3].tolist(), strict=True):
@@ -155,7 +156,8 @@ def _impact_faults(source: Source, table: files.Specification) -> Iterator[Fault
     for name in _IMPACT if stated else ():
         if name not in stated:
             place = source.place(("specification",), of_key=True)
-            message, advice = "this key is missing", f"add {name!r} to [specification], or drop {stated[0]!r}"
+            message = "this key is missing"
+            advice = f"add {name!r} to [specification], or drop {' and '.join(map(repr, stated))}"
             yield replace(place, key=f"specification.{name}").fault("missing-key", message, advice)
 
 

@@ -45,7 +45,7 @@ VALUES = [
     ("rx = 0.3", "rx = «inf»", "not-finite", "inf is not a finite number"),
     ("rx = 0.3", "rx = «1e400»", "not-finite", "inf is not a finite number"),
     ("rx = 0.3", "rx = «-1»", "negative", "-1 is negative; make it zero or positive"),
-    ("rx = 0.3", "rx = «50»", "out-of-range", "50 is too large; keep it at most 45 deg"),
+    ("rx = 0.3", "rx = «50»", "out-of-range", "50 is too large; keep it at most 28.6478897 deg"),
     (
         "rx = 0.3",
         'rx = «"0.3 mm"»',
@@ -152,7 +152,7 @@ def test_missing_keys_point_at_their_table(
 MODEL_FAULTS = [
     ("width = 20.2", "width = «nan»", "not-finite", "nan is not a finite number"),
     ("width = 20.2", "width = «true»", "wrong-type", "a boolean stands where a length is asked for"),
-    ("width = 20.2", '«"wi dth"» = 1\nwidth = 20.2', "bad-name", "'wi dth' is no name; use letters, digits and _"),
+    ("width = 20.2", '«"wi dth"» = 1\nwidth = 20.2', "bad-name", "'wi dth' is no name; use up to 64 letters, digits"),
     ("depth = 30", 'depth = «"dpeth / 2"»', "unknown-parameter", "there is no parameter 'dpeth'"),
     ("depth = 30", 'depth = «"30 kg"»', "wrong-unit", "is a mass"),
     ('["block_x"', '[«"blok_x"»', "unknown-parameter", "there is no parameter 'blok_x'; did you mean 'block_x'?"),

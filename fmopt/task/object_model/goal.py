@@ -176,7 +176,7 @@ def check_goal(goal: Array, pair: LowerPair, deepest: float, sign: float, featur
         raise TaskError(message, feature, ON_AXIS, "set it to 0, or leave it free")
     depth = sign * float(goal[2])
     if pair in INSERTIONS and not 0.0 < depth <= deepest + _NEAR:
-        where = f"{1e3 * depth:.6g} mm inside, where at most {1e3 * deepest:.6g} mm can be"
+        where = f"{1e3 * depth:.9g} mm inside, where at most {1e3 * deepest:.9g} mm can be"
         where = f"{-1e3 * depth:.6g} mm outside the mouth" if depth <= 0.0 else where
-        advice = f"give p_z between 0 and {sign * 1e3 * deepest:.6g} mm, or leave it free"
+        advice = f"give p_z between 0 and {sign * 1e3 * deepest:.9g} mm, or leave it free"
         raise TaskError(f"the goal of {feature!r} is {where}", feature, INSERTED, advice)

@@ -19,6 +19,7 @@ from fmopt.task.toml.tables import (
     Beside,
     Distance,
     Duration,
+    ErrorAngle,
     File,
     Force,
     Friction,
@@ -84,7 +85,7 @@ class Operand(Table):
 
 
 Depth: TypeAlias = Annotated[float | None, Measured(LENGTH, 1e-9, 1e3, words=("full", "free"))]
-Angle: TypeAlias = Annotated[float | None, Measured(ANGLE, -6.3, 6.3, words=("free",))]
+Angle: TypeAlias = Annotated[float | None, Measured(ANGLE, -2.0 * math.pi, 2.0 * math.pi, words=("free",))]
 Pair: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute"]
 
 
@@ -139,22 +140,22 @@ class Box(Table):
     hand (the grasp's, which turns with the part)."""
     position: Shift | None = None
     """Along each axis for which nothing else is given."""
-    angle: Tilt | None = None
+    angle: ErrorAngle | None = None
     """About each axis for which nothing else is given."""
     x: Shift | None = None
     y: Shift | None = None
     """Left out in a planar problem, as rx and rz."""
     z: Shift | None = None
-    rx: Tilt | None = None
-    ry: Tilt | None = None
-    rz: Tilt | None = None
+    rx: ErrorAngle | None = None
+    ry: ErrorAngle | None = None
+    rz: ErrorAngle | None = None
 
 
 class Deviation(Table):
     """Greatest deviation in position (a distance) and in orientation (an angle about any axis)."""
 
     position: Distance
-    angle: Tilt = 0.0
+    angle: ErrorAngle = 0.0
 
 
 class Handling(Table):
@@ -182,7 +183,7 @@ class Configuration(Table):
 
     position: Distance | None = None
     """Deviation of its position, ε_pp, observed beside its orientation."""
-    angle: Tilt = 0.0
+    angle: ErrorAngle = 0.0
     """Deviation of its orientation, ε_φp, with `position`."""
     about: Vector | None = None
     """The point that has that position, in the frame of the mating feature; if not given, the feature's own point."""
@@ -199,7 +200,7 @@ class Grasp(Table):
 
     position: Distance = 0.0
     """Greatest slide, ε_td."""
-    angle: Tilt = 0.0
+    angle: ErrorAngle = 0.0
     """Greatest rotation about the grasping point, ε_φd."""
     height: Distance
     """Distance of the grasping point from the leading face: rotation there moves the leading face."""

@@ -19,7 +19,9 @@ Key = tuple[str | int, ...]
 
 MAX_BYTES = 1_000_000
 _SYNTAX = "see https://toml.io for the syntax; numbers take a decimal point, words quotation marks"
-_MESHES = {".stl", ".obj", ".ply", ".step", ".stp", ".glb", ".sdf", ".urdf"}
+_PARTS = {".stl", ".obj", ".ply", ".3mf", ".glb", ".step", ".stp"}
+_FOREIGN = {".sdf", ".urdf", ".gltf", ".dae", ".off", ".iges", ".igs", ".brep", ".sldprt", ".ipt", ".x_t", ".fcstd"}
+NAME_PROBLEM = "name a problem file, which names two models under [moving] and [fixed]; or both parts, with --error"
 MAX_DEPTH = 24
 
 
@@ -147,12 +149,11 @@ def read_bytes(path: Path, cited: Place, limit: int) -> bytes:
         fault = cited.fault(
             "file-missing",
             f"{_name(path)} does not exist",
-            "correct the path; it is relative to the file that names it",
+            "correct the path; it is relative to the file that names it" if cited.key else "correct the path",
         )
     except OSError as error:
-        fault = cited.fault(
-            "file-unreadable", f"{_name(path)} cannot be read: {error.strerror}", "check its permissions"
-        )
+        advice = "check its permissions" if isinstance(error, PermissionError) else "correct the path"
+        fault = cited.fault("file-unreadable", f"{_name(path)} cannot be read: {error.strerror}", advice)
     except ValueError:
         fault = cited.fault("file-missing", f"{_name(path)} is no file name", "correct the path")
     raise InputError(fault)
@@ -188,9 +189,11 @@ def read(path: Path, cited: Place | None = None) -> Source:
 def _refuse_others(path: Path, content: bytes) -> None:
     """Meshes, JSON and empty files get an error that says what they are."""
     begin = content.lstrip()[:1]
-    if path.suffix.lower() in _MESHES:
-        message = f"{_name(path)} is a mesh or CAD file, not TOML"
-        advice = f'name a model file (TOML) that says [mesh] file = "{path.name}", its unit, and a feature'
+    if path.suffix.lower() in _PARTS:
+        message, advice = f"{_name(path)} is a mesh or CAD file, not TOML", NAME_PROBLEM
+    elif path.suffix.lower() in _FOREIGN:
+        message = f"{_name(path)} is of a kind that is not read"
+        advice = "export the part as STEP or STL, and name that file"
     elif path.suffix.lower() == ".json" or begin == b"{":
         message = f"{_name(path)} is JSON, not TOML"
         advice = "name a problem or model file; a plan goes to fmopt verify"

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from decimal import Context, Decimal
 from typing import Annotated, Any, TypeAlias, TypeVar
 
 from pydantic import (
@@ -111,9 +112,9 @@ class Reading:
         if isinstance(value, str):
             result = evaluate(value, self.names)
         elif isinstance(value, int | float) and not isinstance(value, bool):
-            if wanted in self.bare and value:
-                raise _bare(value, wanted)
             result = Quantity(scaled(_float(value), self.factors.get(wanted, 1.0)), wanted)
+            if wanted in self.bare and value and math.isfinite(result.value):
+                raise _bare(value, wanted)
         else:
             message = f"{kind_of(value)} stands where {wanted} is asked for"
             raise QuantityError("wrong-type", message, f"write a number, or text such as {EXAMPLES[wanted]}")
@@ -200,8 +201,8 @@ class Measured:
         if number == 0.0 < self.low:
             return fault("zero", f"{text} is zero", "make it positive")
         side, bound = ("small", self.low) if number < self.low else ("large", self.high)
-        limit = f"at {'least' if side == 'small' else 'most'} {in_words(bound, self.dimension)}"
-        advice = f"keep it {limit}, and check the unit"
+        words = f"at {'least' if side == 'small' else 'most'} {at_most(bound, self.dimension)}"
+        advice = f"keep it {words}, and check the unit"
         return fault("out-of-range", f"{text} is too {side}", advice)
 
 
@@ -233,60 +234,34 @@ def in_words(number: float, dimension: Dimension) -> str:
     return f"{number / scale:.9g} {name}".rstrip()
 
 
+def at_most(number: float, dimension: Dimension) -> str:
+    """The same of a limit: what is read of the words is within it, where digits rounded up would not be."""
+    text = in_words(number, dimension)
+    if evaluate(text).value > number:
+        value, _, name = text.partition(" ")
+        text = f"{Context(prec=9).next_minus(Decimal(value))} {name}".rstrip()
+    return text
+
+
 Coordinate: TypeAlias = Annotated[float, Measured(LENGTH, -_KILOMETRE, _KILOMETRE)]
-
-
 Length: TypeAlias = Annotated[float, Measured(LENGTH, _NANOMETRE, _KILOMETRE)]
-
-
 Distance: TypeAlias = Annotated[float, Measured(LENGTH, 0.0, _KILOMETRE)]
-
-
 Way: TypeAlias = Annotated[float, Measured(LENGTH, _NANOMETRE, 4.0)]
-
-
 Beside: TypeAlias = Annotated[float, Measured(LENGTH, -4.0, 4.0)]
-
-
 Shift: TypeAlias = Annotated[float, Measured(LENGTH, 0.0, 0.5)]
-
-
 Lever: TypeAlias = Annotated[float, Measured(LENGTH, 2.0**-10, 16.0)]
-
-
 Turn: TypeAlias = Annotated[float, Measured(ANGLE, -_TURN, _TURN)]
-
-
 Tilt: TypeAlias = Annotated[float, Measured(ANGLE, 0.0, math.pi / 4.0)]
-
-
+ErrorAngle: TypeAlias = Annotated[float, Measured(ANGLE, 0.0, 0.5)]
 Ratio: TypeAlias = Annotated[float, Measured(RATIO, 0.0, 1.0)]
-
-
 Friction: TypeAlias = Annotated[float, Measured(RATIO, 0.0, 5.0)]
-
-
 Speed: TypeAlias = Annotated[float, Measured(SPEED, 1e-6, 100.0)]
-
-
 Force: TypeAlias = Annotated[float, Measured(FORCE, 1e-9, 1e6)]
-
-
 Torque: TypeAlias = Annotated[float, Measured(TORQUE, 1e-9, 1e6)]
-
-
 Mass: TypeAlias = Annotated[float, Measured(MASS, 1e-9, 1e6)]
-
-
 Stiffness: TypeAlias = Annotated[float, Measured(STIFFNESS, 1e-3, 1e12)]
-
-
 Duration: TypeAlias = Annotated[float, Measured(TIME, 1e-3, 1e7)]
-
-
 Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]
-
-
 Rotation: TypeAlias = tuple[Turn, Turn, Turn]
 
 
@@ -315,8 +290,11 @@ def checked(table: type[T], source: Source, reading: Reading) -> tuple[T | None,
         return table.model_validate(_tuples(source.data), context=reading), []
     except ValidationError as error:
         schema = table.model_json_schema()
-        found = [_fault(source, schema, item) for item in error.errors(include_url=False, include_context=True)]
-        return None, list(dict.fromkeys(found))
+        items = error.errors(include_url=False, include_context=True)
+        inner = {item["loc"][:n] for item in items for n in range(len(item["loc"]))}
+        # An array counts as too short where one of its entries is at fault.
+        told = [item for item in items if not (item["type"] == "too_short" and item["loc"] in inner)]
+        return None, list(dict.fromkeys(_fault(source, schema, item) for item in told))
 
 
 def _tuples(value: Any) -> Any:
@@ -334,7 +312,8 @@ def _fault(source: Source, schema: Mapping[str, Any], item: Mapping[str, Any]) -
     if kind == "missing":
         place = source.place(key, of_key=True)
         place = replace(place, key=dotted((*key, loc[-1])))
-        return place.fault("missing-key", "this key is missing", _add(key, loc[-1]))
+        text = not key and schema["properties"][loc[-1]].get("type") == "string"
+        return place.fault("missing-key", "this key is missing", _add(key, loc[-1], text))
     if kind == "extra_forbidden":
         known = _known_keys(schema, key[:-1], source)
         advice = did_you_mean(str(key[-1]), known) or f"known keys here: {', '.join(known)}"
@@ -349,8 +328,12 @@ def _fault(source: Source, schema: Mapping[str, Any], item: Mapping[str, Any]) -
     return place.fault(code, message, advice)
 
 
-def _add(key: Key, name: str | int) -> str:
-    return f"add {name!r} to [{dotted(key)}]" if key else f"add {name!r} above the first table, or as a table"
+def _add(key: Key, name: str | int, text: bool) -> str:
+    if any(isinstance(part, int) for part in key):
+        return f"add {name!r} to {dotted(key)}"
+    if key:
+        return f"add {name!r} to [{dotted(key)}]"
+    return f"add {name!r} above the first table" if text else f"add {name!r} above the first table, or as a table"
 
 
 def _array_length(source: Source, key: Key) -> Fault:
@@ -372,12 +355,22 @@ def _words(kind: str, item: Mapping[str, Any], value: object) -> tuple[str, str,
         case "union_tag_not_found":
             return "missing-key", "the key 'shape' is missing or is no text", 'write shape = "box", for example'
         case "string_pattern_mismatch":
-            return "bad-name", f"{shown(value)} is no name", "use letters, digits and _, starting with a letter"
+            return "bad-name", f"{shown(value)} is no name", _named(context["pattern"])
     if kind.endswith(("_type", "_parsing")):
-        wanted = str(item["msg"]).removeprefix("Input should be ").split(" or an instance")[0]
+        wanted = str(item["msg"]).removeprefix("Input should be ").split(" or instance")[0]
         wanted = wanted.replace("a valid dictionary", "a table").replace("a valid tuple", "an array")
         return "wrong-type", f"{kind_of(value)} stands here", f"write {wanted.replace('a valid string', 'text')}"
     return "bad-value", f"{shown(value)} is not accepted", f"it should {str(item['msg']).partition(' should ')[2]}"
+
+
+def _named(pattern: str) -> str:
+    """What matches the pattern of a name, in words."""
+    match pattern:
+        case _ if r"\." in pattern:
+            return 'write "object.feature"' + (", or the name of an object" if pattern.endswith("?$") else "")
+        case pattern if pattern == TITLE:
+            return "use up to 200 characters in one line, none of them hidden"
+    return f"use up to 64 letters, digits{' and _' if pattern == PARAMETER else ', _ and -'}, starting with a letter"
 
 
 def _existing(source: Source, loc: Sequence[str | int]) -> Key:

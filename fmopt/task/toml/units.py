@@ -75,7 +75,7 @@ _NAMES = {
 }
 EXAMPLES = {
     RATIO: "0.01",
-    LENGTH: '"0.2 mm"',
+    LENGTH: '"2 mm"',
     ANGLE: '"0.3 deg"',
     TIME: '"60 s"',
     SPEED: '"20 mm/s"',
@@ -168,13 +168,14 @@ def evaluate(text: str, names: Mapping[str, Quantity] | None = None) -> Quantity
     """
     if len(text) > MAX_TEXT:
         raise QuantityError("expression", f"the text has {len(text)} characters", f"use at most {MAX_TEXT}")
+    grammar = _LONE if names is None else _GRAMMAR
     tokens: list[tuple[str, str]] = []
     position = 0
     while text[position:].strip():
         found = _TOKEN.match(text, position)
         if found is None:
             rest = text[position:].strip()
-            advice = "write a decimal point, 0.2" if rest[:1] == "," else _GRAMMAR
+            advice = "write a decimal point, 0.2" if rest[:1] == "," else grammar
             raise QuantityError("expression", f"{rest[:1]!r} is not understood", advice)
         kind = ("number", "name", "sign")[(found.lastindex or 1) - 1]
         tokens.append((kind, found[found.lastindex or 1]))
@@ -182,11 +183,12 @@ def evaluate(text: str, names: Mapping[str, Quantity] | None = None) -> Quantity
     parser = _Parser(tokens, names)
     value = parser.sum() if names is not None else parser.measure()
     if parser.kind is not None:
-        raise QuantityError("expression", f"{parser.text!r} is not expected", _GRAMMAR)
+        raise QuantityError("expression", f"{parser.text!r} is not expected", grammar)
     return value
 
 
 _GRAMMAR = "write numbers with units, names of parameters, + - * / and parentheses"
+_LONE = 'write a number, or one with its unit: "2 mm", "0.3 deg"'
 
 
 class _Parser:
@@ -244,8 +246,11 @@ class _Parser:
             return self._number(compound=False)
         if self.kind == "name":
             return self._named(self._take())
-        if self.kind == "sign" and self.text == "(" and self._depth < MAX_PARENTHESES:
+        if self.kind == "sign" and self.text == "(":
             self._take()
+            if self._depth == MAX_PARENTHESES:
+                message = f"there are more than {MAX_PARENTHESES} parentheses within one another"
+                raise QuantityError("expression", message, f"use at most {MAX_PARENTHESES}")
             self._depth += 1
             value = self.sum()
             self._depth -= 1
@@ -267,11 +272,7 @@ class _Parser:
         while self.kind == "sign" and self.text in "+-":
             sign = sign if self._take() == "+" else -sign
         if self.kind != "number":
-            raise QuantityError(
-                "expression",
-                f"{self.text!r} is not a number",
-                'write a number, or one with its unit: "0.2 mm", "0.3 deg"',
-            )
+            raise QuantityError("expression", f"{self.text!r} is not a number", _LONE)
         value = self._number(compound=True)
         return Quantity(sign * value.value, value.dimension)
 

@@ -146,13 +146,9 @@ class _Module:
         if len(call.args) > max(place, 1):
             yield call.args[place]
         for one in call.args:
-            if (
-                isinstance(one, ast.Starred)
-                and isinstance(one.value, ast.Call)
-                and isinstance(one.value.func, ast.Name)
-            ):
-                if one.value.func.id in self.functions:
-                    yield ast.Subscript(one.value, ast.Constant(1))
+            match one:
+                case ast.Starred(value=ast.Call(func=ast.Name(id=other)) as value) if other in self.functions:
+                    yield ast.Subscript(value, ast.Constant(1))
 
 
 def _assigned(scope: ast.AST) -> dict[str, list[ast.expr]]:
