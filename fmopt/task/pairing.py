@@ -216,8 +216,9 @@ def _matings(
         raise _no_pair(source, parts)
     if len(kinds) > _MOST:
         message = f"there are {len(kinds)} pairs of a peg and a hole"
+        one, other = (_said(source, side, name.name) for side, name in zip(SIDES, kinds[0], strict=True))
         place = source.place(("moving",), of_key=True)
-        raise InputError(place.fault("ambiguous", message, "name the features that mate: feature = under [moving]"))
+        raise InputError(place.fault("ambiguous", message, f"say which, such as {one} and {other}"))
     for a, b in kinds:
         mating = {"moving": rebased(parts["moving"], a.frame), "fixed": rebased(parts["fixed"], b.frame)}
         peg, hole = ("fixed", "moving") if a.kind == "hollow" else ("moving", "fixed")
@@ -250,9 +251,16 @@ def _best(source: Source, pairs: list[_Pair]) -> _Pair:
         names = list(dict.fromkeys(pair.names[side] for pair in alike))
         if len(names) > 1:
             message = f"{' and '.join(repr(name) for name in names)} of the {side} part fit alike"
-            advice = f'say which: feature = "{names[0]}" under [{side}]'
+            advice = f"say which: {_said(source, side, names[0])}"
             raise InputError(source.place((side,), of_key=True).fault("ambiguous", message, advice))
     return roomy[0]
+
+
+def _said(source: Source, side: Side, name: str) -> str:
+    """How a problem file says which feature of a part mates, also where its name alone stands for the part so far."""
+    if (side, "model") in source.keys:
+        return f'feature = "{name}" under [{side}]'
+    return f'{side} = {{ model = "{source.data[side]["model"]}", feature = "{name}" }}'
 
 
 def _seated(file: ProblemFile, models: Mapping[str, Model]) -> Pose | None:

@@ -58,7 +58,8 @@ def implausible(source: Source, key: Key, unit: str | None, error: SizeError) ->
     elif fitting:
         right = min(fitting, key=lambda name: abs(math.log(fitting[name] / _USUAL)))
         message += f"; in {right} it would be {told(fitting[right])}"
-        advice = f'set {key[-1]} = "{right}" if that is meant'
+        where = "" if source.keys else f" under [moving] or [fixed], where the file is named, or --unit {right},"
+        advice = f'set {key[-1]} = "{right}"{where} if that is meant'
     return source.place(key).fault("implausible-size", message, advice)
 
 
@@ -92,9 +93,9 @@ def refuse_wild(source: Source, shares: Sequence[Contribution]) -> None:
     Raises:
         InputError: the sources together may turn the parts by more than 0.5 rad.
     """
-    angle = float(total(shares)[3])
+    angle = float(np.max(total(shares)[3:]))
     if angle > _LARGEST_ERROR:
-        largest = max(shares, key=lambda share: float(share.box[3]))
+        largest = max(shares, key=lambda share: float(np.max(share.box[3:])))
         message = f"the sources may turn the parts by {in_words(angle, ANGLE)}, most of it by: {largest.source}"
         place = source.place(("uncertainty", "sources"), of_key=True)
         advice = f"keep all together at most {at_most(_LARGEST_ERROR, ANGLE)}"
@@ -112,11 +113,6 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
     Raises:
         InputError: at the component, or at the sources that add up to it; also where a plan cannot say the sum.
     """
-    if np.max(box) > _LARGEST_ERROR:
-        message = f"the start errors add up to {in_words(float(np.max(box[:3])), LENGTH)}"
-        message += f" and {in_words(float(np.max(box[3:])), ANGLE)}"
-        advice = f"keep them at most {at_most(_LARGEST_ERROR, LENGTH)} and {at_most(_LARGEST_ERROR, ANGLE)}"
-        raise InputError(source.place(("uncertainty",), of_key=True).fault("out-of-range", message, advice))
     size = max(float(np.linalg.norm(part.polyhedron.widths)) for part in parts)
     for axis, error in zip("xyz", box[:3].tolist(), strict=True):
         if error > size:
@@ -128,6 +124,10 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
             )
             advice = 'check [units], or write the unit beside the number, as in "0.4 mm"'
             raise InputError(source.place(key, of_key=len(key) == 1).fault("out-of-range", message, advice))
+    if np.max(box[:3]) > _LARGEST_ERROR:
+        message = f"the start errors add up to {in_words(float(np.max(box[:3])), LENGTH)}"
+        place = source.place(("uncertainty",), of_key=True)
+        raise InputError(place.fault("out-of-range", message, f"keep them at most {at_most(_LARGEST_ERROR, LENGTH)}"))
 
 
 def force_faults(source: Source, table: files.Specification) -> Iterator[Fault]:

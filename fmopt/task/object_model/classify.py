@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import chain, count
 
 from fmopt.errors import TaskError
-from fmopt.geometry.csg import Union
+from fmopt.geometry.csg import Solid, Union
 from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.spatial.se3 import Pose
 from fmopt.task.object_model.frames import clipped, length, on_axis
@@ -53,16 +53,19 @@ def object_tree(
     """
     left = list(terms)
     made: dict[int, tuple[str, Feature]] = {}
+    bodies: dict[int, tuple[Solid, ...]] = {}
     for feature in mating:
         claim = claims.get(feature.name, Claim())
         sign: Sign = "-" if feature.kind == "hollow" else "+"
         owned = _named(left, claim.terms, feature.name, sign) if claim.terms else _found(left, feature)
-        term = Term(sign, feature.name, owned[0].body if len(owned) == 1 else Union(tuple(t.body for t in owned)))
+        # What features share counts once: bodies of bodies would double from each to the next.
+        shared = tuple({id(one): one for t in owned for one in bodies.get(id(t), (t.body,))}.values())
+        term = Term(sign, feature.name, shared[0] if len(shared) == 1 else Union(shared))
         left.insert(left.index(owned[0]), term)
         left = [other for other in left if other not in owned or id(other) in made]
         group = claim.classification or (_HOLES if sign == "-" else _PEGS)
         whole = Feature(feature.name, sign, feature.frame, term.body, feature.length, feature.through)
-        made[id(term)] = (group, whole)
+        made[id(term)], bodies[id(term)] = (group, whole), shared
     used = {feature.name for _, feature in made.values()}
     nodes = [made[id(term)] if id(term) in made else _bulk(term, used) for term in left]
     groups = dict.fromkeys(group for group, _ in nodes)
