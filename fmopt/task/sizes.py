@@ -58,8 +58,10 @@ def implausible(source: Source, key: Key, unit: str | None, error: SizeError) ->
     elif fitting:
         right = min(fitting, key=lambda name: abs(math.log(fitting[name] / _USUAL)))
         message += f"; in {right} it would be {told(fitting[right])}"
-        where = "" if source.keys else f" under [moving] or [fixed], where the file is named, or --unit {right},"
-        advice = f'set {key[-1]} = "{right}"{where} if that is meant'
+        advice = f'set {key[-1]} = "{right}" if that is meant'
+        if not source.keys:  # of a mesh file that is named itself
+            there = "under [moving] or [fixed], where the file is named, or --unit"
+            advice = f'set unit = "{right}" {there} {right}, if that is meant'
     return source.place(key).fault("implausible-size", message, advice)
 
 

@@ -25,6 +25,11 @@ class Given:
     line: int
     pattern: str
 
+    @property
+    def words(self) -> int:
+        """How much of it is not left open."""
+        return len(self.pattern.replace(_HOLE, ""))
+
     def says(self, text: str) -> bool:
         """Whether a text is this advice."""
         return re.fullmatch(self.pattern, text, re.DOTALL) is not None
@@ -155,6 +160,8 @@ def _assigned(scope: ast.AST) -> dict[str, list[ast.expr]]:
     """The values that names get within a module, outside of its functions, or within a function; sums as they grow."""
     found: dict[str, list[ast.expr]] = {}
     inner = scope.body if isinstance(scope, ast.Module) else list(ast.walk(scope))
+    branches = [body for one in inner if isinstance(one, ast.If) for body in (one.body, one.orelse)]
+    may_grow = {id(one) for body in branches if not any(map(_is_new, body)) for one in body}
     for node in sorted((one for one in inner if isinstance(one, ast.stmt)), key=lambda one: one.lineno):
         match node:
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
@@ -168,5 +175,11 @@ def _assigned(scope: ast.AST) -> dict[str, list[ast.expr]]:
                     if isinstance(target, ast.Name):
                         found.setdefault(target.id, []).append(ast.Subscript(value, ast.Constant(place)))
             case ast.AugAssign(target=ast.Name(id=name), op=ast.Add(), value=value) if name in found:
-                found[name] = [ast.BinOp(before, ast.Add(), value) for before in found[name]]
+                longer: list[ast.expr] = [ast.BinOp(before, ast.Add(), value) for before in found[name]]
+                found[name] = [*(found[name] if id(node) in may_grow else ()), *longer]
     return found
+
+
+def _is_new(node: ast.stmt) -> bool:
+    """Whether a statement sets something, not just makes it longer."""
+    return isinstance(node, ast.Assign)

@@ -18,7 +18,7 @@ from tests.shared.files.advice.edits import (
     PEG,
     SHORT,
     START,
-    assembly,
+    assembled,
     edited,
     files,
     fitted,
@@ -91,7 +91,8 @@ def twins(folder: Path, text: str) -> Any:
 def answered(folder: Path, pair: str) -> Any:
     """A task whose pair is made by what a problem file asks for, or is answered in an assembly."""
     if pair == "planar":
-        return assembly(folder, f'title = "put on"\n{PUT_ON}')
+        said = {"block.toml": TABLE + UNITS, "assembly.toml": f'title = "put on"\n{PUT_ON}'}
+        return assembled(folder, said)
     return problem(folder, f'{WHOLE}[goal]\nattachment = "{pair.removeprefix("not ")}"\n')
 
 
@@ -199,6 +200,16 @@ BAR, SOLID = PEG[: PEG.index("[features")], BLOCK[: BLOCK.index("[features")]
 BARE = 'set unit = "m" under [moving] or [fixed], where the file is named, or --unit m, if that is meant'
 CHECK = "check the units of the model files, [mesh] unit among them, and which features are to mate; "
 SMALL = PEG.replace("20, 20, 50", "9.8, 9.8, 50") + UNITS
+TABLE = """part = "table"
+[solids.table]
+shape = "box"
+size = [60, 60, 40]
+[features.top]
+kind = "solid"
+at = [0, 0, 40]
+turn = [180, 0, 0]
+length = 40
+"""
 PUT_ON = TASK.replace('"prismatic"', '"planar"').replace("block.hole", "block.top")
 CASES: tuple[Case, ...] = (
     edited(
