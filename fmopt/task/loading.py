@@ -35,7 +35,7 @@ from fmopt.task.sources import (
     start_box,
     total,
 )
-from fmopt.task.task_command import PLANNED, attributes, is_round
+from fmopt.task.task_command import attributes, is_round
 from fmopt.task.toml import problem_file as files
 from fmopt.task.toml.source import NAME_PROBLEM, Source, read, read_bytes
 from fmopt.task.toml.tables import Reading, at_most, checked, in_words
@@ -114,10 +114,6 @@ def _operand(source: Source, reading: Reading, side: str) -> tuple[Model | None,
 def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
     """What one key cannot see: features, the pair, the depth against the hole, and one description of the errors."""
     yield from _feature_faults(source, file, models)
-    if file.goal.attachment is not None and file.goal.attachment not in PLANNED:
-        message = f"a {file.goal.attachment} pair is not made by an insertion along the axis"
-        advice = "the knowledge base answers such tasks; describe it in an assembly file"
-        yield source.place(("goal", "attachment")).fault("no-insertion", message, advice)
     start, sources = file.uncertainty.start, file.uncertainty.sources
     if (start is None) == (sources is None):
         message = "the start error is described twice" if start else "the start error is not described"

@@ -21,7 +21,7 @@ from fmopt.task.solid_tree import bare_part, build_part, part_reach, tree_faults
 from fmopt.task.toml.model_file import MatingFeature, ModelFile, Profile
 from fmopt.task.toml.source import Key, Place, Source, read, read_bytes
 from fmopt.task.toml.tables import NAME, Reading, checked
-from fmopt.task.toml.units import UNITS, Quantity, QuantityError, did_you_mean
+from fmopt.task.toml.units import RATIO, UNITS, Quantity, QuantityError, did_you_mean
 
 if TYPE_CHECKING:
     from fmopt.geometry.mating_features import Feature
@@ -141,9 +141,8 @@ def _bare_model(
         table["body"] = said.body
     elif not own:
         table["unit"] = said.unit or USUAL_UNIT
-    source = Source(
-        path, {"name": _called(said.body if isinstance(said.body, str) else path.stem), "mesh": table}, {}, {}
-    )
+    name = _called(said.body if isinstance(said.body, str) else path.stem)
+    source = Source(path, {"name": name, "mesh": table}, {}, {})
     file, more = checked(ModelFile, source, Reading())
     if file is None or faults or more:
         return None, [*faults, *more]
@@ -209,7 +208,9 @@ def _parameters(source: Source, reading: Reading, overrides: Mapping[str, Overri
             given = overrides[name]
             if given.value.dimension != names[name].dimension:
                 message = f"{given.value.dimension} replaces {names[name].dimension} of the model"
-                faults.append(given.place.fault("wrong-unit", message, "give it the unit of the model's parameter"))
+                plain = names[name].dimension == RATIO
+                advice = 'write it as text, such as "2"' if plain else "give it the unit of the model's parameter"
+                faults.append(given.place.fault("wrong-unit", message, advice))
                 broken.add(name)
             names[name] = given.value
     for name in sorted(overrides.keys() - names.keys() - broken):
@@ -274,7 +275,7 @@ def _ball_faults(source: Source, file: ModelFile) -> list[Fault]:
     """Balls go with solids, and on what goes in: a wall is no ball."""
     place = source.place(("balls",), of_key=True)
     if not file.solids:
-        return [place.fault("conflict", "there are balls without solids", "give [solids] and part beside them")]
+        return [place.fault("conflict", "there are balls without solids", "give [solids] and part as the only shape")]
     if any(feature.kind == "hollow" for feature in file.features.values()):
         advice = 'give them to the part that goes in, or a solid of shape = "sphere" to this one'
         return [place.fault("not-supported", "a part with a hollow feature has balls", advice)]
@@ -294,8 +295,7 @@ def _profile_faults(source: Source, file: ModelFile, profile: Profile) -> list[F
     for name, feature in file.features.items():
         for key in ("at", "length"):
             if getattr(feature, key) is None:
-                place = source.place(("features", name), of_key=True)
-                place = replace(place, key=f"features.{name}.{key}")
+                place = replace(source.place(("features", name), of_key=True), key=f"features.{name}.{key}")
                 faults.append(place.fault("missing-key", "this key is missing", f"add {key!r} to the feature"))
         if feature.at is not None and (feature.at[1] != 0.0 or any(feature.turn)):
             place = source.place(("features", name), of_key=True)

@@ -60,8 +60,8 @@ def implausible(source: Source, key: Key, unit: str | None, error: SizeError) ->
         message += f"; in {right} it would be {told(fitting[right])}"
         advice = f'set {key[-1]} = "{right}" if that is meant'
         if not source.keys:  # of a mesh file that is named itself
-            there = "under [moving] or [fixed], where the file is named, or --unit"
-            advice = f'set unit = "{right}" {there} {right}, if that is meant'
+            where = "where the file is named, under [moving], [fixed] or [mesh], or by --unit"
+            advice = f'set unit = "{right}" {where} {right}, if that is meant'
     return source.place(key).fault("implausible-size", message, advice)
 
 

@@ -16,7 +16,6 @@ from fmopt.task.toml.problem_file import Goal
 
 _TURNED = {"cylinder", "cone"}
 _FREE_TURN: frozenset[LowerPair] = frozenset({"cylindrical", "revolute"})
-PLANNED: frozenset[LowerPair] = frozenset({"cylindrical", "prismatic", "revolute"})
 
 
 def task_command(problem: Problem) -> tuple[Workcell, Task]:

@@ -12,11 +12,11 @@ from fmopt.errors import FmoptError
 from fmopt.task.toml import assembly_file, model_file, problem_file, tables
 from fmopt.task.toml.tables import Measured, at_most
 from fmopt.task.toml.units import EXAMPLES, evaluate
-from tests.shared.files.advice import models, problems, texts, workcells
+from tests.shared.files.advice import features, fits, models, problems, texts, workcells
 from tests.shared.files.advice.case import Case, advice_of
 from tests.shared.files.advice.given import given
 
-CASES = (*texts.CASES, *models.CASES, *problems.CASES, *workcells.CASES)
+CASES = (*texts.CASES, *models.CASES, *features.CASES, *problems.CASES, *fits.CASES, *workcells.CASES)
 UNFOLLOWED: dict[str, str] = {}  # advice that no test can follow, and why
 
 

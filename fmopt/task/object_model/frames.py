@@ -109,6 +109,11 @@ def _mm(length: float) -> str:
     return f"{round(1e3 * length, 6) + 0.0:.4g}"
 
 
+def _exactly(length: float) -> str:
+    """Of a place to which a frame may be moved: digits that are left out would put it beside the line again."""
+    return f"{round(1e3 * length, 6) + 0.0:.9g}"
+
+
 def _turned(feature: Feature) -> str:
     if feature.hollow:
         return "put the frame's origin into the mouth, z pointing out of it, and check the depth"
@@ -135,7 +140,7 @@ def _check_central(tree: ObjectTree, feature: Feature, body: Solid, whole: Solid
     centres = (_centroid(outline) for outline in outlines)
     x, y = max(centres, key=lambda centre: float(np.linalg.norm(centre)), default=np.zeros(2))
     message = f"the frame of feature {feature.name!r} of {tree.name!r} is not on a central line: along z a section has "
-    message += f"its centroid at ({_mm(x)}, {_mm(y)}) mm{_even(outlines)}"
+    message += f"its centroid at ({_exactly(x)}, {_exactly(y)}) mm{_even(outlines)}"
     advice = "move the frame's origin there, or to the centre of the largest circle inside, which an even gap around "
     advice += "leaves where it is; or turn an axis along the line; or leave `at` out, to have it found"
     raise TaskError(message, feature.name, CENTRAL, advice)
@@ -241,7 +246,7 @@ def _even(outlines: Sequence[Array]) -> str:
         return ""
     ring = outlines[0]
     x, y = centre(ring if _signed_area(ring) > 0.0 else ring[::-1])
-    return f", and is found at ({_mm(x)}, {_mm(y)}) mm from there"
+    return f", and is found at ({_exactly(x)}, {_exactly(y)}) mm of the frame"
 
 
 def _at_even_centre(ring: Array) -> bool:

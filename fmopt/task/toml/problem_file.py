@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from fmopt.errors import Fault
 from fmopt.task.toml.source import Key, Source
@@ -41,6 +41,7 @@ from fmopt.task.toml.tables import (
     Torque,
     Vector,
     Way,
+    fault,
 )
 from fmopt.task.toml.units import ANGLE, LENGTH, QuantityError, evaluate
 
@@ -89,6 +90,17 @@ Angle: TypeAlias = Annotated[float | None, Measured(ANGLE, -2.0 * math.pi, 2.0 *
 Pair: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute"]
 
 
+def _inserting(value: object) -> object:
+    """Refuses the pairs that are made in other ways."""
+    if value in ("planar", "screw", "spherical"):
+        message = f"a {value} pair is not made by an insertion along the axis"
+        raise fault("no-insertion", message, "the knowledge base answers such tasks; describe it in an assembly file")
+    return value
+
+
+Inserted: TypeAlias = Annotated[Literal["cylindrical", "prismatic", "revolute"], BeforeValidator(_inserting)]
+
+
 class Goal(Table):
     """Where the moving part ends, on the mating axis, and the pair that it then makes with the fixed one."""
 
@@ -99,7 +111,7 @@ class Goal(Table):
     """Angle about the axis, of the moving feature against the fixed one; "free" is as the start has it, nearest to it.
     Not given: free where the pair leaves it free and the peg is round; that of the best fit, where the frame of a
     feature was found; else 0."""
-    attachment: Pair | None = None
+    attachment: Inserted | None = None
     """The lower pair that the task makes; not given: cylindrical for a round peg, prismatic for any other."""
 
 

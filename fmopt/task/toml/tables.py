@@ -357,7 +357,7 @@ def _words(kind: str, item: Mapping[str, Any], value: object) -> tuple[str, str,
         case "string_pattern_mismatch":
             return "bad-name", f"{shown(value)} is no name", _named(context["pattern"])
     if kind.endswith(("_type", "_parsing")):
-        wanted = str(item["msg"]).removeprefix("Input should be ").split(" or instance")[0]
+        wanted = str(item["msg"]).removeprefix("Input should be ").split(" or ")[0]
         wanted = wanted.replace("a valid dictionary", "a table").replace("a valid tuple", "an array")
         return "wrong-type", f"{kind_of(value)} stands here", f"write {wanted.replace('a valid string', 'text')}"
     return "bad-value", f"{shown(value)} is not accepted", f"it should {str(item['msg']).partition(' should ')[2]}"
@@ -369,7 +369,7 @@ def _named(pattern: str) -> str:
         case _ if r"\." in pattern:
             return 'write "object.feature"' + (", or the name of an object" if pattern.endswith("?$") else "")
         case pattern if pattern == TITLE:
-            return "use up to 200 characters in one line, none of them hidden"
+            return "use 1 to 200 characters in one line, none of them hidden"
     return f"use up to 64 letters, digits{' and _' if pattern == PARAMETER else ', _ and -'}, starting with a letter"
 
 

@@ -58,6 +58,7 @@ DEFINE = "define it under [parameters], above its first use"
 START_ERROR = 'write a distance and an angle with their units, such as "1 mm, 1 deg": how far off the part may start'
 SHAPES = "write one of 'box', 'cylinder', 'cone', 'sphere', 'prism', 'stack', 'wedge', 'hull', 'union', 'difference'"
 NAME_PROBLEM = "name a problem file, which names two models under [moving] and [fixed]; or both parts, with --error"
+TITLE = "use 1 to 200 characters in one line, none of them hidden"
 SYNTAX = "see https://toml.io for the syntax; numbers take a decimal point, words quotation marks"
 QUANTITY = 'write a number, or text such as "2 mm"'
 LONE = 'write a number, or one with its unit: "2 mm", "0.3 deg"'
@@ -221,6 +222,8 @@ ABOUT_KEYS = (
     edited("no shape", 'write shape = "box", for example', model, f"{BODY}{SIZE}", f"{BODY}{CUBOID}"),
     edited("no text", "write text", model, f"description = 1\n{PEG}", f'description = "1"\n{PEG}'),
     edited("no table", "write a table", problem, f"moving = 1\n{ALONE[20:]}{FIXED}", f"{LONG}{START}"),
+    edited("no solid", "write a table", model, 'part = "peg"\n[solids]\npeg = 1', f"{BODY}{CUBOID}"),
+    edited("no title at all", TITLE, problem, f'title = ""\n{WHOLE}', f'title = "a"\n{WHOLE}'),
     edited("no array", "write an array", model, box("20, 20, 50").replace("[20, 20, 50]", "20"), box("20, 20, 50")),
     edited(
         "a long name",
@@ -239,7 +242,7 @@ ABOUT_KEYS = (
     ),
     edited(
         "a title of two lines",
-        "use up to 200 characters in one line, none of them hidden",
+        TITLE,
         problem,
         f'title = "a\\nb"\n{WHOLE}',
         f"title = '{'a b, ' * 40}'\n{WHOLE}",

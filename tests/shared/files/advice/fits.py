@@ -1,0 +1,194 @@
+"""Advice on how two parts go together, followed: which of their features mate, in which unit, with what clearance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import fmopt
+from fmopt.geometry.csg import Box
+from fmopt.geometry.mating_features import DESCRIBE
+from tests.shared.files.advice.case import UNITS, Case
+from tests.shared.files.advice.edits import (
+    BLOCK,
+    LONG,
+    PAIR,
+    PEG,
+    START,
+    edited,
+    files,
+    fitted,
+    problem,
+    written,
+)
+from tests.shared.files.advice.models import TWINS
+from tests.shared.files.advice.problems import MATED, NAMED, WHOLE
+from tests.shared.files.asked import generated, write, write_assembly
+from tests.shared.files.mesh_damage import subdivided
+from tests.shared.files.mesh_files import plate, rounded, stl_text, triangles_of
+from tests.shared.files.packed import packed_stl
+
+
+def twins(folder: Path, text: str) -> Any:
+    """A problem of a peg and a block with two holes for it."""
+    return files(folder, {"peg.toml": SMALL, "block.toml": f"{TWINS}{UNITS}", "problem.toml": text})
+
+
+def declared(folder: Path, given: tuple[str, str, str]) -> Any:
+    """A problem that declares a clearance on each side, its parts in some unit, its hole a wide one or not."""
+    across, unit, name = given
+    wide = f'{TWO}[features.wide]\nkind = "hollow"\nat = [60, 0, 40]\nlength = 30\n'
+    parts = {"peg.toml": PEG + UNITS, "block.toml": wide + UNITS}
+    parts = {file: text.replace('length = "mm"', f'length = "{unit}"') for file, text in parts.items()}
+    text = f'moving = "peg.toml"\n{START}[fixed]\nmodel = "block.toml"\nfeature = "{name}"\n'
+    return fitted(folder, {**parts, "problem.toml": text + (f'[clearance]\nx = "{across}"\n' if across else "")})
+
+
+def meshes(folder: Path, noise: float) -> Any:
+    """A rod and a plate as meshes, the plate's facets this far off its planes, mm."""
+    rng = np.random.default_rng(1)
+    points, corners = subdivided(*triangles_of(plate((0.01202, 0.00802))), rng)
+    noisy = points + noise * rng.uniform(-1.0, 1.0, points.shape)
+    rod = stl_text(*triangles_of(rounded((0.012, 0.008), 0.03)))
+    both = {"rod.stl": rod, "plate.stl": packed_stl(noisy, corners)}
+    said = {"problem.toml": 'moving = "rod.stl"\nfixed = "plate.stl"\n' + START}
+    return fitted(folder, {**both, **said})
+
+
+def both(folder: Path, depth: float | None) -> Any:
+    """A STEP file of two bodies, the one so deep in the other; or each by itself."""
+    pair = generated(seed=1)[0]
+    write_assembly(folder / "both.step", pair, 7.0 if depth is None else depth)
+    if depth is None:
+        one, other = write(pair, folder, "step")
+        return fmopt.problem(one, other, "0.02 mm, 0.02 deg", folder=folder / "asked")
+    text = (
+        f'moving = {{ model = "both.step", body = "peg" }}\nfixed = {{ model = "both.step", body = "plate" }}\n{START}'
+    )
+    return files(folder, {"problem.toml": text})
+
+
+def far_off(folder: Path, x: float) -> Any:
+    """A bar with a feature far from where it is, in mm."""
+    far = PEG.replace("at = [0, 0, 0]", f"at = [{x}, 0, 0]")
+    return files(folder, {"peg.toml": far + UNITS, "problem.toml": f"{MATED}{START}"})
+
+
+def bare(folder: Path, where: str) -> Any:
+    """A rod as a mesh whose numbers are in m, its unit said somewhere or nowhere."""
+    points, corners = triangles_of(Box((0.02, 0.02, 0.05)))
+    rod = stl_text(1e-3 * points, corners)
+    if where == "--unit":
+        written(folder, {**PAIR, "rod.stl": rod})
+        return fmopt.problem(
+            folder / "rod.stl", folder / "block.toml", "1 mm, 1 deg", unit="m", folder=folder / "asked"
+        )
+    said = {"rod.stl": rod, "rod.toml": f'[mesh]\nfile = "rod.stl"\nunit = "m"\n{UNITS}'}
+    unit, name = 'unit = "m"' if where == "moving" else "", "rod.toml" if where == "mesh" else "rod.stl"
+    text = f'[moving]\nmodel = "{name}"\n{unit}\n[fixed]\nmodel = "block.toml"\n{START}'
+    return files(folder, {**said, "problem.toml": text})
+
+
+def many(folder: Path, text: str) -> Any:
+    """A problem of a peg and a block, each with many features at one place."""
+    pegs = "".join(f'[features.p{n}]\nkind = "solid"\nat = [0, 0, 0]\nlength = 50\n' for n in range(17))
+    holes = "".join(f'[features.h{n}]\nkind = "hollow"\nat = [0, 0, 40]\nlength = 30\n' for n in range(16))
+    parts = {"peg.toml": BAR + pegs + UNITS, "block.toml": SOLID + holes + UNITS}
+    return files(folder, {**parts, "problem.toml": text})
+
+
+WIDE = '[solids.wide]\nshape = "box"\nsize = [24, 24, 40]\nat = [60, 0, 10]\n'
+TWO = BLOCK.replace("60, 60, 40", "200, 60, 40").replace('["pocket"]', '["pocket", "wide"]') + WIDE
+BAR, SOLID = PEG[: PEG.index("[features")], BLOCK[: BLOCK.index("[features")]
+BARE = 'set unit = "m" where the file is named, under [moving], [fixed] or [mesh], or by --unit m, if that is meant'
+CHECK = "check the units of the model files, [mesh] unit among them, and which features are to mate; "
+SMALL = PEG.replace("20, 20, 50", "9.8, 9.8, 50") + UNITS
+CASES: tuple[Case, ...] = (
+    edited(
+        "a feature misspelt",
+        "did you mean 'hole'?",
+        problem,
+        MATED.replace('"hole"', '"hle"') + START,
+        f"{MATED}{START}",
+    ),
+    edited("no such feature", "features: hole", problem, MATED.replace('"hole"', '"slot"') + START, f"{MATED}{START}"),
+    edited(
+        "two pegs",
+        NAMED,
+        files,
+        {"problem.toml": MATED.replace("block", "peg").replace("hole", "peg") + START},
+        {"problem.toml": f"{MATED}{START}"},
+    ),
+    edited(
+        "another clearance",
+        f"{CHECK}or correct [clearance]",
+        declared,
+        ("0.1 mm", "mm", "wide"),
+        ("0.1 mm", "mm", "hole"),
+        ("2 mm", "mm", "wide"),
+    ),
+    edited(
+        "another unit of the parts",
+        f"{CHECK}or correct [clearance]",
+        declared,
+        ("0.1 mm", "cm", "wide"),
+        ("2 mm", "mm", "wide"),
+    ),
+    edited("facets off their planes", "export the mesh with more digits, its plane faces plane", meshes, 0.01, 0.0),
+    edited(
+        "bodies apart",
+        "export the assembly with the parts seated; or export each part on its own and name both files",
+        both,
+        -5.0,
+        7.0,
+        None,
+        slow=True,
+    ),
+    edited("a feature elsewhere", "check where the feature is", far_off, 5000, 0),
+    edited("metres for millimetres", BARE, bare, "", "moving", "mesh", "--unit"),
+    edited(
+        "two holes alike",
+        'say which: feature = "hole_1" under [fixed]',
+        twins,
+        f"{LONG}{START}",
+        f'{LONG}feature = "hole_1"\n{START}',
+    ),
+    edited(
+        "two holes alike, in short",
+        'say which: fixed = { model = "block.toml", feature = "hole_1" }',
+        twins,
+        WHOLE,
+        f'moving = "peg.toml"\nfixed = {{ model = "block.toml", feature = "hole_1" }}\n{START}',
+    ),
+    edited(
+        "many alike",
+        'say which, such as feature = "p0" under [moving] and feature = "h0" under [fixed]',
+        many,
+        f"{LONG}{START}",
+        LONG.replace("[fixed]", 'feature = "p0"\n[fixed]\nfeature = "h0"') + START,
+    ),
+    edited(
+        "a peg for a hole",
+        "check that the files are those of a peg and of a part with a hole for it; fmopt check FILE draws a part",
+        problem,
+        WHOLE.replace("block", "peg"),
+        WHOLE,
+    ),
+    edited(
+        "a found feature misspelt",
+        f"did you mean 'hole_1'?; they were found, and for another one {DESCRIBE}",
+        twins,
+        f'{LONG}feature = "hole1"\n{START}',
+        f'{LONG}feature = "hole_1"\n{START}',
+    ),
+    edited(
+        "no such feature was found",
+        f"features: hole_1, hole_2; they were found, and for another one {DESCRIBE}",
+        twins,
+        f'{LONG}feature = "slot"\n{START}',
+        f'{LONG}feature = "hole_1"\n{START}',
+        f'{LONG}feature = "hole_2"\n{START}',
+    ),
+)
