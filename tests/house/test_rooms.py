@@ -20,9 +20,9 @@ LONGER = {
     "certificate/tube.py": 483,
     "contact/polytope.py": 420,
     "notebook/plan.py": 412,
-    "task/loading.py": 468,
+    "task/loading.py": 455,
     "task/model.py": 412,
-    "task/toml/tables.py": 423,
+    "task/toml/tables.py": 416,
 }
 
 

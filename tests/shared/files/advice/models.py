@@ -226,7 +226,9 @@ ABOUT_MESHES = (
     ),
     edited("a body of a mesh", "remove 'body'", of_stl, 'unit = "mm"\nbody = 1', 'unit = "mm"'),
     edited("a unit of a STEP file", "remove 'unit'", of_step, 'unit = "mm"', ""),
-    edited("no deviation", "give a deviation such as 0.01 mm", of_step, "deviation = 0", 'deviation = "0.01 mm"'),
+    edited(
+        "no deviation", "give a deviation such as 0.01 mm", of_step, "deviation = 0", 'deviation = "0.01 mm"', slow=True
+    ),
     edited("a unit of a model", "leave 'unit' out", asked, 'model = "peg.toml"\nunit = "mm"', 'model = "peg.toml"'),
     edited(
         "a unit above the model",
