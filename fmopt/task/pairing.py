@@ -233,7 +233,8 @@ def _no_pair(source: Source, parts: Mapping[str, Part]) -> InputError:
         for part in (parts[side] for side in SIDES)
     )
     message = f"no peg of one part and hole of the other were found ({listed})"
-    advice = "check that the files are those of a peg and of a part with a hole for it; fmopt check FILE draws a part"
+    advice = "check that the files are those of a peg and of a part with a hole for it, each drawn by: "
+    advice += "fmopt check FILE --out FILE.svg"
     return InputError(source.place(("fixed",), of_key=True).fault("no-pair", message, advice))
 
 

@@ -180,8 +180,8 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     Raises:
         InputError: no solid comes out, or a feature breaks a rule; at its place in the file.
     """
-    from fmopt.task.object_model.classify import Claim, is_made, object_tree
-    from fmopt.task.object_model.frames import checked
+    from fmopt.task.object_model.classify import MADE, Claim, is_made, object_tree
+    from fmopt.task.object_model.frames import CENTRAL, checked
     from fmopt.task.object_model.tree import chain_of
 
     features = [_feature(name, feature) for name, feature in file.features.items()]
@@ -198,7 +198,12 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
         return checked(object_tree(file.name, chain, features, claims))
     except TaskError as error:
         key = ("features", error.feature) if error.feature in file.features else ("features",)
-        raise InputError(source.place(key, of_key=True).fault("frame-rule", error.message, error.advice)) from error
+        advice = error.advice
+        if file.profile is not None and error.rule == CENTRAL:  # nothing is found on it
+            advice = "move the frame's origin there"
+        elif not file.solids and error.rule == MADE:
+            advice = "check the feature's frame"
+        raise InputError(source.place(key, of_key=True).fault("frame-rule", error.message, advice)) from error
     except GeometryError as error:
         place = source.place(("solids", file.part) if file.part else ("mesh", "file"), of_key=True)
         raise InputError(place.fault("geometry", error.message, error.advice)) from error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,16 @@ def test_advice_that_is_followed_helps(case: Case, tmp_path: Path) -> None:
         case.wrong(refused)
     assert advice_of(told.value) == case.advice
     assert case.followed(taken) == case.gives
+
+
+@pytest.mark.parametrize(("words", "before", "after"), fits.WARNED)
+def test_warnings_that_are_heeded_go(
+    words: str, before: Mapping[str, str], after: Mapping[str, str], tmp_path: Path
+) -> None:
+    with pytest.raises(FmoptError) as told:
+        fits.warned(tmp_path, before)
+    assert words in told.value.advice
+    assert fits.warned(tmp_path, after)
 
 
 def test_all_advice_is_followed() -> None:

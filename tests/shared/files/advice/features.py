@@ -14,7 +14,10 @@ from tests.shared.files.advice.edits import (
     edited,
     model,
 )
-from tests.shared.files.advice.models import BAR, ON_IT, PROFILE, TWINS, WHOLE
+from tests.shared.files.advice.models import BAR, ON_IT, PROFILE, TWINS, WHOLE, of_stl
+
+MOUTH = "at = [0, 0, 40]"
+ROD_END = 'unit = "mm"\n[features.peg]\nkind = "solid"\n'
 
 OPEN = WHOLE.replace("at = [0, 0, 10]", "at = [0, 0, -1]").replace("20.2, 20.2, 40]", "20.2, 20.2, 42]")
 INTO = "put the frame's origin into the mouth, z pointing out of it, and check the depth"
@@ -123,6 +126,31 @@ CASES: tuple[Case, ...] = (
         hole("at = [25, 0, 40]"),
         hole("at = [0, 0, 40]"),
         hole("at = [25, 0, 40]", f"length = 30\n{OWN}", WHOLE.replace('["pocket"]', '["pocket", "slit"]')),
+    ),
+    edited(
+        "askew", CENTRAL, model, hole(f"{MOUTH}\nturn = [0.1, 0, 0]", "length = 29.9"), hole(MOUTH, "length = 29.9")
+    ),
+    edited(
+        "beside the line of a mesh",
+        CENTRAL,
+        of_stl,
+        f"{ROD_END}at = [1, 0, 0]\nlength = 30",
+        f"{ROD_END}at = [0, 0, 0]\nlength = 30",
+        f"{ROD_END}length = 30",
+    ),
+    edited(
+        "beside a mesh",
+        "check the feature's frame",
+        of_stl,
+        f"{ROD_END}at = [30, 0, 0]\nlength = 30",
+        f"{ROD_END}at = [0, 0, 0]\nlength = 30",
+    ),
+    edited(
+        "beside the line of a profile",
+        "move the frame's origin there",
+        model,
+        f"{PROFILE}{ON_IT}".replace("at = [0, 0, 0]", "at = [1, 0, 0]"),
+        f"{PROFILE}{ON_IT}",
     ),
     edited("a peg through", "remove 'through'", model, peg("[0, 0, 0]", "through = true"), peg("[0, 0, 0]")),
     edited("made of nothing", "solids: block, whole, pocket", model, of_solids("slit"), of_solids("pocket")),

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from typer.testing import CliRunner
 
 import fmopt
-from fmopt.geometry.csg import Box
+from fmopt.cli import app
+from fmopt.errors import GeometryError
+from fmopt.geometry.csg import Box, Cylinder
 from fmopt.geometry.mating_features import DESCRIBE
+from fmopt.planning.pipeline import tried
+from fmopt.task.explain import facts
 from tests.shared.files.advice.case import UNITS, Case
 from tests.shared.files.advice.edits import (
     BLOCK,
@@ -91,6 +97,22 @@ def bare(folder: Path, where: str) -> Any:
     return files(folder, {**said, "problem.toml": text})
 
 
+def drawn(folder: Path, name: str) -> Any:
+    """A problem of the peg and another part, which is drawn first."""
+    written(folder, PAIR)
+    drawing = folder / f"{name}.svg"
+    done = CliRunner().invoke(app, ["check", str(folder / f"{name}.toml"), "--out", str(drawing)])
+    assert done.exit_code == 0
+    assert drawing.exists()
+    return problem(folder, WHOLE.replace("block", name))
+
+
+def round_peg(sides: int) -> dict[str, str]:
+    """A problem of a round peg as a mesh of so many sides."""
+    rod = stl_text(*triangles_of(Cylinder(0.01, 0.05, sides)))
+    return {"rod.stl": rod, "problem.toml": NAMED_STL.format('unit = "mm"\n')}
+
+
 def many(folder: Path, text: str) -> Any:
     """A problem of a peg and a block, each with many features at one place."""
     pegs = "".join(f'[features.p{n}]\nkind = "solid"\nat = [0, 0, 0]\nlength = 50\n' for n in range(17))
@@ -103,6 +125,7 @@ WIDE = '[solids.wide]\nshape = "box"\nsize = [24, 24, 40]\nat = [60, 0, 10]\n'
 TWO = BLOCK.replace("60, 60, 40", "200, 60, 40").replace('["pocket"]', '["pocket", "wide"]') + WIDE
 BAR, SOLID = PEG[: PEG.index("[features")], BLOCK[: BLOCK.index("[features")]
 BARE = 'set unit = "m" where the file is named, under [moving], [fixed] or [mesh], or by --unit m, if that is meant'
+CENTIMETRES = "[uncertainty.start]\nposition = 2\nangle = 1"
 CHECK = "check the units of the model files, [mesh] unit among them, and which features are to mate; "
 SMALL = PEG.replace("20, 20, 50", "9.8, 9.8, 50") + UNITS
 CASES: tuple[Case, ...] = (
@@ -171,10 +194,11 @@ CASES: tuple[Case, ...] = (
     ),
     edited(
         "a peg for a hole",
-        "check that the files are those of a peg and of a part with a hole for it; fmopt check FILE draws a part",
-        problem,
-        WHOLE.replace("block", "peg"),
-        WHOLE,
+        "check that the files are those of a peg and of a part with a hole for it, each drawn by: fmopt check FILE "
+        "--out FILE.svg",
+        drawn,
+        "peg",
+        "block",
     ),
     edited(
         "a found feature misspelt",
@@ -190,5 +214,39 @@ CASES: tuple[Case, ...] = (
         f'{LONG}feature = "slot"\n{START}',
         f'{LONG}feature = "hole_1"\n{START}',
         f'{LONG}feature = "hole_2"\n{START}',
+    ),
+)
+
+
+def warned(folder: Path, changed: Mapping[str, str]) -> float:
+    """A problem of a peg that is checked without a warning.
+
+    Raises:
+        GeometryError: with the warnings as advice.
+    """
+    problem_ = files(folder, changed)
+    warnings = facts(problem_, tried(problem_))["warnings"]
+    if warnings:
+        raise GeometryError("there are warnings", "\n".join(warnings))
+    return 1.0
+
+
+STL = stl_text(*triangles_of(Box((0.02, 0.02, 0.05))))
+NAMED_STL = '[moving]\nmodel = "rod.stl"\n{}[fixed]\nmodel = "block.toml"\n' + START
+WARNED: tuple[tuple[str, Mapping[str, str], Mapping[str, str]], ...] = (
+    (
+        "rod.stl has no unit; its numbers are taken for mm, so that the part is 20 x 20 x 50 mm: state its unit",
+        {"rod.stl": STL, "problem.toml": NAMED_STL.format("")},
+        {"rod.stl": STL, "problem.toml": NAMED_STL.format('unit = "mm"\n')},
+    ),
+    (
+        "it may begin beside the hole altogether; check the units",
+        {"problem.toml": f'[units]\nlength = "cm"\nangle = "deg"\n{LONG}{CENTIMETRES}'},
+        {"problem.toml": f'[units]\nlength = "mm"\nangle = "deg"\n{LONG}{CENTIMETRES}'},
+    ),
+    (
+        "which is the clearance and more; give finer facets",
+        round_peg(18),
+        round_peg(96),
     ),
 )

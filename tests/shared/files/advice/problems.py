@@ -5,7 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from typer.testing import CliRunner
+
 import fmopt
+from fmopt.cli import app
 from tests.shared.files.advice.case import UNITS, Case
 from tests.shared.files.advice.edits import (
     LONG,
@@ -81,8 +84,12 @@ def answered(folder: Path, pair: str) -> Any:
 
 
 def any_file(folder: Path, name: str) -> Any:
-    """A file of its kind, loaded as a problem; or checked as an assembly."""
+    """A file of its kind, loaded as a problem; or checked."""
     written(folder, {**PAIR, "problem.toml": WHOLE, "assembly.toml": f'title = "a peg"\n{TASK}'})
+    if name.startswith("check "):
+        done = CliRunner().invoke(app, ["check", str(folder / name.removeprefix("check "))])
+        assert done.exit_code == 0
+        return done
     return fmopt.load(folder / name)
 
 
@@ -90,7 +97,10 @@ def as_asked(folder: Path, ways: str) -> Any:
     """The two models without a problem file, or with one."""
     written(folder, {**PAIR, "problem.toml": WHOLE})
     if ways == "both parts":
-        return fmopt.problem(folder / "peg.toml", folder / "block.toml", "1 mm, 1 deg", folder=folder / "asked")
+        parts = [str(folder / name) for name in ("peg.toml", "block.toml")]
+        done = CliRunner().invoke(app, ["init", *parts, "--error", "1 mm, 1 deg", "--out", str(folder / "asked.toml")])
+        assert done.exit_code == 0
+        return fmopt.load(folder / "asked.toml")
     return fmopt.load(folder / ways)
 
 
@@ -277,6 +287,7 @@ CASES: tuple[Case, ...] = (
         "check it with fmopt check; a plan is of one task, which a problem file describes",
         any_file,
         "assembly.toml",
+        "check assembly.toml",
         "problem.toml",
     ),
 )
