@@ -49,7 +49,18 @@ def test_advice_is_seen_however_it_is_put_together(tmp_path: Path) -> None:
     found = given(str(tmp_path))
     assert {one.pattern.replace("\\", "") for one in found} == {
         *("plain", "named", "from a keyword", "grown longer", "one way", "the other way", "returned", "by default"),
-        *("answered", "for .+ of them", "as a fault"),
+        *(
+            "answered",
+            "for .+ of them",
+            "as a fault",
+            "by code",
+            "did you",
+            "or else",
+            "the third",
+            "maybe",
+            "maybe not",
+        ),
+        "passed on",
     }
     assert Given("", 1, "for .+ of them").says("for 3 of them")
     assert not Given("", 1, "plain").says("plainer")
@@ -73,7 +84,26 @@ def f(x, error, mesh, advice="by default"):
         raise GeometryError(*g()) from SizeError("wrong", 1.0, f"for {x} of them")
     if x > 5:
         return {"message": "wrong", "advice": "answered"}
+    if x > 6:
+        raise QuantityError("code", "wrong", "by code") from place.fault("code", "wrong", did(x) or "or else")
+    if x > 7:
+        code, message, said = h()
+        raise place.fault(code, message, said)
+    if x > 8:
+        some = "maybe"
+        if x > 9:
+            some += " not"
+        raise GeometryError("wrong", some) from misplaced("unit", "passed on")
     raise GeometryError("wrong", error.advice) from GeometryError("wrong", advice)
+
+def did(x):
+    return "did you" if x else ""
+
+def h():
+    return "code", "wrong", "the third"
+
+def misplaced(name, advice):
+    return place.fault("code", "wrong", advice)
 
 def g():
     return "wrong", "returned"

@@ -17,7 +17,6 @@ from tests.shared.files.advice.case import Case, advice_of
 from tests.shared.files.advice.given import given
 
 CASES = (*texts.CASES, *models.CASES, *features.CASES, *problems.CASES, *fits.CASES, *workcells.CASES)
-UNFOLLOWED: dict[str, str] = {}  # advice that no test can follow, and why
 
 
 @pytest.mark.parametrize(
@@ -47,7 +46,7 @@ def test_all_advice_is_followed() -> None:
     """Of advice that fits a text the one with the most words of its own is meant, and another one with as many."""
     known = given("task")
     assert len(known) > 130
-    told = [*(case.advice for case in CASES), *UNFOLLOWED]
+    told = {case.advice for case in CASES}
     followed = set()
     for text in told:
         meant = [one for one in known if one.says(text)]
