@@ -233,7 +233,10 @@ MISTAKES = {
     "unknown name": (axis('values = [0.1]\nsets = { "clearance.x" = "2 * b" }'), "there is no parameter 'b'"),
     "code": (axis('values = [0.1]\nsets = { "clearance.x" = "__import__(os)" }'), "no parameter '__import__'"),
     "out of range": (axis(f"values = [0.1, -0.2]\n{X}"), "negative: axes[0].values: '-0.0002 m' = -0.2 mm is negative"),
-    "too large": (axis('values = [0.1, 50]\nsets = ["uncertainty.start.rx"]'), "is too large; keep it at most 28.6478897 deg"),
+    "too large": (
+        axis('values = [0.1, 50]\nsets = ["uncertainty.start.rx"]'),
+        "is too large; keep it at most 28.6478897 deg",
+    ),
     "unknown word": (axis('values = ["sonud"]\nsets = ["settings.method"]'), "'sonud' is none of the choices"),
     "number for a word": (axis('values = [1]\nsets = ["settings.method"]'), "1 is no word"),
     "range of words": (axis('low = 1\nhigh = 2\nsets = ["settings.method"]'), "words have no range"),
