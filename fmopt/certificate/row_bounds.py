@@ -45,19 +45,27 @@ class Motion(NamedTuple):
 
 
 class Sides(NamedTuple):
-    """The faces (f) of a moving piece over fixed pieces (m) that no contact touches, so that all rows count.
+    """Faces (f) of pieces of the one part against corners (v) of those of the other, for pairs (m) of pieces.
+
+    No contact touches them, so that all rows count.
 
     Args:
-        normals: unit normals (f, 3).
-        offsets: how far out the moving piece reaches along them (f,), m.
-        corners: vertices (v, 3) of the fixed pieces, one after the other, m.
-        cuts: where those of each begin, and the last ones end (m + 1,).
+        normals: unit normals (f, 3), in the frame of the part that the faces are of.
+        offsets: how far out its pieces reach along them (f,), m.
+        corners: (v, 3), in the frame of the other part, m.
+        levers: lengths of the normals (f,), and those of the corners (v,), m.
+        faces: where those of each pair begin and end (m, 2).
+        points: where the corners of each pair begin and end (m, 2).
+        moving: whether the faces are of the moving part.
     """
 
     normals: Array
     offsets: Array
     corners: Array
-    cuts: Places
+    levers: tuple[Array, Array]
+    faces: Places
+    points: Places
+    moving: bool
 
 
 class Witnesses(NamedTuple):
@@ -286,17 +294,27 @@ def best(
 
 @part
 def _side(sides: Sides, i: int, scratch: Table) -> None:
-    """Makes the row of a face, whose point of the fixed piece is still to be put in."""
+    """Makes the row of a face, whose point of the other piece is still to be put in."""
     for c in range(3):
-        scratch[0]["b"][c] = sides.normals[i, c]
-    # The row of `faces_above`: (R n)·(w − p) − a, of which only w is still open.
-    scratch[0]["sign"], scratch[0]["c"], scratch[0]["bilinear"] = -1.0, sides.offsets[i], 1
+        if sides.moving:
+            scratch[0]["b"][c] = sides.normals[i, c]
+        else:
+            scratch[0]["n"][c], scratch[0]["u"][c] = sides.normals[i, c], sides.normals[i, c]
+    # The row of `faces_above`, (R n)·(w − p) − a, of which only w is still open, or of `points_above`, n·(p + R v) − a.
+    scratch[0]["c"] = sides.offsets[i]
+    if sides.moving:
+        scratch[0]["sign"], scratch[0]["bilinear"] = -1.0, 1
 
 
 @part
-def _at_corner(sides: Sides, v: int, scratch: Table) -> Row:
+def _at_corner(sides: Sides, i: int, v: int, scratch: Table) -> Row:
     for c in range(3):
-        scratch[0]["s"][c] = sides.corners[v, c]
+        if sides.moving:
+            scratch[0]["s"][c] = sides.corners[v, c]
+        else:
+            scratch[0]["k"][c] = sides.corners[v, c]
+    if not sides.moving:
+        scratch[0]["lever"] = sides.levers[0][i] * sides.levers[1][v]
     return scratch[0]
 
 
@@ -310,7 +328,7 @@ def best_sides(
     face is given up at the first corner that it does not keep off.
 
     Args:
-        sides: the faces and the fixed pieces.
+        sides: the faces and the pieces that they keep off.
         scratch: a row of zeros.
         motion: the pieces of motion.
         least: margins (n, m) that are asked for, m.
@@ -319,7 +337,7 @@ def best_sides(
     Returns:
         faces (n, m), −1 where none is good enough, their margins and their clearances, m.
     """
-    count, pairs, rooms = motion.p.shape[1], len(sides.cuts) - 1, np.empty(len(sides.normals))
+    count, pairs, rooms = motion.p.shape[1], len(sides.points), np.empty(len(sides.normals))
     found, margins, clearances = (
         np.empty((count, pairs), dtype=np.intp),
         np.empty((count, pairs)),
@@ -327,26 +345,28 @@ def best_sides(
     )
     for n in range(count):
         for m in range(pairs):
-            first, last, most, at = sides.cuts[m], sides.cuts[m + 1], least[n, m], len(rooms)
+            begun, ended = sides.faces[m, 0], sides.faces[m, 1]
+            first, last = sides.points[m, 0], sides.points[m, 1]
+            most, at = least[n, m], ended
             found[n, m], margins[n, m], clearances[n, m] = -1, -np.inf, -np.inf
-            for i in range(len(rooms)):
+            for i in range(begun, ended):
                 _side(sides, i, scratch)
                 rooms[i], enough = np.inf, max(most, -grazing)
                 for v in range(first, last):
-                    corner = _at_corner(sides, v, scratch)
+                    corner = _at_corner(sides, i, v, scratch)
                     rooms[i] = min(rooms[i], _value(corner, motion, n, 0)[0], _value(corner, motion, n, 1)[0])
                     if rooms[i] < enough:
                         break
-            i = _widest(rooms)
+            i = begun + _widest(rooms[begun:ended])
             while rooms[i] >= max(most, -grazing):
                 rooms[i], margin, clear = -np.inf, np.inf, np.inf
                 _side(sides, i, scratch)
                 for v in range(first, last):
-                    nominal, lower = _bounds(_at_corner(sides, v, scratch), motion, n)
+                    nominal, lower = _bounds(_at_corner(sides, i, v, scratch), motion, n)
                     margin, clear = min(margin, lower), min(clear, nominal)
                     if margin < most:
                         break
                 if clear >= -grazing and (margin > most or (margin == most and i < at)):
                     at, most, found[n, m], margins[n, m], clearances[n, m] = i, margin, i, margin, clear
-                i = _widest(rooms)
+                i = begun + _widest(rooms[begun:ended])
     return found, margins, clearances

@@ -154,8 +154,7 @@ def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
 @remembered(_MEMORY)
 def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -> tuple[Counted, ...]:
     """The counted rows of several witnesses along faces or edges of a pair."""
-    known, walls = facts(assembly, pair.state), coming_off(assembly, pair.state, pair.left)
-    over = _over(pair.moving, pair.fixed)
+    known, over = facts(assembly, pair.state), _over(pair.moving, pair.fixed)
     found = []
     for witness in witnesses:
         if witness.kind == "fixed-face":
@@ -164,15 +163,27 @@ def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -
                 # The contact settles the ball's row; what is left to say is that its centre is on this side.
                 found.append(_all(points_above(pair.moving.vertices, n, offset)))
                 continue
-            settled = known.not_below(n, offset, pair.moving.vertices, _above(assembly, pair, walls, n, offset))
-            settled &= pair.moving.radii == 0.0
-            found.append(_all(Forms(forms.table[~settled])))
+            found.append(_all(Forms(forms.table[~settled(assembly, pair, n, offset)])))
         elif witness.kind == "moving-face":
             n, offset, forms = _beneath(pair.moving, pair.fixed)[witness.moving]
             found.append(_all(Forms(forms.table[~_touched(assembly, pair, n, offset)])))
         else:
             found.append(edge_rows(assembly, pair, witness, known))
     return tuple(found)
+
+
+def settled(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Mask:
+    """Which vertices (v) of the moving piece contacts keep from crossing a plane of the fixed part.
+
+    Args:
+        assembly: the parts.
+        pair: of pieces.
+        normal: unit normal (3,).
+        offset: of the plane, m.
+    """
+    known, walls = facts(assembly, pair.state), coming_off(assembly, pair.state, pair.left)
+    above = _above(assembly, pair, walls, normal, offset)
+    return np.asarray(known.not_below(normal, offset, pair.moving.vertices, above) & (pair.moving.radii == 0.0))
 
 
 @remembered(_MEMORY)

@@ -22,6 +22,9 @@ _PARALLEL = 1e-12  # squared sine below which two normals span no arc
 _BALL = 0.5 + 1e-9  # of an edge's length, the radius of the ball around it
 _TOGETHER = 1e-12  # distance of a unit vector from an arc on which it lies
 
+VERTEX_AT_FACE, FACE_AT_VERTEX, EDGE_AT_EDGE = 0, 1, 2
+"""Kinds of pairs of features; a ball is at a face like a vertex."""
+
 
 class Corners(NamedTuple):
     """The n convex vertices of a part, and the centres of its balls.
@@ -205,6 +208,43 @@ def segment_distance(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
         s = min(max((uw * t - ru) / uu, 0.0), 1.0)
         least = min(least, size(plus(plus(r, s, u), -t, w)))
     return least
+
+
+class Solid(NamedTuple):
+    """A part: its vertices (n, 3), m, the radii (n,) of balls about them, m, and its faces."""
+
+    vertices: Array
+    radii: Array
+    walls: Walls
+
+
+@compiled
+def distances(pairs: NDArray[np.intp], own: Solid, other: Solid, T: Array, T_back: Array) -> Array:
+    """Distances between features (n,), m.
+
+    Args:
+        pairs: (n, 5), what each is a pair of (`VERTEX_AT_FACE`, …), and the numbers of a face, a vertex or the vertices
+            of an edge of either part, those of vertices and faces twice.
+        own: the part that is carried.
+        other: the one that it is carried to.
+        T: (3, 4), rotation and position that carry it, m.
+        T_back: the inverse.
+    """
+    found = np.empty(len(pairs))
+    p, p_back = (T[0, 3], T[1, 3], T[2, 3]), (T_back[0, 3], T_back[1, 3], T_back[2, 3])
+    for k in range(len(pairs)):
+        kind, i, j, m, n = pairs[k]
+        if kind == FACE_AT_VERTEX:
+            # In the frame of the carried part, where its face stands still.
+            found[k] = face_distance(own.walls, i, plus(turned(T_back, row(other.vertices, m)), 1.0, p_back))
+        elif kind == EDGE_AT_EDGE:
+            a, b = turned(T, row(own.vertices, i)), turned(T, row(own.vertices, j))
+            c, d = row(other.vertices, m), row(other.vertices, n)
+            found[k] = segment_distance(plus(a, 1.0, p), plus(b, 1.0, p), c, d)
+        else:
+            far = face_distance(other.walls, m, plus(turned(T, row(own.vertices, i)), 1.0, p))
+            found[k] = abs(far - own.radii[i])
+    return found
 
 
 @part

@@ -15,12 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.contact.detection import (
+    EDGE_AT_EDGE,
+    FACE_AT_VERTEX,
+    VERTEX_AT_FACE,
     Corners,
     Ridges,
+    Solid,
     Walls,
+    distances,
     edges_at_edges,
-    face_distance,
-    segment_distance,
     vertices_at_faces,
 )
 from fmopt.geometry.polyhedron import Polyhedron
@@ -152,7 +155,7 @@ class _Features:
         between: sums (e, 3) of the normals beside them.
         corners: the vertices.
         ridges: the edges.
-        walls: the faces.
+        solid: all vertices and faces.
     """
 
     vertices: NDArray[np.intp]
@@ -161,7 +164,12 @@ class _Features:
     between: Array
     corners: Corners
     ridges: Ridges
-    walls: Walls
+    solid: Solid
+
+    @property
+    def walls(self) -> Walls:
+        """The faces."""
+        return self.solid.walls
 
 
 @remembered(1)
@@ -184,7 +192,8 @@ def _features(polyhedron: Polyhedron) -> _Features:
         arcs[n, : len(at)] = beside[at]
     corners = Corners(polyhedron.vertices[vertices], np.array(polyhedron.radii[vertices]), away, arcs)
     ridges = Ridges(polyhedron.vertices[ends[edges]], directions[edges], beside[edges])
-    return _Features(vertices, edges, directions, beside.sum(axis=1), corners, ridges, _walls(polyhedron))
+    solid = Solid(np.array(polyhedron.vertices), np.array(polyhedron.radii), _walls(polyhedron))
+    return _Features(vertices, edges, directions, beside.sum(axis=1), corners, ridges, solid)
 
 
 def _walls(polyhedron: Polyhedron) -> Walls:
@@ -268,33 +277,34 @@ def convex_vertices(polyhedron: Polyhedron) -> frozenset[int]:
     return frozenset(_features(polyhedron).vertices.tolist())
 
 
-def feature_distance(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> float:
-    """Distance between the two features of a contact at a pose, m: what touches is next to each other, too.
+def feature_distances(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Array:
+    """Distances (k,) between the two features of contacts at a pose, m: what touches is next to each other, too.
 
     Bounds do not say that, as there are none where a face or an edge ends at a wall, or at the next one in its plane.
 
     Args:
-        contact: of features that the parts have.
+        contacts: k of features that the parts have.
         moving: in its body frame.
         fixed: in the B-frame.
         pose: of the moving part in the B-frame.
     """
+    pairs = np.array([_pair(contact) for contact in contacts], dtype=np.intp).reshape(-1, 5)
+    back = pose.inverse()
+    T, T_back = matrices(pose.p, pose.R), matrices(back.p, back.R)
+    return distances(pairs, _features(moving).solid, _features(fixed).solid, T, T_back)
+
+
+def _pair(contact: PrimitiveContact) -> tuple[int, int, int, int, int]:
+    """A contact as `distances` takes it."""
     match contact.kind:
-        case Kind.VERTEX_FACE:
-            x, y, z = pose.apply(moving.vertices[contact.moving[0]]).tolist()
-            return face_distance(_features(fixed).walls, contact.fixed_feature, (x, y, z))
-        case Kind.BALL_FACE:
-            at = contact.moving[0]
-            x, y, z = pose.apply(moving.vertices[at]).tolist()
-            centre = face_distance(_features(fixed).walls, contact.fixed_feature, (x, y, z))
-            return abs(centre - float(moving.radii[at]))
+        case Kind.VERTEX_FACE | Kind.BALL_FACE:
+            v, f = contact.moving[0], contact.fixed_feature
+            return VERTEX_AT_FACE, v, v, f, f
         case Kind.FACE_VERTEX:
-            # In the frame of the moving part, where its face stands still.
-            x, y, z = ((fixed.vertices[contact.fixed[0]] - pose.p) @ pose.R).tolist()
-            return face_distance(_features(moving).walls, contact.moving_feature, (x, y, z))
+            f, v = contact.moving_feature, contact.fixed[0]
+            return FACE_AT_VERTEX, f, f, v, v
         case Kind.EDGE_EDGE:
-            ends = *pose.apply(moving.vertices[list(contact.moving)]), *fixed.vertices[list(contact.fixed)]
-            a, b, c, d = ((x, y, z) for x, y, z in np.array(ends).tolist())
-            return segment_distance(a, b, c, d)
+            (a, b), (c, d) = contact.moving, contact.fixed
+            return EDGE_AT_EDGE, a, b, c, d
         case _:
             assert_never(contact.kind)

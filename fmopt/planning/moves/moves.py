@@ -21,7 +21,7 @@ from fmopt.contact.realisation import Poses
 from fmopt.errors import InfeasibleError
 from fmopt.planning.moves import constrained_path as keeping
 from fmopt.planning.moves.contact_transition import described, on_wall
-from fmopt.planning.moves.separating_planes import choose_separations
+from fmopt.planning.moves.separating_planes import choose_separations, choose_tightest
 from fmopt.runtime.compiled import heed
 from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose, length
@@ -227,7 +227,8 @@ def unroll(
 def _unroll(assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, care: Care) -> Reached:
     steps, there = carried(assembly, move, reached, tolerance, count, care)
     # What errors ask of the pieces is known by now: only where all can be followed is the rest worth its while.
-    claims = claimed(assembly, steps, tolerance, choose_separations, bool(care & Care.FACETS))
+    choose = choose_separations if care else choose_tightest
+    claims = claimed(assembly, steps, tolerance, choose, bool(care & Care.FACETS))
     return Reached(there.errors, there.basis, (*reached.claims, *claims))
 
 

@@ -19,6 +19,7 @@ from fmopt.spatial.values import Array
 SHARES = 9  # planes tried through an edge in each pass
 _PASSES = 3
 _REFINED = 6  # edges of a pair that are looked at more closely
+_ROUNDING, _ROOM = 1.0 + 1e-9, 1e-15  # of bounds that leave vertices out: a factor, and m
 
 Places = NDArray[np.intp]
 Moving = tuple[Array, Array, Array, Places, Array, Array, Array]
@@ -50,11 +51,12 @@ class Reached(NamedTuple):
 
     Args:
         vertices: where they are (2, n, 3, v), m.
-        moved: how the columns of the errors' supports displace them (2, n, c, 3, v), m.
+        moved: how the columns of the errors' supports displace them (2, n, v, c, 3), m.
         cuts: where generators, slide, swing and shape end among the columns (4,).
         tilted: what errors that turn a plane leave at each vertex (n, v), per their size, m.
         arc: what the nominal turn leaves there (n, v), m.
         linked: what the linear picture leaves there of errors in different frames (n, v), m.
+        most: how far below its nominal heights no vertex is taken along any normal (n, v), m.
         angles: half-widths (n, 3) of the box around the angle errors, rad.
         turn: nominal turns (n, 3), rad.
     """
@@ -65,6 +67,7 @@ class Reached(NamedTuple):
     tilted: Array
     arc: Array
     linked: Array
+    most: Array
     angles: Array
     turn: Array
 
@@ -74,28 +77,34 @@ def _reached(body: Array, motion: Moving) -> Reached:
     """How far vertices (v, 3) of the moving piece reach."""
     p, R, columns, cuts, twist, half, coupling = motion
     pieces, count = p.shape[1], len(body)
-    vertices, moved = np.empty((2, pieces, 3, count)), np.empty((2, pieces, columns.shape[2], 3, count))
+    vertices, moved = np.empty((2, pieces, 3, count)), np.empty((2, pieces, count, columns.shape[2], 3))
     tilted, arc = np.empty((pieces, count)), np.empty((pieces, count))
-    angles, turns, linked = half[:, 3:], twist[:, 3:], np.empty((pieces, count))
+    angles, turns, linked, most = half[:, 3:], twist[:, 3:], np.empty((pieces, count)), np.empty((pieces, count))
     for n in range(pieces):
         box, turn = row(angles, n), row(turns, n)
         for v in range(count):
             start, goal = turned(R[0, n], row(body, v)), turned(R[1, n], row(body, v))
+            farthest = 0.0
             for e in range(2):
-                x = start if e == 0 else goal
+                x, far = start if e == 0 else goal, 0.0
                 for i in range(3):
                     vertices[e, n, i, v] = x[i] + p[e, n, i]
                 for c in range(columns.shape[2]):
                     C = columns[e, n, c]
                     moving = cross((C[3], C[4], C[5]), x)
                     for i in range(3):
-                        moved[e, n, c, i, v] = C[i] + moving[i]
+                        moved[e, n, v, c, i] = C[i] + moving[i]
+                    # Those of the shape are there for a second bound, of which the smaller one counts.
+                    far += 0.0 if cuts[2] <= c < cuts[3] else size(row(moved[e, n, v], c))
+                farthest = max(farthest, far)
             swept = size(cross(turn, start))
-            most = max(swung(start, box, size(box)), swung(goal, box, size(box))) + 0.5 * size(box) * swept
-            tilted[n, v] = 0.5 * (min(most, size(box) * size(start)) + swept)
+            swing = max(swung(start, box, size(box)), swung(goal, box, size(box))) + 0.5 * size(box) * swept
+            tilted[n, v] = 0.5 * (min(swing, size(box) * size(start)) + swept)
             arc[n, v] = 0.125 * swept
             linked[n, v] = coupling[n, 0] + coupling[n, 1] * size(row(body, v))
-    return Reached(vertices, moved, cuts, tilted, arc, linked, angles, turns)
+            turned_most = size(box) * tilted[n, v] + size(turn) * arc[n, v]
+            most[n, v] = _ROUNDING * (farthest + turned_most + linked[n, v]) + _ROOM
+    return Reached(vertices, moved, cuts, tilted, arc, linked, most, angles, turns)
 
 
 @part
@@ -122,35 +131,57 @@ def _nominal(normal: Vector, vertices: Array, n: int) -> tuple[float, Vector]:
 
 
 @part
-def _lower(normal: Vector, reached: Reached, n: int, work: Array) -> float:
-    """The certified lower bound of n·v over all vertices v, m."""
-    vertices, moved, cuts, tilted, arc, linked, angles, turn = reached
-    (x, y, z), count = normal, vertices.shape[3]
+def _lower(normal: Vector, reached: Reached, n: int, heights: Array) -> float:
+    """The certified lower bound of n·v over all vertices v, m.
+
+    Args:
+        normal: unit vector.
+        reached: how far the moving piece reaches.
+        n: which piece of motion.
+        heights: scratch (2, v).
+    """
+    vertices, count = reached.vertices, reached.vertices.shape[3]
+    lowest, first = np.inf, 0
     for v in range(count):
-        work[5, v] = np.inf
-    for e in range(2):
-        for v in range(count):
-            work[0, v], work[1, v], work[2, v], work[3, v], work[4, v] = 0.0, 0.0, 0.0, 0.0, 0.0
-        for c in range(moved.shape[2]):
-            if c < cuts[0] or c >= cuts[3]:
-                part = 0 if c < cuts[0] else 4
-                for v in range(count):
-                    work[part, v] += abs(x * moved[e, n, c, 0, v] + y * moved[e, n, c, 1, v] + z * moved[e, n, c, 2, v])
-            else:
-                part = 1 if c < cuts[1] else 2 if c < cuts[2] else 3
-                for v in range(count):
-                    seen = x * moved[e, n, c, 0, v] + y * moved[e, n, c, 1, v] + z * moved[e, n, c, 2, v]
-                    work[part, v] += seen * seen
-        for v in range(count):
-            height = x * vertices[e, n, 0, v] + y * vertices[e, n, 1, v] + z * vertices[e, n, 2, v]
-            inside = work[0, v] + math.sqrt(work[1, v]) + math.sqrt(work[2, v])
-            reach = min(math.sqrt(work[3, v]), inside) + work[4, v]
-            work[5, v] = min(work[5, v], height - reach)
-    box = row(angles, n)
-    tilt, lean, found = swung(normal, box, size(box)), size(cross(row(turn, n), normal)), np.inf
+        for e in range(2):
+            x, y, z = vertices[e, n, 0, v], vertices[e, n, 1, v], vertices[e, n, 2, v]
+            heights[e, v] = normal[0] * x + normal[1] * y + normal[2] * z
+        # What errors take of a vertex is bounded for all normals: most vertices are too high to be the lowest.
+        least = min(heights[0, v], heights[1, v]) - reached.most[n, v]
+        if least < lowest:
+            lowest, first = least, v
+    box, turn = row(reached.angles, n), row(reached.turn, n)
+    lean = swung(normal, box, size(box)), size(cross(turn, normal))
+    found = _lowered(normal, reached, n, first, heights, lean)
     for v in range(count):
-        found = min(found, work[5, v] - (tilt * tilted[n, v] + lean * arc[n, v]) - linked[n, v])
+        if v != first and min(heights[0, v], heights[1, v]) - reached.most[n, v] < found:
+            found = min(found, _lowered(normal, reached, n, v, heights, lean))
     return found
+
+
+@part
+def _lowered(normal: Vector, reached: Reached, n: int, v: int, heights: Array, lean: tuple[float, float]) -> float:
+    """The certified lower bound of n·v of one vertex, m; `lean` is how much errors and motion turn the plane, rad."""
+    moved, cuts, found = reached.moved, reached.cuts, np.inf
+    for e in range(2):
+        spread, slide, swing, shape, slack = 0.0, 0.0, 0.0, 0.0, 0.0
+        for c in range(moved.shape[3]):
+            seen = (
+                normal[0] * moved[e, n, v, c, 0] + normal[1] * moved[e, n, v, c, 1] + normal[2] * moved[e, n, v, c, 2]
+            )
+            if c < cuts[0]:
+                spread += abs(seen)
+            elif c < cuts[1]:
+                slide += seen * seen
+            elif c < cuts[2]:
+                swing += seen * seen
+            elif c < cuts[3]:
+                shape += seen * seen
+            else:
+                slack += abs(seen)
+        inside = spread + math.sqrt(slide) + math.sqrt(swing)
+        found = min(found, heights[e, v] - (min(math.sqrt(shape), inside) + slack))
+    return float(found - (lean[0] * reached.tilted[n, v] + lean[1] * reached.arc[n, v]) - reached.linked[n, v])
 
 
 @part
@@ -185,7 +216,7 @@ class Kept(NamedTuple):
 
 
 @part
-def _hopeful(edges: Edges, reached: Reached, work: Array) -> NDArray[np.bool_]:
+def _hopeful(edges: Edges, reached: Reached, heights: Array) -> NDArray[np.bool_]:
     """Which of all normals may have the largest margin of a pair in some piece of motion."""
     found, nominal = np.zeros(len(edges.normals), dtype=np.bool_), np.empty(len(edges.normals))
     which, offsets, cuts = edges.which, edges.offsets, edges.cuts
@@ -198,7 +229,7 @@ def _hopeful(edges: Edges, reached: Reached, work: Array) -> NDArray[np.bool_]:
                 for s in range(SHARES):
                     if nominal[which[k, s]] - offsets[k, s] > room:
                         widest, room = which[k, s], nominal[which[k, s]] - offsets[k, s]
-            enough = _lower(row(edges.normals, widest), reached, n, work) - (nominal[widest] - room)
+            enough = _lower(row(edges.normals, widest), reached, n, heights) - (nominal[widest] - room)
             for k in range(cuts[m], cuts[m + 1]):
                 for s in range(SHARES):
                     found[which[k, s]] |= nominal[which[k, s]] - offsets[k, s] >= enough
@@ -218,9 +249,9 @@ def _roomiest(room: Array, first: int, last: int, found: Places) -> None:
 
 
 @part
-def _first(edges: Edges, reached: Reached, work: Array) -> Kept:
+def _first(edges: Edges, reached: Reached, heights: Array) -> Kept:
     """The roomiest edges of each pair, by the planes that all edges share."""
-    hopeful, count, pairs = _hopeful(edges, reached, work), len(reached.turn), len(edges.corners)
+    hopeful, count, pairs = _hopeful(edges, reached, heights), len(reached.turn), len(edges.corners)
     shape = (count, pairs, _REFINED)
     kept = Kept(
         np.empty(shape, dtype=np.intp),
@@ -234,7 +265,7 @@ def _first(edges: Edges, reached: Reached, work: Array) -> Kept:
     at = np.empty(len(edges.arcs), dtype=np.intp)
     for n in range(count):
         for q in range(len(lower)):
-            lower[q] = _lower(row(edges.normals, q), reached, n, work) if hopeful[q] else -np.inf
+            lower[q] = _lower(row(edges.normals, q), reached, n, heights) if hopeful[q] else -np.inf
         for k in range(len(room)):
             at[k], room[k] = 0, -np.inf
             for s in range(SHARES):
@@ -253,72 +284,117 @@ def _first(edges: Edges, reached: Reached, work: Array) -> Kept:
 
 
 @part
-def _narrow(edges: Edges, vertices: Array, kept: Kept, rooms: Array) -> bool:
-    """Looks between the neighbours of the best planes, and at the room (n, m, e, shares) of those in between, or more.
+def _narrow(edges: Edges, vertices: Array, kept: Kept, m: int, rooms: Array) -> bool:
+    """Looks between the neighbours of the best planes of a pair, and at the room (n, e, shares) of those in between.
 
-    None is put down for those without more room than their pair's best margin in any piece of motion.
+    None is put down for those without more room than the pair's best margin in any piece of motion.
 
     Returns:
         whether any have more.
     """
-    arcs, corners, some = edges.arcs, edges.corners, False
-    found = np.zeros((len(corners), _REFINED, SHARES), dtype=np.bool_)
+    found = np.zeros((_REFINED, SHARES), dtype=np.bool_)
     edge, share, lows, highs, _, margins = kept
     for n in range(edge.shape[0]):
-        for m in range(edge.shape[1]):
-            for j in range(_REFINED):
-                low, high = lows[n, m, j], highs[n, m, j]
-                centre, step = low + (high - low) * (share[n, m, j] / (SHARES - 1)), (high - low) / (SHARES - 1)
-                low, high = max(centre - step, 0.0), min(centre + step, 1.0)
-                lows[n, m, j], highs[n, m, j] = low, high
-                moving = (vertices[0, n, 0, 0], vertices[0, n, 1, 0], vertices[0, n, 2, 0])
-                fixed = row(corners[m], 0)
-                for s in range(SHARES):
-                    normal = _between(arcs, edge[n, m, j], low, high, s)
-                    # Two vertices that were too near each other for the last plane are so for most of the others.
-                    rooms[n, m, j, s] = dot(normal, moving) - dot(normal, fixed)
-                    if rooms[n, m, j, s] > margins[n, m]:
-                        nominal, moving = _nominal(normal, vertices, n)
-                        offset, fixed = _offset(normal, corners, m)
-                        rooms[n, m, j, s] = nominal - offset
-                        if nominal - offset > margins[n, m]:
-                            found[m, j, s] = some = True
+        for j in range(_REFINED):
+            low, high = lows[n, m, j], highs[n, m, j]
+            centre, step = low + (high - low) * (share[n, m, j] / (SHARES - 1)), (high - low) / (SHARES - 1)
+            low, high = max(centre - step, 0.0), min(centre + step, 1.0)
+            lows[n, m, j], highs[n, m, j] = low, high
+            moving = (vertices[0, n, 0, 0], vertices[0, n, 1, 0], vertices[0, n, 2, 0])
+            fixed = row(edges.corners[m], 0)
+            for s in range(SHARES):
+                normal = _between(edges.arcs, edge[n, m, j], low, high, s)
+                # Two vertices that were too near each other for the last plane are so for most of the others.
+                rooms[n, j, s] = dot(normal, moving) - dot(normal, fixed)
+                if rooms[n, j, s] > margins[n, m]:
+                    nominal, moving = _nominal(normal, vertices, n)
+                    offset, fixed = _offset(normal, edges.corners, m)
+                    rooms[n, j, s] = nominal - offset
+                    found[j, s] |= nominal - offset > margins[n, m]
     for n in range(edge.shape[0]):
-        for m in range(edge.shape[1]):
-            for j in range(_REFINED):
-                for s in range(SHARES):
-                    if not found[m, j, s]:
-                        rooms[n, m, j, s] = -np.inf
-    return some
+        for j in range(_REFINED):
+            for s in range(SHARES):
+                if not found[j, s]:
+                    rooms[n, j, s] = -np.inf
+    return bool(found.any())
 
 
 @part
-def _refine(edges: Edges, reached: Reached, kept: Kept, rooms: Array, last: bool, work: Array) -> None:
-    """The best of planes with room through each edge that is kept, and of each pair; without the former at last.
+def _refine(edges: Edges, reached: Reached, kept: Kept, m: int, rooms: Array, last: bool) -> None:
+    """The best of planes with room (n, e, shares) through each edge that is kept of a pair, and of the pair.
 
-    No margin exceeds its plane's room.
+    Those of each edge are left out at last. No margin exceeds its plane's room.
     """
     edge, share, lows, highs, normals, margins = kept
+    heights = np.empty((2, reached.vertices.shape[3]))
     for n in range(edge.shape[0]):
-        for m in range(edge.shape[1]):
-            for j in range(_REFINED):
-                k, low, high = edge[n, m, j], lows[n, m, j], highs[n, m, j]
-                most, share[n, m, j] = margins[n, m] if last else -np.inf, 0
-                for s in range(SHARES):
-                    if rooms[n, m, j, s] > most:
-                        normal = _between(edges.arcs, k, low, high, s)
-                        margin = _lower(normal, reached, n, work) - _offset(normal, edges.corners, m)[0]
-                        if margin > most:
-                            most, share[n, m, j] = margin, s
-                if most > margins[n, m]:
-                    margins[n, m] = most
-                    x, y, z = _between(edges.arcs, k, low, high, share[n, m, j])
-                    normals[n, m, 0], normals[n, m, 1], normals[n, m, 2] = x, y, z
+        for j in range(_REFINED):
+            k, low, high = edge[n, m, j], lows[n, m, j], highs[n, m, j]
+            most, share[n, m, j] = margins[n, m] if last else -np.inf, 0
+            for s in range(SHARES):
+                if rooms[n, j, s] > most:
+                    normal = _between(edges.arcs, k, low, high, s)
+                    margin = _lower(normal, reached, n, heights) - _offset(normal, edges.corners, m)[0]
+                    if margin > most:
+                        most, share[n, m, j] = margin, s
+            if most > margins[n, m]:
+                margins[n, m] = most
+                x, y, z = _between(edges.arcs, k, low, high, share[n, m, j])
+                normals[n, m, 0], normals[n, m, 1], normals[n, m, 2] = x, y, z
+
+
+@part
+def _refine_all(edges: Edges, reached: Reached, kept: Kept) -> None:
+    """Refines the planes of all pairs, pass by pass, as long as there is room for better ones."""
+    count, pairs = kept.margin.shape
+    rooms = np.empty((pairs, count, _REFINED, SHARES))
+    for k in range(1, _PASSES):
+        some = False
+        for m in range(pairs):
+            some |= _narrow(edges, reached.vertices, kept, m, rooms[m])
+        if not some:
+            break
+        for m in range(pairs):
+            _refine(edges, reached, kept, m, rooms[m], k == _PASSES - 1)
+
+
+@part
+def _refine_tightest(edges: Edges, reached: Reached, kept: Kept, asked: tuple[float, float]) -> NDArray[np.bool_]:
+    """Refines the planes of pairs that may be the tightest, those tightest so far first.
+
+    Args:
+        edges: of the fixed pieces.
+        reached: by the moving piece.
+        kept: the planes so far.
+        asked: how far nominal distances may be below zero, and a margin above which no pair is the tightest, m.
+
+    Returns:
+        which pairs (m) have the best planes now: those of others keep at least as much as the tightest of these.
+    """
+    (count, pairs), (grazing, enough) = kept.margin.shape, asked
+    rooms, margins, clearances = np.empty((count, _REFINED, SHARES)), np.empty(pairs), np.empty(pairs)
+    for m in range(pairs):
+        margins[m], clearances[m] = kept.margin[:, m].min(), np.inf
+        for n in range(count):
+            normal = row(kept.normal[n], m)
+            room = _nominal(normal, reached.vertices, n)[0] - _offset(normal, edges.corners, m)[0]
+            clearances[m] = min(clearances[m], room)
+    refined = np.zeros(pairs, dtype=np.bool_)
+    for m in np.argsort(margins, kind="mergesort"):
+        if margins[m] < enough or clearances[m] < -grazing:
+            refined[m] = True
+            for k in range(1, _PASSES):
+                _narrow(edges, reached.vertices, kept, m, rooms)
+                _refine(edges, reached, kept, m, rooms, k == _PASSES - 1)
+            enough = min(enough, kept.margin[:, m].min())
+    return refined
 
 
 @compiled
-def best(edges: Edges, body: Array, motion: Moving) -> tuple[Array, Array, Array, Array]:
-    """For each pair (m) the plane with the largest certified margin over pieces of motion (n).
+def best(
+    edges: Edges, body: Array, motion: Moving, grazing: float, enough: float
+) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+    """For each pair (m) the plane with the largest certified margin over pieces of motion (n), or for the tightest.
 
     No margin exceeds its plane's room, its clearance without errors: only planes with more of that than the best
     margin so far are looked at with errors.
@@ -327,22 +403,25 @@ def best(edges: Edges, body: Array, motion: Moving) -> tuple[Array, Array, Array
         edges: of the fixed pieces.
         body: vertices (v, 3) of the moving piece, m.
         motion: the pieces of motion.
+        grazing: how far nominal distances may be below zero, m.
+        enough: a margin above which no pair is the tightest, m; not a number where the best planes of all are asked.
 
     Returns:
-        unit normals (n, m, 3), how far out the fixed pieces reach along them, margins and clearances (n, m), m.
+        unit normals (n, m, 3), how far out the fixed pieces reach along them, margins and clearances (n, m), m; and
+        which pairs (m) have the best planes: others keep at least as much as the tightest of these, or `enough`.
     """
-    reached, work = _reached(body, motion), np.empty((6, len(body)))
-    kept = _first(edges, reached, work)
+    reached, heights = _reached(body, motion), np.empty((2, len(body)))
+    kept = _first(edges, reached, heights)
     count, pairs = kept.margin.shape
-    rooms = np.empty((count, pairs, _REFINED, SHARES))
-    for k in range(1, _PASSES):
-        if not _narrow(edges, reached.vertices, kept, rooms):
-            break
-        _refine(edges, reached, kept, rooms, k == _PASSES - 1, work)
+    final = np.ones(pairs, dtype=np.bool_)
+    if math.isnan(enough):
+        _refine_all(edges, reached, kept)
+    else:
+        final = _refine_tightest(edges, reached, kept, (grazing, enough))
     offsets, clearances = np.empty((count, pairs)), np.empty((count, pairs))
     for n in range(count):
         for m in range(pairs):
             normal = row(kept.normal[n], m)
             offsets[n, m] = _offset(normal, edges.corners, m)[0]
             clearances[n, m] = _nominal(normal, reached.vertices, n)[0] - offsets[n, m]
-    return kept.normal, offsets, kept.margin, clearances
+    return kept.normal, offsets, kept.margin, clearances, final

@@ -5,11 +5,13 @@ Planes through the edges of fixed pieces, between the two faces of each, that ke
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly, edge_along
 from fmopt.certificate.kernels_rows import ROW
@@ -17,7 +19,7 @@ from fmopt.certificate.level_rims import edges_beside, edges_level, level_rims
 from fmopt.certificate.piece_pairs import BEHIND, Facing, Pair, Witness, free_plane
 from fmopt.certificate.remainder import Course
 from fmopt.certificate.row_bounds import Places, Sides, best_sides
-from fmopt.certificate.separating_plane import Block, Candidates, Separation
+from fmopt.certificate.separating_plane import Block, Candidates, Separation, settled
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.planning.moves.plane_arcs import SHARES, Edges, best
@@ -42,28 +44,76 @@ def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> li
         facing: pairs of pieces.
         course: pieces of motion with their errors.
     """
-    pieces, pairs = len(course.motion.twist), len(facing.listed)
-    chosen: list[list[Separation | None]] = [[None] * pairs for _ in range(pieces)]
-    least, before = np.full((pieces, pairs), -np.inf), np.zeros((pieces, pairs), dtype=np.bool_)
-    touched = _touched(assembly, facing)
-    if touched is not None:
+    return _choice(assembly, facing, course, math.nan).chosen
+
+
+def choose_tightest(assembly: Assembly, facing: Facing, course: Course) -> list[list[Separation | None]]:
+    """Planes of which the tightest pair's is the best one, and those of other pairs good enough for that to be so.
+
+    For a search that asks for the least margin alone, which is the same as of `choose_separations`; arguments likewise.
+    """
+    choice = _choice(assembly, facing, course, math.inf)
+    # A face of the moving piece may keep the pair that was the tightest so far apart at more margin than others have.
+    return choice.chosen if choice.best[choice.tightest] else choose_separations(assembly, facing, course)
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """Planes chosen for pairs (m) over pieces of motion (n).
+
+    Args:
+        chosen: the planes; None where there is none.
+        least: their margins (n, m), m; −∞ where there is none.
+        best: whether no other plane of a pair (m) keeps more.
+    """
+
+    chosen: list[list[Separation | None]]
+    least: Array
+    best: NDArray[np.bool_]
+
+    @property
+    def tightest(self) -> int:
+        """Which pair has the least margin."""
+        return int(np.argmin(self.least.min(axis=0)))
+
+    def take(self, n: int, m: int, found: Separation) -> None:
+        """Has a pair kept apart by this plane over a piece of motion.
+
+        Args:
+            n: index of the piece of motion.
+            m: index of the pair.
+            found: the plane.
+        """
+        self.chosen[n][m], self.least[n, m] = found, found.margin
+
+
+def _choice(assembly: Assembly, facing: Facing, course: Course, enough: float) -> _Choice:
+    """The planes of all pairs, the best ones of those with no margin above `enough`, m, or of all if that is nan."""
+    shape = len(course.motion.twist), len(facing.listed)
+    choice = _Choice([[None] * shape[1] for _ in range(shape[0])], np.full(shape, -np.inf), np.ones(shape[1], np.bool_))
+    touched, least = _touched(assembly, facing), choice.least
+    for walls in touched.walls:
+        for n, m, found in _listed(*walls.best(course, least[:, walls.places], _GRAZING)):
+            choice.take(n, walls.places[m], found.of(walls.witnesses))
+    if touched.table is not None:
         places = list(touched.places)
-        for k, m, found in _listed(*touched.table.best(course, least[:, places], _GRAZING)):
-            witness = touched.table.witnesses[found.number]
-            chosen[k][places[m]] = Separation(witness, found.margin, found.clearance)
-            least[k, places[m]], before[k, places[m]] = found.margin, witness.kind != "edges"
+        for n, m, found in _listed(*touched.table.best(course, least[:, places], _GRAZING)):
+            if found.margin > least[n, places[m]]:
+                choice.take(n, places[m], found.of(touched.table.witnesses))
+    known = least[:, [m for m, (_, _, pair) in enumerate(facing.listed) if pair.touched]]
+    enough = float(known.min(initial=enough, where=known > -np.inf))
     for _, free in facing.apart:
-        planes = _fans(facing, free).best(course)
-        for k, m in np.argwhere((planes.clearances >= -_GRAZING) & (planes.margins > least[:, free])).tolist():
-            chosen[k][free[m]], least[k, free[m]] = planes.separation(k, m), planes.margins[k, m]
-            before[k, free[m]] = False
-    for own in _facing_faces(assembly, facing):
-        for k, m, found in _listed(*own.best(course, least[:, own.places], _GRAZING)):
-            place = own.places[m]
+        planes = _fans(facing, free).best(course, enough)
+        for n, m in np.argwhere((planes.clearances >= -_GRAZING) & (planes.margins > least[:, free])).tolist():
+            choice.take(n, free[m], planes.separation(n, m))
+        choice.best[list(free)] = planes.best
+    for faces in _facing_faces(assembly, facing):
+        for n, m, found in _listed(*faces.best(course, least[:, faces.places], _GRAZING)):
+            before = choice.chosen[n][faces.places[m]]
             # Of two that keep as much the first in the order of kinds counts: fixed faces, moving ones, edges.
-            if found.margin > least[k, place] or not before[k, place]:
-                chosen[k][place] = Separation(own.witnesses[found.number], found.margin, found.clearance)
-    return chosen
+            if before is None or found.margin > before.margin or before.witness.kind in ("edges", "plane"):
+                choice.take(n, faces.places[m], found.of(faces.witnesses))
+    return choice
 
 
 class _Found(NamedTuple):
@@ -72,6 +122,10 @@ class _Found(NamedTuple):
     number: int
     margin: float
     clearance: float
+
+    def of(self, witnesses: Sequence[Witness]) -> Separation:
+        """What it stands for among witnesses."""
+        return Separation(witnesses[self.number], self.margin, self.clearance)
 
 
 def _listed(numbers: Places, margins: Array, clearances: Array) -> Iterator[tuple[int, int, _Found]]:
@@ -82,26 +136,58 @@ def _listed(numbers: Places, margins: Array, clearances: Array) -> Iterator[tupl
 
 @dataclass(frozen=True, eq=False)
 class _Touched:
-    """The pairs of pieces that contacts bear on, by their places in the list, and what may keep each apart.
+    """What may keep each pair of pieces that contacts bear on apart.
 
     Where no contact is on a face of the moving piece, its faces are no part of it.
+
+    Args:
+        walls: faces of the fixed pieces of which contacts say nothing, those of each moving piece's pairs.
+        places: the pairs of which contacts say something about a plane, by their places in the list.
+        table: these planes.
     """
 
+    walls: tuple[Faces, ...]
     places: tuple[int, ...]
-    table: Candidates
+    table: Candidates | None
 
 
 @remembered(_MEMORY)
-def _touched(assembly: Assembly, facing: Facing) -> _Touched | None:
-    touched = [(n, pair) for n, (_, _, pair) in enumerate(facing.listed) if pair.told]
-    blocks = [(n, _block(assembly, pair)) for n, pair in touched]
-    told = [(n, block) for n, block in blocks if block.counted]
-    return _Touched(tuple(n for n, _ in told), Candidates.of([block for _, block in told])) if told else None
+def _touched(assembly: Assembly, facing: Facing) -> _Touched:
+    told = [(m, pair) for m, (_, _, pair) in enumerate(facing.listed) if pair.told]
+    silent = _silent(assembly, [pair for _, pair in told])
+    walls: dict[Polyhedron, list[tuple[int, Pair, Places]]] = {}
+    for (m, pair), faces in zip(told, silent, strict=True):
+        if len(faces):
+            walls.setdefault(pair.moving, []).append((m, pair, faces))
+    blocks = [(m, _block(assembly, pair, faces)) for (m, pair), faces in zip(told, silent, strict=True)]
+    said = [(m, block) for m, block in blocks if block.counted]
+    table = Candidates.of([block for _, block in said]) if said else None
+    return _Touched(tuple(Faces.walls(piece, own) for piece, own in walls.items()), tuple(m for m, _ in said), table)
 
 
-@remembered(_MEMORY)
-def _block(assembly: Assembly, pair: Pair) -> Block:
-    return Block.of(assembly, pair, _candidates(assembly, pair))
+def _silent(assembly: Assembly, pairs: Sequence[Pair]) -> list[Places]:
+    """The faces of the fixed piece of each of some pairs under the same contacts of which these say nothing."""
+    known: dict[tuple[Polyhedron, bytes, float], bool] = {}
+    found = []
+    for pair in pairs:
+        silent = list[int]()
+        for k, (normal, offset) in enumerate(zip(pair.fixed.normals, _reach(pair.fixed).tolist(), strict=True)):
+            plane = pair.moving, normal.tobytes(), offset
+            if plane not in known:  # pieces of one part share many planes
+                known[plane] = bool(pair.moving.balls) or bool(settled(assembly, pair, normal, offset).any())
+            silent += [] if known[plane] else [k]
+        found.append(np.array(silent, dtype=np.intp))
+    return found
+
+
+def _reach(piece: Polyhedron) -> Array:
+    """How far out a piece reaches along the normals of its faces (f,), m."""
+    return np.array([float((piece.vertices @ face.normal).max()) for face in piece.faces])
+
+
+def _block(assembly: Assembly, pair: Pair, silent: Places) -> Block:
+    """The planes of which contacts say something."""
+    return Block.of(assembly, pair, _candidates(assembly, pair, frozenset(silent.tolist())))
 
 
 def _faces_count(assembly: Assembly, pair: Pair) -> bool:
@@ -129,7 +215,7 @@ def _facing_faces(assembly: Assembly, facing: Facing) -> tuple[Faces, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """The faces of a moving piece as planes that may keep it off fixed ones, by the places of these pairs."""
+    """Faces of pieces of the one part as planes that may keep off pieces of the other, by the places of these pairs."""
 
     places: list[int]
     witnesses: tuple[Witness, ...]
@@ -139,23 +225,39 @@ class Faces:
     def of(facing: Facing, moving: Polyhedron, places: list[int]) -> Faces:
         """The faces of a moving piece in some pairs."""
         pieces = [facing.listed[n][2].fixed for n in places]
-        normals = np.array([face.normal for face in moving.faces])
-        offsets = np.array([float((moving.vertices @ face.normal).max()) for face in moving.faces])
-        cuts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
-        corners = np.concatenate([piece.vertices for piece in pieces])
+        offsets, corners = _reach(moving), np.concatenate([piece.vertices for piece in pieces])
         witnesses = tuple(Witness("moving-face", face.loops[0], ()) for face in moving.faces)
-        return Faces(places, witnesses, Sides(normals, offsets, corners, cuts))
+        faces, levers = np.tile((0, len(offsets)), (len(pieces), 1)), (np.zeros(len(offsets)), np.zeros(len(corners)))
+        points = _spans([len(piece.vertices) for piece in pieces])
+        sides = Sides(np.array(moving.normals), offsets, corners, levers, faces, points, moving=True)
+        return Faces(places, witnesses, sides)
+
+    @staticmethod
+    def walls(moving: Polyhedron, own: Sequence[tuple[int, Pair, Places]]) -> Faces:
+        """Faces of fixed pieces that may keep off a moving one.
+
+        Args:
+            moving: the moving piece.
+            own: the places of its pairs, the pairs, and which faces of the fixed piece.
+        """
+        normals = np.concatenate([pair.fixed.normals[which] for _, pair, which in own])
+        offsets = np.concatenate([_reach(pair.fixed)[which] for _, pair, which in own])
+        loops = [pair.fixed.faces[k].loops[0] for _, pair, which in own for k in which.tolist()]
+        corners, points = np.array(moving.vertices), np.tile((0, len(moving.vertices)), (len(own), 1))
+        faces = _spans([len(which) for _, _, which in own])
+        sides = Sides(normals, offsets, corners, (lengths(normals), lengths(corners)), faces, points, moving=False)
+        return Faces([m for m, _, _ in own], tuple(Witness("fixed-face", (), loop) for loop in loops), sides)
 
     def best(self, course: Course, least: Array, grazing: float) -> tuple[Places, Array, Array]:
         """For each piece the face with the largest margin over pieces of motion; see `best_sides`."""
         return best_sides(self.sides, np.zeros(1, ROW), course.motion, np.ascontiguousarray(least), grazing)
 
 
-def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
-    """Planes of faces, and those along the two edges of the pair's edge–edge contacts."""
+def _candidates(assembly: Assembly, pair: Pair, silent: frozenset[int]) -> tuple[Witness, ...]:
+    """Planes of faces, those of the fixed piece but for some, and those along both edges of the pair's crossings."""
     moving = () if _faces_count(assembly, pair) else pair.moving.faces
     own = [Witness("moving-face", face.loops[0], ()) for face in moving]
-    faces = [Witness("fixed-face", (), face.loops[0]) for face in pair.fixed.faces]
+    faces = [Witness("fixed-face", (), f.loops[0]) for k, f in enumerate(pair.fixed.faces) if k not in silent]
     return (*faces, *own, *_contact_edges(assembly, pair))
 
 
@@ -175,6 +277,12 @@ def _contact_edges(assembly: Assembly, pair: Pair) -> list[Witness]:
     return [Witness("edges", *both) for both in dict.fromkeys(found)]
 
 
+def _spans(counts: Sequence[int]) -> Places:
+    """Where each of several lists begins and ends (m, 2) when they are one after the other."""
+    ends = np.cumsum([0, *counts])
+    return np.column_stack([ends[:-1], ends[1:]])
+
+
 @dataclass(frozen=True, eq=False)
 class FreePlanes:
     """The best planes between a moving piece and fixed ones (m) over pieces of motion (n).
@@ -184,12 +292,14 @@ class FreePlanes:
         offsets: how far out the fixed pieces reach along them (n, m), m.
         margins: certified margins (n, m), m.
         clearances: nominal clearances (n, m), m.
+        best: which pairs (m) they are the best of.
     """
 
     normals: Array
     offsets: Array
     margins: Array
     clearances: Array
+    best: NDArray[np.bool_]
 
     def separation(self, n: int, m: int) -> Separation:
         """What keeps one pair apart over one piece of motion.
@@ -215,12 +325,19 @@ class Fans:
     edges: Edges
     radius: float = 0.0
 
-    def best(self, course: Course) -> FreePlanes:
-        """For each fixed piece the plane with the largest certified margin over pieces of motion."""
+    def best(self, course: Course, enough: float = math.nan) -> FreePlanes:
+        """For each fixed piece the plane with the largest certified margin over pieces of motion.
+
+        Args:
+            course: the pieces of motion.
+            enough: a margin (m) above which no pair is the tightest; best are the planes of those that may be, or all.
+        """
         p, R, columns, cuts, twist, half, coupling, form = course.motion
         motion = p, R, columns, cuts, twist, half, coupling
-        normals, offsets, margins, clearances = best(self.edges, self.body, motion)
-        return FreePlanes(normals, offsets, margins - self.radius - BEHIND - form, clearances - self.radius - BEHIND)
+        near = self.radius + BEHIND
+        found = best(self.edges, self.body, motion, _GRAZING - near, enough + near + form)
+        normals, offsets, margins, clearances, final = found
+        return FreePlanes(normals, offsets, margins - near - form, clearances - near, final)
 
 
 @remembered(_FANS)

@@ -17,7 +17,7 @@ from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.propagation import Compliance
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.facet_bounds import BoundTable
-from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distance, near_contacts, near_tips
+from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distances, near_contacts, near_tips
 from fmopt.contact.realisation import Poses
 from fmopt.errors import InfeasibleError
 from fmopt.planning.moves.constrained_path import along, roots
@@ -288,7 +288,7 @@ def insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose
 def _touching(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> list[PrimitiveContact]:
     """Those of the contacts whose distance is gone at a pose that do touch there, inside their features."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    beside = [contact for contact in contacts if feature_distance(contact, body, fixed, pose) <= _BESIDE]
+    beside = list(compress(contacts, feature_distances(contacts, body, fixed, pose) <= _BESIDE))
     inside = insides(assembly, beside, pose) > 10.0 * _TOUCH if beside else ()
     return [contact for contact, within in zip(beside, inside, strict=True) if within]
 

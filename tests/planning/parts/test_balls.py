@@ -20,7 +20,7 @@ from fmopt.certificate.rows import balls_above, points_above
 from fmopt.contact import definitions
 from fmopt.contact.c_surface import Surfaces, contact_point, definition
 from fmopt.contact.derive import derived, latex
-from fmopt.contact.primitive import Kind, ball_face, feature_distance, near_contacts
+from fmopt.contact.primitive import Kind, ball_face, feature_distances, near_contacts
 from fmopt.errors import InputError
 from fmopt.execution.trials import Trials, run
 from fmopt.geometry import csg
@@ -119,7 +119,7 @@ def test_near_contacts_are_those_that_a_ball_can_make() -> None:
         found = {c.fixed_feature for c in near if c.kind is Kind.BALL_FACE}
         every = [ball_face(fixed, centre, number) for number in range(len(fixed.faces))]
         levels = np.abs(Surfaces.of(every, body, fixed).values(pose)) <= 1e-3
-        close = [feature_distance(c, body, fixed, pose) <= 1e-3 for c in every]
+        close = (feature_distances(every, body, fixed, pose) <= 1e-3).tolist()
         assert {n for n in range(len(every)) if levels[n] and close[n]} == found
 
 

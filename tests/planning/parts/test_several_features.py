@@ -10,7 +10,7 @@ import pytest
 from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.contact.facet_bounds import touching
-from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distance, near_contacts, vertex_face
+from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distances, near_contacts, vertex_face
 from fmopt.planning.moves.contact_transition import described
 from fmopt.planning.search.entry import Shape
 from fmopt.planning.search.guarded_move import implied
@@ -58,7 +58,7 @@ def test_only_walls_that_a_peg_is_before_hold_it() -> None:
     )
     on_walls = [contact for contact in found if contact.kind is Kind.VERTEX_FACE]
     assert len(on_walls) == 6  # two corners of either peg in y, two of the first in x
-    assert all(feature_distance(contact, body, fixed, pose) < 1e-9 for contact in found)
+    assert (feature_distances(found, body, fixed, pose) < 1e-9).all()
 
 
 @pytest.mark.parametrize(("height", "met"), [(-15e-3, True), (0.0, False)])
