@@ -219,8 +219,9 @@ def _minus(stock: tuple[Polyhedron, ...], tool: Solid, pose: Pose) -> tuple[Poly
 
 def _slabs(piece: Polyhedron, tool: Polyhedron) -> list[Polyhedron]:
     """Pieces of piece ∖ tool, one for each plane of the tool that bounds piece ∩ tool; the other planes are idle."""
-    common = _common(piece, tool)
-    if common is None:
+    # The one with more faces is cut by those of the other: which of its planes are left is the same either way.
+    common = _common(tool, piece) if len(tool.faces) > len(piece.faces) else _common(piece, tool)
+    if common is None or common.volume <= _SLIVER * piece.volume:
         return [piece]
     bounding = {(face.offset, *face.normal) for face in common.faces}
     planes = [face for face in tool.faces if (face.offset, *face.normal) in bounding]

@@ -19,7 +19,7 @@ from fmopt.geometry.facets import place
 from fmopt.geometry.part import Part
 from fmopt.geometry.section import LARGEST, SMALLEST, told
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, remembered
 from fmopt.task.problem import Problem
 from fmopt.task.sources import Contribution, total
 from fmopt.task.toml import problem_file as files
@@ -170,8 +170,7 @@ def measured_clearance(problem: Problem) -> Clearance:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
         GeometryError: along x or y it is not of the size that the problem declares.
     """
-    seated = Pose.from_vector(problem.goal)
-    found = checked_clearance(problem.moving, problem.fixed, seated, -float(problem.goal[2]))
+    found = _checked(problem.moving, problem.fixed, *problem.goal.tolist())
     _require_even((problem.moving, problem.fixed), found.per_side)
     for axis, declared, play in zip("xy", problem.declared_clearance or (0.0, 0.0), found.play, strict=True):
         side = 0.5 * play
@@ -183,6 +182,12 @@ def measured_clearance(problem: Problem) -> Clearance:
                 "correct [clearance]",
             )
     return found
+
+
+@remembered(1)
+def _checked(moving: Part, fixed: Part, *goal: float) -> Clearance:
+    """See `checked_clearance`; the goal as numbers, since variants of a problem have the same parts there."""
+    return checked_clearance(moving, fixed, Pose.from_vector(goal), -goal[2])
 
 
 def _require_even(parts: Sequence[Part], clearance: float) -> None:
