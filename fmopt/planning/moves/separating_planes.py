@@ -335,9 +335,10 @@ class Fans:
         p, R, columns, cuts, twist, half, coupling, form = course.motion
         motion = p, R, columns, cuts, twist, half, coupling
         near = self.radius + BEHIND
-        found = best(self.edges, self.body, motion, _GRAZING - near, enough + near + form)
-        normals, offsets, margins, clearances, final = found
-        return FreePlanes(normals, offsets, margins - near - form, clearances - near, final)
+        asked = _GRAZING - near, enough + near + form
+        normals, offsets, margins, clearances, final = best(self.edges, self.body, motion, *asked)
+        margins, clearances = margins - self.radius - BEHIND - form, clearances - self.radius - BEHIND
+        return FreePlanes(normals, offsets, margins, clearances, final)
 
 
 @remembered(_FANS)
