@@ -30,11 +30,14 @@ _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _DEAF = 1.0  # s that the program has to come to a signal
 _LEAVING = 3.0  # s that it has to put away what is under way
 _heard = threading.Event()
+_THREADS = "OPENBLAS_NUM_THREADS"
 _raised: list[int] = []  # number of the signal that was raised, if one was
 
 
 def run(command: Callable[[], int]) -> NoReturn:
     """Runs a command whose result is the exit code of this process, which ends with it."""
+    # Read when NumPy is loaded: matrices are small, and threads that wait for each other take three times as long.
+    os.environ.setdefault(_THREADS, "1")
     _open_streams()
     try:
         _answer_signals()
