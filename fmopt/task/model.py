@@ -111,7 +111,7 @@ def load_model(
     faults += more
     there = ", or put it under [mesh] of the model file"
     for name in ("unit", "body"):
-        advice = f"leave {name!r} out{there if file and takes(file.mesh, name) else ''}"
+        advice = f"leave {name!r} out{there if file and file.mesh and takes(file.mesh, name) else ''}"
         faults += said.misplaced(name, cited, "this is for mesh and STEP files", advice)
     if file is not None:
         file = file if file.name else file.model_copy(update={"name": _called(path.stem)})
