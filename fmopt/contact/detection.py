@@ -164,7 +164,7 @@ def _from_edges(walls: Walls, face: int, x: Vector) -> float:
     return math.sqrt(found)
 
 
-@compiled
+@part
 def face_distance(walls: Walls, face: int, x: Vector) -> float:
     """Distance from a point to a face as a region of its plane, m.
 
@@ -188,7 +188,7 @@ def face_distance(walls: Walls, face: int, x: Vector) -> float:
     return abs(height) if round_ > math.pi else math.hypot(height, aside)
 
 
-@compiled
+@part
 def segment_distance(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
     """Distance between the segments from a to b and from c to d, m.
 

@@ -44,7 +44,7 @@ def prism(folder: Path, sides: int) -> Problem:
     return load(folder / "problem.toml")
 
 
-@pytest.mark.parametrize("sides", [4, 8, 16, 25, 50])
+@pytest.mark.parametrize("sides", [4, 8, 16, 25, 50, 100, 300])
 @pytest.mark.benchmark(group="one state expanded")
 def test_one_state_expanded(benchmark: BenchmarkFixture, tmp_path: Path, sides: int) -> None:
     problem = prism(tmp_path, sides)
