@@ -55,11 +55,12 @@ class Assembly:
     @cached_property
     def body_points(self) -> Array:
         """All vertices (n, 3) of the moving part, then those that only its pieces have."""
-        found = list(self.moving.polyhedron.vertices)
+        found = self.moving.polyhedron.vertices
         for piece in self.moving.pieces:
             # Pieces are cut along planes within the part, so that some of their corners are no corners of it.
-            found += [v for v in piece.vertices if not any(same(v, w) for w in found)]
-        return np.array(found)
+            new = [v for v in piece.vertices if not (np.abs(found - v).max(axis=1) <= NEAR).any()]
+            found = np.array([*found, *new])
+        return found
 
     @cached_property
     def several(self) -> bool:
@@ -130,40 +131,38 @@ def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
     if piece.balls:
         # A ball is a piece of its own, a point without edges or faces.
         return frozenset(("ball", n) for n, _ in part.balls if n in vertices)
-    spans = piece.vertices[[edge.vertices for edge in piece.edges]]
-    ends = part.vertices[[edge.vertices for edge in part.edges]]
-    ways = ends[:, 1] - ends[:, 0]
-    ways = ways / lengths(ways)[:, None]
+    starts, ways, _, _ = _outlines(part)
     edges = []
-    for a, b in spans:
+    for a, b in piece.vertices[[edge.vertices for edge in piece.edges]]:
         # An edge of the part is carried by one of the piece that lies on its line.
-        off = np.maximum(lengths(cross(a - ends[:, 0], ways)), lengths(cross(b - ends[:, 0], ways)))
+        off = np.maximum(lengths(cross(a - starts, ways)), lengths(cross(b - starts, ways)))
         edges += np.flatnonzero(off <= TOUCH).tolist()
-    faces = set[int]()
-    own = [part.vertices[list(face.loops[0])] for face in part.faces]
-    firsts = np.array([points[0] for points in own])
-    for face in piece.faces:
-        # Its first corner drops most faces of the part before all their corners are looked at.
-        level = np.flatnonzero(np.abs(firsts @ face.normal - face.offset) <= TOUCH)
-        faces.update(n for n in level.tolist() if in_plane(own[n], face.normal, face.offset))
+    faces = frozenset[int]().union(*(_faces_in(part, face.normal.tobytes(), face.offset) for face in piece.faces))
     kinds = (("vertex", vertices), ("edge", edges), ("face", faces))
     return frozenset((kind, n) for kind, found in kinds for n in found)
 
 
+@remembered(1)
+def _outlines(part: Polyhedron) -> tuple[Array, Array, Array, list[Array]]:
+    """Where edges begin (e, 3), m, unit vectors along them; the first corner (f, 3) of each face, and all (k, 3), m."""
+    ends = part.vertices[[edge.vertices for edge in part.edges]]
+    ways = ends[:, 1] - ends[:, 0]
+    own = [part.vertices[list(face.loops[0])] for face in part.faces]
+    return ends[:, 0], ways / lengths(ways)[:, None], np.array([points[0] for points in own]), own
+
+
+@remembered(_MEMORY)
+def _faces_in(part: Polyhedron, normal: bytes, offset: float) -> frozenset[int]:
+    """Which faces of a part lie in a plane, as pieces share them: its unit normal (3,) as bytes, and its offset, m."""
+    (_, _, first, own), n = _outlines(part), np.frombuffer(normal)
+    # Its first corner drops most faces of the part before all their corners are looked at.
+    level = np.flatnonzero(np.abs(first @ n - offset) <= TOUCH)
+    return frozenset(k for k in level.tolist() if in_plane(own[k], n, offset))
+
+
 def in_plane(points: Array, normal: Array, offset: float) -> bool:
-    """Whether all points lie in the plane, to `TOUCH`.
-
-    Args:
-        points: (k, 3), m.
-        normal: unit normal (3,).
-        offset: m.
-    """
+    """Whether all points (k, 3), m, lie in the plane of a unit normal (3,) and an offset, m, to `TOUCH`."""
     return bool(np.all(np.abs(points @ normal - offset) <= TOUCH))
-
-
-def same(a: Array, b: Array) -> bool:
-    """Whether two points coincide, to `NEAR`."""
-    return bool(np.abs(a - b).max() <= NEAR)
 
 
 def on_line(points: Array, a: Array, direction: Array) -> Mask:
@@ -348,7 +347,7 @@ def same_side(vertices: Array, a: Array, direction: Array, p: Array) -> Mask:
 
 def beyond(vertices: Array, z: Array, p: Array) -> Mask:
     """Which points lie on the ray from z through p."""
-    if same(z, p):
+    if np.abs(z - p).max() <= NEAR:
         return np.zeros(len(vertices), dtype=np.bool_)
     u = (p - z) / length(p - z)
     d = vertices - z

@@ -32,7 +32,7 @@ from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, remembered
 
 PARALLEL = math.radians(1.0)  # rad; edges closer than this in direction have no edge–edge contact
-_CONTACTS = 32768
+_CONTACTS = 1 << 18
 
 
 class Kind(StrEnum):
