@@ -220,7 +220,7 @@ def _minus(stock: tuple[Polyhedron, ...], tool: Solid, pose: Pose) -> tuple[Poly
 def _slabs(piece: Polyhedron, tool: Polyhedron) -> list[Polyhedron]:
     """Pieces of piece ∖ tool, one for each plane of the tool that bounds piece ∩ tool; the other planes are idle."""
     # The one with more faces is cut by those of the other: which of its planes are left is the same either way.
-    common = _common(tool, piece) if len(tool.faces) > len(piece.faces) else _common(piece, tool)
+    common = _within(tool, piece) if len(tool.faces) > len(piece.faces) else _within(piece, tool)
     if common is None or common.volume <= _SLIVER * piece.volume:
         return [piece]
     bounding = {(face.offset, *face.normal) for face in common.faces}
@@ -230,15 +230,20 @@ def _slabs(piece: Polyhedron, tool: Polyhedron) -> list[Polyhedron]:
 
 
 def _common(piece: Polyhedron, other: Polyhedron) -> Polyhedron | None:
-    """The intersection of two convex polyhedra, None when it is empty or a sliver."""
-    common = piece
+    """The intersection of two convex polyhedra, None when it is empty or a sliver of the piece."""
+    common = _within(piece, other)
+    return common if common is not None and common.volume > _SLIVER * piece.volume else None
+
+
+def _within(body: Polyhedron, other: Polyhedron) -> Polyhedron | None:
+    """What a convex polyhedron has inside of another one, None when there is nothing."""
     heed()
     for face in other.faces:
-        left = clip(common, face.normal, face.offset)
+        left = clip(body, face.normal, face.offset)
         if left is None:
             return None
-        common = left
-    return common if common.volume > _SLIVER * piece.volume else None
+        body = left
+    return body
 
 
 def _irredundant(bodies: Sequence[Polyhedron], whole: float) -> tuple[Polyhedron, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from collections.abc import Callable
 
@@ -263,3 +264,12 @@ def test_degenerate_solids_are_refused_with_advice(make: Callable[[], object]) -
     with pytest.raises(GeometryError) as caught:
         make()
     assert caught.value.advice
+
+
+def test_a_large_tool_of_many_sides_nicks_a_small_body() -> None:
+    """What a tool takes away counts beside the body, however much larger the tool itself is."""
+    angles = [math.pi * (2 * k + 1) / 8 for k in range(8)]
+    octagon = Prism(tuple((0.2 * math.cos(a), 0.2 * math.sin(a)) for a in angles), 0.4)
+    nick = Pose(np.array([0.48e-3 + 0.2 * math.cos(math.pi / 8), 0.0, -0.2]), np.eye(3))
+    left = pieces(Difference(Box((1e-3, 1e-3, 1e-3)), (Placed(octagon, nick),)))
+    assert sum(piece.volume for piece in left) == pytest.approx(0.98e-9, rel=1e-9)
