@@ -42,9 +42,6 @@ __all__ = ["Ends", "Pair", "RowBounds", "Separation", "Witness", "pairs", "row_b
 
 _MEMORY = 4096
 
-Faces = dict[tuple[int, ...], tuple[Array, float, Forms]]
-"""By the outline of each face of a piece its normal, how far out it is, and the rows of another piece's vertices."""
-
 
 @dataclass(frozen=True, eq=False)
 class Separation:
@@ -154,18 +151,19 @@ def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
 @remembered(_MEMORY)
 def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -> tuple[Counted, ...]:
     """The counted rows of several witnesses along faces or edges of a pair."""
-    known, over = facts(assembly, pair.state), _over(pair.moving, pair.fixed)
-    found = []
+    known, found = facts(assembly, pair.state), []
     for witness in witnesses:
         if witness.kind == "fixed-face":
-            n, offset, forms = over[witness.fixed]
+            n, offset = face_planes(pair.fixed)[witness.fixed]
             if pair.moving.balls and _pressed(assembly, pair, n, offset):
                 # The contact settles the ball's row; what is left to say is that its centre is on this side.
                 found.append(_all(points_above(pair.moving.vertices, n, offset)))
                 continue
+            forms = _over(pair.moving, pair.fixed, witness.fixed)
             found.append(_all(Forms(forms.table[~settled(assembly, pair, n, offset)])))
         elif witness.kind == "moving-face":
-            n, offset, forms = _beneath(pair.moving, pair.fixed)[witness.moving]
+            n, offset = face_planes(pair.moving)[witness.moving]
+            forms = _beneath(pair.moving, pair.fixed, witness.moving)
             found.append(_all(Forms(forms.table[~_touched(assembly, pair, n, offset)])))
         else:
             found.append(edge_rows(assembly, pair, witness, known))
@@ -186,24 +184,22 @@ def settled(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Mas
     return np.asarray(known.not_below(normal, offset, pair.moving.vertices, above) & (pair.moving.radii == 0.0))
 
 
-@remembered(_MEMORY)
-def _over(moving: Polyhedron, fixed: Polyhedron) -> Faces:
-    """Vertices of a moving piece over the faces of a fixed one."""
-    found = {}
-    for face in fixed.faces:
-        offset = float((fixed.vertices @ face.normal).max())
-        found[face.loops[0]] = face.normal, offset, _bodies_above(moving, face.normal, offset)
-    return found
+@remembered(1)
+def face_planes(piece: Polyhedron) -> dict[tuple[int, ...], tuple[Array, float]]:
+    """By the outline of each face of a piece, in order, its unit normal (3,) and how far out the piece reaches, m."""
+    return {face.loops[0]: (face.normal, float((piece.vertices @ face.normal).max())) for face in piece.faces}
 
 
 @remembered(_MEMORY)
-def _beneath(moving: Polyhedron, fixed: Polyhedron) -> Faces:
-    """Vertices of a fixed piece over the faces of a moving one."""
-    found = {}
-    for face in moving.faces:
-        offset = float((moving.vertices @ face.normal).max())
-        found[face.loops[0]] = face.normal, offset, faces_above(face.normal, offset, fixed.vertices)
-    return found
+def _over(moving: Polyhedron, fixed: Polyhedron, outline: tuple[int, ...]) -> Forms:
+    """Vertices of a moving piece over a face of a fixed one."""
+    return _bodies_above(moving, *face_planes(fixed)[outline])
+
+
+@remembered(_MEMORY)
+def _beneath(moving: Polyhedron, fixed: Polyhedron, outline: tuple[int, ...]) -> Forms:
+    """Vertices of a fixed piece over a face of a moving one."""
+    return faces_above(*face_planes(moving)[outline], fixed.vertices)
 
 
 def _bodies_above(body: Polyhedron, normal: Array, offset: float) -> Forms:

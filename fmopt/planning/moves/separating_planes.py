@@ -19,7 +19,7 @@ from fmopt.certificate.level_rims import edges_beside, edges_level, level_rims
 from fmopt.certificate.piece_pairs import BEHIND, Facing, Pair, Witness, free_plane
 from fmopt.certificate.remainder import Course
 from fmopt.certificate.row_bounds import Places, Sides, best_sides
-from fmopt.certificate.separating_plane import Block, Candidates, Separation, settled
+from fmopt.certificate.separating_plane import Block, Candidates, Separation, face_planes, settled
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.planning.moves.plane_arcs import SHARES, Edges, best
@@ -171,7 +171,7 @@ def _silent(assembly: Assembly, pairs: Sequence[Pair]) -> list[Places]:
     found = []
     for pair in pairs:
         silent = list[int]()
-        for k, (normal, offset) in enumerate(zip(pair.fixed.normals, _reach(pair.fixed).tolist(), strict=True)):
+        for k, (normal, offset) in enumerate(face_planes(pair.fixed).values()):
             plane = pair.moving, normal.tobytes(), offset
             if plane not in known:  # pieces of one part share many planes
                 known[plane] = bool(pair.moving.balls) or bool(settled(assembly, pair, normal, offset).any())
@@ -182,7 +182,7 @@ def _silent(assembly: Assembly, pairs: Sequence[Pair]) -> list[Places]:
 
 def _reach(piece: Polyhedron) -> Array:
     """How far out a piece reaches along the normals of its faces (f,), m."""
-    return np.array([float((piece.vertices @ face.normal).max()) for face in piece.faces])
+    return np.array([offset for _, offset in face_planes(piece).values()])
 
 
 def _block(assembly: Assembly, pair: Pair, silent: Places) -> Block:
