@@ -15,7 +15,7 @@ import numpy as np
 
 from fmopt.errors import Fault, InputError, TaskError
 from fmopt.geometry.mating_features import DESCRIBE
-from fmopt.geometry.part import Part, Profiles, outline, rebased, settled
+from fmopt.geometry.part import Part, Profiles, in_order, outline, rebased, settled
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array
 from fmopt.task.mesh_source import MAX_MESH_BYTES
@@ -355,7 +355,7 @@ def _attributes(
 
 def _parts(file: files.ProblemFile, built: Mapping[str, Part]) -> dict[str, Part]:
     """The two parts, each in the frame of its mating feature."""
-    return {side: rebased(part, part.feature(_named(file, side)).frame) for side, part in built.items()}
+    return {side: in_order(rebased(part, part.feature(_named(file, side)).frame)) for side, part in built.items()}
 
 
 def _trees(models: Mapping[str, Model]) -> dict[str, ObjectTree]:

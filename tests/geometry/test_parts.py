@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,8 @@ from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, 
 from fmopt.geometry.inverse_csg import solid_of
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_import import Imported, load_mesh
-from fmopt.geometry.part import Part, mesh_part, part_of, rebased
-from fmopt.geometry.polyhedron import triangulated
+from fmopt.geometry.part import Part, in_order, mesh_part, part_of, rebased
+from fmopt.geometry.polyhedron import Polyhedron, from_faces, triangulated
 from fmopt.geometry.section import section, section_limit
 from fmopt.spatial.se3 import Pose
 
@@ -53,6 +54,35 @@ def test_rebasing_makes_the_feature_the_origin() -> None:
     assert pickle.loads(pickle.dumps(part)).feature("hole").length == 0.03
     with pytest.raises(GeometryError, match="its features: hole"):
         part.feature("slot")
+
+
+def shuffled(body: Polyhedron, rng: np.random.Generator) -> Polyhedron:
+    """The body with its corners and faces in another order, each loop begun elsewhere."""
+    order = rng.permutation(len(body.vertices))
+    number = np.argsort(order)
+    faces = []
+    for n in rng.permutation(len(body.faces)):
+        loops = [np.roll(number[list(loop)], rng.integers(len(loop))).tolist() for loop in body.faces[n].loops]
+        faces.append([loops[0], *(loops[k] for k in 1 + rng.permutation(len(loops) - 1))])
+    return from_faces(body.vertices[order], faces)
+
+
+@pytest.mark.parametrize(
+    "solid", [BLOCK, CHAMFERED, Difference(BLOCK, (Placed(Box((0.03, 0.003, 0.03)), at(z=0.01)),))]
+)
+def test_the_order_of_a_file_is_forgotten(solid: Solid) -> None:
+    rng, part = np.random.default_rng(0), block(solid)
+    own = in_order(part)
+    assert {tuple(v) for v in own.polyhedron.vertices.tolist()} == {tuple(v) for v in part.polyhedron.vertices.tolist()}
+    assert own.polyhedron.volume == pytest.approx(part.polyhedron.volume, rel=1e-12)
+    for _ in range(5):
+        body, pieces = shuffled(part.polyhedron, rng), [shuffled(piece, rng) for piece in part.pieces]
+        again = in_order(replace(part, polyhedron=body, pieces=tuple(pieces[k] for k in rng.permutation(len(pieces)))))
+        for one, other in zip((own.polyhedron, *own.pieces), (again.polyhedron, *again.pieces), strict=True):
+            assert np.array_equal(one.vertices, other.vertices)
+            assert [(f.loops, f.offset) for f in one.faces] == [(f.loops, f.offset) for f in other.faces]
+            assert np.array_equal(one.normals, other.normals)
+            assert one.edges == other.edges
 
 
 def test_features_are_checked() -> None:

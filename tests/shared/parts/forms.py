@@ -42,11 +42,13 @@ def differences(pair: families.Pair, problems: Mapping[str, Problem]) -> list[st
         if np.abs(problem.start_box - first.start_box).max() > _CLOSE:
             found.append(f"{form}: the start error is {problem.start_box}, not {first.start_box}")
         for side in ("moving", "fixed"):
-            one, other = getattr(first, side), getattr(problem, side)
-            a, b = one.polyhedron.vertices, other.polyhedron.vertices
+            one, other = getattr(first, side).polyhedron, getattr(problem, side).polyhedron
+            a, b = one.vertices, other.vertices
             apart = np.linalg.norm(a[:, None] - b, axis=2)
             if max(apart.min(axis=0).max(), apart.min(axis=1).max()) > _CLOSE:
                 found.append(f"{form}: the {side} part lies elsewhere in its mating frame")
+            elif [face.loops for face in one.faces] != [face.loops for face in other.faces]:
+                found.append(f"{form}: corners and faces of the {side} part are in another order")
             names = getattr(first, f"{side}_feature"), getattr(problem, f"{side}_feature")
             if names[0] != names[1]:
                 found.append(f"{form}: the {side} part mates with {names[1]}, not {names[0]}")
