@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, compress
 from weakref import ref
 
 import numpy as np
@@ -192,12 +193,22 @@ def _pattern(wall: _Wall, p: Array, R: Array, errors: ErrorSet) -> bytes:
 def _redescribed(known: _Known, patterns: tuple[bytes, ...]) -> tuple[PrimitiveContact, ...]:
     """What is held where this touches the walls: the same contacts, not just equal ones, whenever the same does."""
     assembly, kept = there(known.owner), list(known.held)
-    for wall, found in zip(known.walls, patterns, strict=True):
-        before = [c for c in kept if on_wall(assembly, c, wall.number) and (wall.flush or wall.own >= set(c.moving))]
-        now = _touching(assembly, wall, found)
+    touching = [_touching(assembly, wall, found) for wall, found in zip(known.walls, patterns, strict=True)]
+    for wall in known.walls:
+        # The rims of all walls in one plane are in it: what touches another of them is held none the less.
+        beside = (_in_one_plane(assembly, wall, other) for other in known.walls)
+        now = list(dict.fromkeys(chain.from_iterable(compress(touching, beside))))
+        of_wall = (c for c in kept if wall.flush or wall.own >= set(c.moving))
+        before = [c for c in of_wall if c in now or on_wall(assembly, c, wall.number)]
         if set(now) != set(before):
             kept = [c for c in kept if c not in before] + now
     return tuple(dict.fromkeys(kept))
+
+
+def _in_one_plane(assembly: Assembly, wall: _Wall, other: _Wall) -> bool:
+    fixed = assembly.fixed.polyhedron
+    one, two = fixed.faces[wall.number], fixed.faces[other.number]
+    return bool(one.normal @ two.normal > 0.0 and in_plane(fixed.vertices[list(two.vertices)], one.normal, one.offset))
 
 
 def _touching(assembly: Assembly, wall: _Wall, found: bytes) -> list[PrimitiveContact]:

@@ -61,6 +61,18 @@ def test_only_walls_that_a_peg_is_before_hold_it() -> None:
     assert (feature_distances(found, body, fixed, pose) < 1e-9).all()
 
 
+def test_edges_on_the_rim_of_one_wall_are_not_lost_to_another_in_its_plane() -> None:
+    """One peg leans into its hole along the wall at +y, in whose plane the other hole has one, where nothing is."""
+    body, fixed = ASSEMBLY.moving.polyhedron, ASSEMBLY.fixed.polyhedron
+    lean = Pose.from_vector([0.0, 0.0, 0.0, 0.0, -0.2, 0.0])
+    corner = np.array([-5e-3, 5e-3, 0.0])
+    pose = Pose(np.array([0.0, 5.1e-3, -5e-4]) - lean.apply(corner), lean.R)
+    held = touching(near_contacts(body, fixed, pose, 2e-4, 1e-3), body, fixed, pose)
+    assert sorted(contact.kind for contact in held) == [Kind.EDGE_EDGE, Kind.EDGE_EDGE, Kind.VERTEX_FACE]
+    for order in (held, held[::-1]):
+        assert set(described(ASSEMBLY, order, pose, pose, ErrorSet.from_box(np.zeros(6)))) == set(held)
+
+
 @pytest.mark.parametrize(("height", "met"), [(-15e-3, True), (0.0, False)])
 def test_floors_are_met_at_once_where_they_are_equally_deep(height: float, met: bool) -> None:
     """The floor of one hole, and for the other its floor, or the top as if that were one."""
