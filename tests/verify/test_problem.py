@@ -154,7 +154,7 @@ LIES: dict[str, tuple[Change, str]] = {
     "a shorter peg": (shifted("moving", 0, 2, -1e-6), "the model 'square_peg' has material, no piece has"),
     "a skin of 1 nm": (shifted("moving", 0, 0, 1e-9), "parts.moving.pieces[0]: the plan is for another moving part"),
     "a piece less": (without_a_piece, "parts.fixed.pieces: the plan is for another fixed part"),
-    "a wider hole": (shifted("fixed", 2, 0, -1e-6), "for another fixed part"),
+    "a wider hole": (shifted("fixed", 1, 0, -1e-6), "for another fixed part"),
     "units": (scaled("moving", 1.001), "for another moving part"),
 }
 

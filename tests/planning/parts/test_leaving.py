@@ -83,7 +83,7 @@ def test_the_state_after_it_is_a_father_of_the_one_before(plan: dict[str, Any]) 
 def test_in_words(plan: dict[str, Any]) -> None:
     found = parsed(plan)
     (move,) = (m for m in moves(found) if m.left)
-    assert move_words(found, move).endswith("away from sloped face f12")
+    assert move_words(found, move).endswith("away from sloped face f9")
 
 
 Change = Callable[[dict[str, Any]], Any]
@@ -92,13 +92,13 @@ Change = Callable[[dict[str, Any]], Any]
 @pytest.mark.parametrize(
     ("offset", "change", "words"),
     [
-        (0, lambda s: s.pop("leaving"), "loses v2-f12"),
-        (0, lambda s: s.update(leaving=["e6-e12"]), "gives up e6-e12, which was not held"),
-        (0, lambda s: s.update(leaving=["v2-f12", "v2-f2"]), "gives up v2-f2, which was not held"),
-        (-1, lambda s: s.update(leaving=["v2-f12"]), "must have been held before"),
-        (1, lambda s: s.update(leaving=["v2-f12"]), "gives up v2-f12, which was not held"),
-        (0, lambda s: s.update(state=["v2-f12"]), "v2-f12"),
-        (0, lambda s: s.update(goal_state=["v2-f12"]), "v2-f12"),
+        (0, lambda s: s.pop("leaving"), "loses v0-f9"),
+        (0, lambda s: s.update(leaving=["e3-e18"]), "gives up e3-e18, which was not held"),
+        (0, lambda s: s.update(leaving=["v0-f9", "v0-f4"]), "gives up v0-f4, which was not held"),
+        (-1, lambda s: s.update(leaving=["v0-f9"]), "must have been held before"),
+        (1, lambda s: s.update(leaving=["v0-f9"]), "gives up v0-f9, which was not held"),
+        (0, lambda s: s.update(state=["v0-f9"]), "v0-f9"),
+        (0, lambda s: s.update(goal_state=["v0-f9"]), "v0-f9"),
     ],
 )
 def test_what_is_given_up_must_be_said_and_held_before(

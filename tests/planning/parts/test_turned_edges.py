@@ -52,12 +52,12 @@ def touching(hexagon: Problem, assembly: Assembly) -> dict[str, PrimitiveContact
 def test_an_edge_beside_a_flush_face_fixes_the_rotation(
     assembly: Assembly, touching: dict[str, PrimitiveContact]
 ) -> None:
-    flush = [touching[name] for name in ("v0-f5", "v2-f5", "e0-e8", "e1-e8") if name in touching]
-    line = [touching[name] for name in ("e9-e9", "v4-f4")]
+    flush = [touching[name] for name in ("v0-f3", "v2-f3", "e2-e23")]
+    line = [touching[name] for name in ("e4-e22", "v1-f2")]
     assert aligned(facts(assembly, tuple(flush)).turns, np.array([0.0, 0.3, 0.7])) is None
     known = facts(assembly, (*flush, *line))
     np.testing.assert_allclose(aligned(known.turns, np.array([0.1, 0.3, 0.7])), [0.1, 0.3, 0.7], atol=1e-12)
-    wall = assembly.fixed.polyhedron.faces[touching["v4-f4"].fixed_feature]
+    wall = assembly.fixed.polyhedron.faces[touching["v1-f2"].fixed_feature]
     assert len(known.on(wall.normal, wall.offset).points) == 4
 
 
