@@ -12,6 +12,7 @@ from fmopt.certificate.error_set import ErrorSet
 from fmopt.contact.facet_bounds import touching
 from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distances, near_contacts, vertex_face
 from fmopt.planning.moves.contact_transition import described
+from fmopt.planning.pipeline import synthesise
 from fmopt.planning.search.entry import Shape
 from fmopt.planning.search.guarded_move import implied
 from fmopt.spatial.se3 import Pose
@@ -46,6 +47,15 @@ def test_a_plan_for_both_pegs_is_certified_at_errors_of_millimetres() -> None:
     assert len(made) == 8  # all corners of both pegs, on the floors of both holes
     assert len({name.split("-")[1] for name in made}) == 2
     assert execute(document, 20, seed=5).broken == {}
+
+
+@pytest.mark.slow
+def test_pegs_as_far_apart_as_their_holes_are_certified() -> None:
+    """Both meet walls along x at once, and errors decide which of them is first."""
+    made = synthesise(load(PROBLEMS / "two_pegs.toml"))
+    assert made.proved
+    assert min(segment["margin"] for segment in made.document["segments"]) > 5e-5
+    assert execute(made.document, 20, seed=5).broken == {}
 
 
 def test_only_walls_that_a_peg_is_before_hold_it() -> None:
