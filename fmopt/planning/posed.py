@@ -30,7 +30,6 @@ from fmopt.task.sizes import characteristic_length, measured_clearance
 
 Progress = Callable[[str], None]
 FINE = math.radians(1.0)
-_NARROW = 0.5  # times the trust radius, of a second way up: margins drop where parts need another separating plane
 STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
 GRACE = 2.0  # s beyond the time limit for what is needed to make something of what there is by then
@@ -189,9 +188,7 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: flo
     if problem.settings.placement == "descent":
         stages = [begun, polished(begun, "descent")]
     else:
-        narrow = replace(posed.refinement, radius=_NARROW * posed.refinement.radius)
-        ways = [refine(aim, asked.begun, solver, settings, told) for settings in (posed.refinement, narrow)]
-        refined = max(ways, key=lambda placed: placed.margin)
+        refined = refine(aim, asked.begun, solver, posed.refinement, told)
         stages = [begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
     return by_method(posed, _felt(posed, stages))
 

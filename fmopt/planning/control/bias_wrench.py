@@ -247,6 +247,7 @@ def _pressed(move: GuardedMove, rho: float, specification: Specification) -> flo
     return 0.0 if found is None else found.least / specification.contact_force
 
 
+@remembered(1)
 def held_by(move: GuardedMove, rho: float, specification: Specification) -> Balance | None:
     """What says how firm a slide is, or how steady a turn; None where no bias holds all contacts.
 

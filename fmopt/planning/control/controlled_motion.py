@@ -38,7 +38,7 @@ from fmopt.planning.control.bias_wrench import GuardedMove, firmness, steadiness
 from fmopt.planning.control.hybrid_strategy import HybridStrategy, JamFree, hybrid_strategy, jam_free
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.spatial.se3 import Pose, cross
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value, frozen, remembered
 from fmopt.task.problem import Problem, Specification
 
 _NEAR = 4.0  # bounds of its errors before its goal from where on a move is run as if it might meet its contacts
@@ -189,9 +189,19 @@ def guarded(
     problem: Problem, assembly: Assembly, claim: Claim, bound: float
 ) -> tuple[GuardedMove, list[PrimitiveContact], list[PrimitiveContact]]:
     """The guarded move of a piece, and the contacts that it holds and makes."""
+    move, held, made = _guarded(claim, problem, assembly, bound)
+    return move, [*held], [*made]
+
+
+# Firmness, steadiness, whether contacts are felt, and their derivatives all ask for it, of every sequence that is
+# tried. What is kept refers to the ends of the claim's piece, never to the claim: no cycle keeps it.
+@remembered(2)
+def _guarded(
+    claim: Claim, problem: Problem, assembly: Assembly, bound: float
+) -> tuple[GuardedMove, tuple[PrimitiveContact, ...], tuple[PrimitiveContact, ...]]:
     piece = claim.piece
     touching = _touching(problem, tuple(dict.fromkeys((*piece.held, *piece.making))), piece.goal)
-    held, made = ([c for c in contacts if c in touching] for contacts in (piece.held, piece.making))
+    held, made = (tuple(c for c in contacts if c in touching) for contacts in (piece.held, piece.making))
     begun, done = piece.progress
     rest = (1.0 - done) / (done - begun) * claim.advance.length
     points, wrenches = _pushes(problem, held, piece.goal)

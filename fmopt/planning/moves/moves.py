@@ -43,7 +43,11 @@ class Care(IntFlag):
     """How far contacts stay inside their facets counts, too."""
     PIECES = 2
     """It is tried in all numbers of pieces, and its twist aimed until they end at the goal."""
-    ALL = FACETS | PIECES
+    PLANES = 4
+    """Each two parts are kept apart by the best plane that there is, not those alone that decide the margin."""
+    MARGIN = FACETS | PIECES
+    """All that its margin hangs on."""
+    ALL = MARGIN | PLANES
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +231,7 @@ def unroll(
 def _unroll(assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, care: Care) -> Reached:
     steps, there = carried(assembly, move, reached, tolerance, count, care)
     # What errors ask of the pieces is known by now: only where all can be followed is the rest worth its while.
-    choose = choose_separations if care else choose_tightest
+    choose = choose_separations if care & Care.PLANES else choose_tightest
     claims = claimed(assembly, steps, tolerance, choose, bool(care & Care.FACETS))
     return Reached(there.errors, there.basis, (*reached.claims, *claims))
 

@@ -334,7 +334,7 @@ def begin(task: Task, entry: Entry) -> Node | None:
     height = float(entry.start.apply(entry.corner)[2])
     down = Freedom("-z", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), 1.5 * height)
     move = guarded(task.assembly, place, down, neighbourhood(task.assembly, place, down, task.costs.reach))
-    touched = None if move is None else successor_by(task, above, move, "approach", Care.ALL)
+    touched = None if move is None else successor_by(task, above, move, "approach", Care.MARGIN)
     if touched is None:
         return None
     lifted = successor_by(task, touched, Move(touched.place.pose, entry.over, (), (), touched.place.held), "leave")
@@ -390,7 +390,7 @@ def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node 
     best: Node | None = None
     moves = meetings(assembly, node.place, freedom, Near.of(assembly, near))
     for move in sorted(moves, key=well_inside, reverse=True):
-        after = successor_by(task, node, move, freedom.name, Care.ALL)
+        after = successor_by(task, node, move, freedom.name, Care.MARGIN)
         if after is not None and (best is None or after.reached.margin > best.reached.margin):
             best = after
         if best is not None and best.reached.margin > 0.0:
