@@ -136,10 +136,12 @@ def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
 
     if target.exists():
         raise _wrong(target, "file-there", "this file is there already", "name another one with --out, or remove it")
+    # Written twice: what is put into it as comments is found by reading it as any other problem file.
     problem = asked.written(target)
     try:
         clearance = tried(problem)
     except BaseException:
+        # Without its comments it is not what was asked for, and the next try would be refused for its sake.
         target.unlink()
         raise
     output.save(commented(asked, target.parent, problem, clearance, stated).encode(), target)

@@ -59,6 +59,7 @@ class Runs:
         from rich.progress import BarColumn, Progress, TextColumn
 
         console = Console(stderr=True)
+        # The description is the name of a file, whose brackets are no markup.
         columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.fields[words]}"))
         self._bar = None if silent or not console.is_terminal else Progress(*columns, console=console)
         self._task = None if self._bar is None else self._bar.add_task(one_line(title), total=None, words="")

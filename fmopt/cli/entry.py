@@ -55,9 +55,10 @@ def command() -> int:
     try:
         app()
     except SystemExit as stop:
+        # A text in place of a code stands for 1, as Python takes it.
         return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
     except Exception as error:  # noqa: BLE001 (the last door: nobody outside sees a traceback)
-        interrupted()
+        interrupted()  # a signal, if that is what the library's error comes from
         return _told(_named(error))
     return 0
 
@@ -77,6 +78,7 @@ def _told(error: FmoptError) -> int:
     """One message on standard error, and with --json an object on standard output; the exit code."""
     for line in _message(error):
         say(line, err=True)
+    # Not from the options that were read: an error may come before there are any.
     if "--json" in sys.argv[1:]:
         faults = [asdict(fault) for fault in error.faults] if isinstance(error, InputError) else []
         data = {name: getattr(error, name) for name in _DATA if hasattr(error, name)}

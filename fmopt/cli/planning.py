@@ -65,6 +65,7 @@ def solve(
     stem = "stdin" if files[0] == STDIO else "_".join(file.stem for file in files)
     folder = out if out is not None else Path("out") / stem
     options = (error, unit, moving, fixed)
+    # The usual case is known by its name alone; for the others all that finds its way about parts is loaded.
     if len(files) == 1 and options == (None,) * 4 and files[0].suffix.lower() not in MESHES:
         problem = load(files[0])
         output.prepare(folder)
@@ -88,6 +89,7 @@ def solve(
             if lines and not (quiet or as_json):
                 say("\n".join(lines))
             raise
+    # Nobody is to take what an earlier run left for this one's; a report that is written now replaces the old one.
     output.set_aside(folder, ("attempt.html",) if report else ("attempt.html", "report.html"))
     plan.write(result.document, folder / "plan.json")
     timings = json.dumps(result.seconds, indent=1) + "\n"
@@ -166,9 +168,10 @@ def verify(
     try:
         verdict = independent.judge(read)
         if problem is not None:
+            # The planner is loaded only where the check comes to a file that it cannot read by itself.
             beside = held(read, problem, None, lambda: _given(problem))
             verdict = verdict.unless(beside.differences, beside.remarks)
-    except ProblemError as error:
+    except ProblemError as error:  # the check has errors of its own: it shares nothing with the rest of the package
         raise InputError(Fault(error.file, 1, 1, error.key, "problem", error.message)) from error
     except independent.PlanError as error:
         raise PlanFormatError(f"{file}: {error}", "give a plan.json that fmopt solve wrote") from error

@@ -49,6 +49,7 @@ def study_run(
     from fmopt.study import command
 
     asked = command.Asked(jobs, limit, retry_failed, cluster)
+    # Before there are workers, each of which would compile the same; other hosts keep their own.
     if not dry_run and cluster is None:
         with Stages(quiet or as_json) as stages:
             compile_kernels(stages)
@@ -74,6 +75,7 @@ def study_run(
         elif not quiet:
             say(_told(tally, folder))
         if tally.interrupted:
+            # As shells tell it of a process that a signal has ended.
             raise typer.Exit(128 + tally.interrupted)
 
 

@@ -171,6 +171,7 @@ def execute(
         raise typer.BadParameter("no trials, neither inside nor --beyond the set", param_hint="--trials")
     drawn = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction, engine=engine)
     wanted = replace(drawn, method=method, growth=growth, offset=offset, recovery=recovery, covered=covered)
+    # That it is not installed is told before the plan is checked, which takes longer.
     ENGINES[engine].library()
     folder = out if out is not None else (Path() if file == STDIO else file.parent) / "trials"
     plan, caution = _admitted(file, unverified)
@@ -219,6 +220,7 @@ def compare(
     from fmopt.execution.trials import METHODS
 
     folder = out if out is not None else (Path() if files[0] == STDIO else files[0].parent) / "compared"
+    # All of them before the first is carried out: one that is refused costs no trials.
     plans = [_admitted(file, unverified)[0] for file in files]
     with Progress(len(files) * len(METHODS) * trials, quiet or as_json) as progress:
         rows = run(plans, trials, seed, Settled(folder, workers, progress.advance))

@@ -65,7 +65,7 @@ def carried_out(course: Course, rig_of: MakeRig, starts: tuple[Array, Array]) ->
         rig_of: makes the rig of an attempt.
         starts: positions (n, 3), m, and quaternions (n, 4).
     """
-    begun = np.hstack(starts)
+    begun = np.hstack(starts)  # of the first attempt for all of them: shifts of retries count from there
     logs = [Log() for _ in begun]
     bodies = list(range(len(begun)))
     rig, attempt = rig_of(starts, bodies, 0), 0
@@ -74,7 +74,8 @@ def carried_out(course: Course, rig_of: MakeRig, starts: tuple[Array, Array]) ->
         bodies = [one.body for one in broken]
         poses = np.stack([one.pose for one in broken])
         rig = rig_of((poses[:, :3], poses[:, 3:]), bodies, attempt)
-        rig.qvel[:] = np.stack([one.velocity for one in broken])
+        rig.qvel[:] = np.stack([one.velocity for one in broken])  # in place: these are the engine's own arrays
+        # Penetration is judged over all attempts.
         rig.depth[:] = [one.depth for one in broken]
         assert course.recovery is not None
         shifts = [logs[body].retries[-1].shift for body in bodies]
@@ -90,9 +91,11 @@ def _attempt(course: Course, rig: Rig, logs: Sequence[Log], bodies: Sequence[int
     broken: dict[int, _Broken] = {}
     while any(log.outcome is None and k not in broken for k, log in enumerate(own)):
         for event in rig.tick():
+            # First, as it takes the time of the end: a body that tries again has it taken back.
             note(own[event.body], event, rig, course.moves, course.known, course.fit)
             if _again(course, rig, event, own[event.body], begun[bodies[event.body]]):
                 k = event.body
+                # Copies: the engine moves the body on until all others are done.
                 pose, velocity = np.array(rig.qpos[k]), np.array(rig.qvel[k])
                 broken[k] = _Broken(bodies[k], pose, velocity, float(rig.depth[k]), event.time)
         for k in rig.stranded():

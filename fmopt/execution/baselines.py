@@ -52,7 +52,7 @@ class Task:
         leading = vertices[vertices[:, 2] < vertices[:, 2].min() + 1e-6]
         limits = (max(PUSH, plan.specification.contact_force), plan.specification.torque_limit)
         half = np.abs(leading[:, :2]).max(axis=0)
-        for vertex, radius in body.balls:
+        for vertex, radius in body.balls:  # whose vertices are no corners, but centres
             half = np.maximum(half, np.abs(vertices[vertex, :2]) + radius)
         return Task(
             Fit.of(plan),
@@ -129,6 +129,7 @@ def spiral(plan: Plan, robot: Robot) -> Program:
     """
     task = Task.of(plan)
     pitch, turns = PITCH * task.fit.clearance, 1.2 * task.reach / (PITCH * task.fit.clearance)
+    # With the root of the share the steps are about equally long, as the spiral's length grows with angle².
     angle = 2.0 * np.pi * np.sqrt(np.linspace(0.0, 1.0, max(int(24 * turns), 8))) * turns
     points = pitch * angle[:, None] / (2.0 * np.pi) * np.column_stack([np.cos(angle), np.sin(angle)])
     return _search("spiral", task, points)
@@ -136,16 +137,19 @@ def spiral(plan: Plan, robot: Robot) -> Program:
 
 def dither(plan: Plan, robot: Robot) -> Program:
     """As the spiral, but to random places in the disc that the start error spans."""
+    # A seed of its own: every chunk of trials, in whichever process, has the same places.
     task, random = Task.of(plan), np.random.default_rng(0)
+    # With the root they are uniform in the area of the disc, not along its radius.
     angle, radius = random.uniform(0.0, 2.0 * np.pi, DITHERS), 1.2 * task.reach * np.sqrt(random.uniform(size=DITHERS))
     return _search("dither", task, radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
 def _search(name: str, task: Task, points: Array) -> Program:
     ways = np.diff(np.vstack([np.zeros((1, 2)), points]), axis=0)
-    ways = ways[np.linalg.norm(ways, axis=1) > 1e-7]
+    ways = ways[np.linalg.norm(ways, axis=1) > 1e-7]  # a spiral begins where the part is: no direction leads there
     last = len(ways) + 1
     down = np.array([0.0, 0.0, -SPEED, 0.0, 0.0, 0.0])
+    # What is not stopped half a millimetre below the mouth is in the hole already, and is pushed on.
     touch = _step("touch", 0, "xyzabc", down, (1, last, FAILED), travel=HEIGHT + ENTERED, push=TOUCH, **_felt(2))
     steps = [touch]
     for k, way in enumerate(ways):
@@ -171,13 +175,13 @@ def tilt(plan: Plan, robot: Robot) -> Program:
     task = Task.of(plan)
     turn = TILT * np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
     corner = exp(turn) @ np.array([-task.half[0], -task.half[1], 0.0])
-    inside = 2.0 * task.reach + task.fit.clearance
+    inside = 2.0 * task.reach + task.fit.clearance  # m of the corner from either wall: more than the part may be off
     wall = np.array([-task.half[0], -task.half[1]]) - task.fit.clearance + inside
     start = Pose(np.array([*(wall - corner[:2]), HEIGHT - corner[2]]), exp(turn))
     ways = [np.zeros(6) for _ in range(4)]
     ways[0][2], ways[1][0], ways[2][1] = -SPEED, -0.5 * SPEED, -0.5 * SPEED
     ways[3][3:] = -turn / TILT * robot.turning
-    angle = UPRIGHT * TILT * task.fit.rho
+    angle = UPRIGHT * TILT * task.fit.rho  # m in the metric of ρ
     on_top, at_x, at_both = (_held(x, y, -CORNER) for x, y in ((0.0, 0.0), (-CORNER, 0.0), (-CORNER, -CORNER)))
     steps = (
         _step("down", 0, "xyzabc", ways[0], (1, FAILED, FAILED), travel=0.01, push=TOUCH, **_felt(2)),

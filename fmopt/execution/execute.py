@@ -57,6 +57,7 @@ def execute(what: Plan, trials: Trials, settled: Settled, caution: str = "") -> 
     Raises:
         FmoptError: the plan cannot be run, the extra is missing, or the results cannot be written.
     """
+    # First of all: where the extra is missing, no folder is left behind.
     ENGINES[trials.engine].library()
     output.prepare(settled.folder)
     warned = {"caution": caution} if caution else {}
@@ -86,6 +87,7 @@ def compare(plans: Sequence[Plan], trials: int, seed: int, settled: Settled) -> 
     for read in plans:
         parts = {}
         for method in METHODS:
+            # By digest: titles may be the same, and a plan that has changed begins anew.
             kept = settled.folder / f"{read.sha256[:12]}_{method}.jsonl"
             found = _summed(read, Trials(trials, seed=seed, method=method), kept, settled)
             parts[method] = found["inside"]
@@ -95,6 +97,7 @@ def compare(plans: Sequence[Plan], trials: int, seed: int, settled: Settled) -> 
 
 
 def _summed(read: Plan, trials: Trials, file: Path, settled: Settled) -> dict[str, Any]:
+    # Cores that this process may use, which may be fewer than the machine has.
     records = run_all(read, trials, file, settled.workers or len(os.sched_getaffinity(0)), settled.advance)
     asked = read.specification.contact_force
     return {"plan": read.sha256, "trials": len(records), "contact_force": asked, **summary(records)}
@@ -117,6 +120,7 @@ def run_all(what: Plan, trials: Trials, file: Path, workers: int, advance: Calla
     done = _kept(file, head)
     advance(len(done))
     missing = [n for n in range(trials.inside + trials.beyond) if n not in done]
+    # A chunk a worker where these are small enough; rounded down, a rest of a few trials would be one more.
     size = min(max(-(-len(missing) // workers), _FEWEST), CHUNK)
     chunks = [missing[k : k + size] for k in range(0, len(missing), size)]
     keeper = _Keeper(file, head, done)
@@ -128,6 +132,7 @@ def run_all(what: Plan, trials: Trials, file: Path, workers: int, advance: Calla
     try:
         spread(partial(run, what, trials), chunks, workers, take)
     except (KeyboardInterrupt, Interruption) as error:
+        # What the note says is kept is written in `finally`, whatever it is that ends the run.
         total = trials.inside + trials.beyond
         error.add_note(f"{len(done)} of {total} trials are done, and kept in {file}; run it again to go on")
         raise
@@ -151,6 +156,7 @@ class _Keeper:
 
     def take(self, records: list[Any]) -> None:
         """Takes records of trials that have ended."""
+        # The table of `run_all`, which counts and returns what is put in here.
         self._done.update({record["trial"]: record for record in records})
         if time.monotonic() >= self._next:
             self.keep()
@@ -166,6 +172,7 @@ class _Keeper:
             _keep(self._file, self._head, self._done)
             self._written = len(self._done)
         now = time.monotonic()
+        # The whole file is written each time, and grows: that takes less than a twentieth of the time.
         self._next = now + max(_PAUSE, _SHARE * (now - began))
 
 
@@ -179,6 +186,7 @@ def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:
     if not file.exists():
         return {}
     try:
+        # An empty file is a ValueError, too, as it has no first line to take.
         first, *rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
     except (OSError, ValueError) as error:
         raise ResourceError(f"{file}: no file of trials: {error}", "choose another folder with --out") from error
@@ -186,6 +194,7 @@ def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:
     if other:
         raise ResourceError(f"{file}: holds trials with another {', '.join(other)}", "choose another folder with --out")
     total = head["inside"] + head["beyond"]
+    # Numbers below `inside` are drawn inside: where that is another one, an earlier trial may be of the other kind.
     if any(row["trial"] >= total or (row["size"] <= 1.0) != (row["trial"] < head["inside"]) for row in rows):
         asked = f"--trials {head['inside']} --beyond {head['beyond']}"
         raise ResourceError(
@@ -205,5 +214,6 @@ def _other(first: Mapping[str, Any], head: Mapping[str, Any]) -> list[str]:
 
 
 def _keep(file: Path, head: Mapping[str, Any], done: Mapping[int, Any]) -> None:
+    # In the order of numbers: the file does not tell chunks, workers or interruptions.
     lines = [json.dumps(head, sort_keys=True), *(json.dumps(done[n], sort_keys=True) for n in sorted(done))]
     output.save(("\n".join(lines) + "\n").encode(), file)

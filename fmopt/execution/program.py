@@ -112,6 +112,7 @@ def planned(plan: Plan, robot: Robot) -> Program:
     rows, asked = moves(plan), plan.specification
     limits = asked.contact_force, asked.torque_limit
     pushes = [
+        # Where no contact ends it a move has no push of its own: the servo may push as hard as it takes.
         robot.surplus * segment.hybrid.push if move.stop else limits[0]
         for segment, move in zip(plan.segments, rows, strict=True)
     ]
@@ -133,6 +134,7 @@ def _step(rows: Sequence[Move], index: int, rho: float, push: float, spent: floa
         f"segment {move.segment}",
         move.number,
         Pose(move.frame.p - move.goal.p, move.frame.R),
+        # Axes times scale are orthonormal, so that this is the projector; wrenches take its transpose.
         A.T @ A * scale**2,
         pace * move.twist,
         to_frame(move.frame, np.stack([move.hold_start, move.hold]), move.goal.p),
@@ -144,12 +146,15 @@ def _step(rows: Sequence[Move], index: int, rho: float, push: float, spent: floa
     ahead = [row.length for row in rows[index:] if row.number == move.number]
     last = rows[index + len(ahead) - 1]
     assert last.stop is not None
+    # The travel of the last piece has the bound of all. A piece that ends before the contact is due feels nothing.
     due = sum(ahead) - _EARLY * (last.stop.max_travel - last.length)
     force = stop.threshold + robot.alert * (stop.force - stop.threshold)
     speed = float(np.linalg.norm(move.twist * scale))
+    # The push whose power is that of a reaction of `force` at the new contact, and the surplus.
     touch = robot.surplus * force * abs(float(stop.wrench @ move.twist)) / speed
     felt = (due, rubbing, stop.gain, force, stop.force, touch)
     if not move.last:
+        # A piece that has gone its way goes on into the next one; the last one has failed then.
         return Step(*common, move.length, timeout, push, beyond, following, FAILED, *felt, gentle=stop.gentle)
     timeout = spent + stop.timeout / pace
     travel = stop.max_travel + _GIVE * stop.force / robot.stiffness
@@ -207,5 +212,5 @@ class Table(Value):
             np.stack([s.hold for s in steps]),
             np.stack([s.rubbing for s in steps]),
             np.stack([s.gain for s in steps]),
-            np.array(numbers),
+            np.array(numbers),  # indices of steps, too: as floats they are exact
         )

@@ -65,8 +65,9 @@ class Recovery(Value):
         for vertex, radius in plan.moving.body.balls:
             radii[vertex] = radius
         reach = float((np.linalg.norm(points, axis=1) + radii).max())
+        # A turn δ moves a point w by δ × w and at most |w||δ|²/2 more; only tilts lower it to first order.
         sunk = box[2] + reach * (box[3] + box[4] + 0.5 * float(box[3:] @ box[3:]))
-        shifts = np.array(said.retries)[:, :3]
+        shifts = np.array(said.retries)[:, :3]  # they turn nothing, which the check of a plan sees to
         orders = tuple({EARLY: move.early, LATE: move.late} for move in said.moves)
         start = Pose.from_vector(plan.segments[0].start)
         return Recovery(
@@ -131,11 +132,14 @@ class WayBack(Value):
             shifts: number of the next shift for each.
         """
         goal = begun[:, :3] + recovery.shifts[list(shifts)]
+        # As it is turned, the lowest point is another one: each end of the way over has its own height.
         up = [recovery.clear - recovery.lowest(q, b, q[3:]) for q, b in zip(poses, begun, strict=True)]
         over = [recovery.clear - recovery.lowest(b, b, b[3:]) for b in begun]
+        # Never down: who is clear already is carried as high as it is.
         lifted = poses[:, :3] + np.maximum(up, 0.0)[:, None] * np.array([0.0, 0.0, 1.0])
         carried = goal + np.maximum(over, 0.0)[:, None] * np.array([0.0, 0.0, 1.0])
         corners = np.stack([poses[:, :3], lifted, carried, goal])
+        # It turns on the way over alone: out of the hole, and down to its start, the part goes straight.
         turned = np.stack([poses[:, 3:], poses[:, 3:], begun[:, 3:], begun[:, 3:]])
         ways = np.linalg.norm(np.diff(corners, axis=0), axis=2) / _SPEED
         turns = np.linalg.norm(between(turned[1:], turned[:-1]), axis=2) / _TURNING
@@ -152,6 +156,7 @@ class WayBack(Value):
         n = np.arange(self.times.shape[1])
         leg = np.minimum((self.times[1:] <= time).sum(axis=0), len(self.times) - 2)
         span = self.times[leg + 1, n] - self.times[leg, n]
+        # A leg of no length, as that up of a part that is clear, takes no time and has no rate.
         rate = np.where((time < self.times[-1]) & (span > 0.0), 1.0 / np.maximum(span, 1e-9), 0.0)
         share = np.clip((time - self.times[leg, n]) / np.maximum(span, 1e-9), 0.0, 1.0)[:, None]
         shift = self.corners[leg + 1, n] - self.corners[leg, n]

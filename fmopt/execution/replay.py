@@ -40,13 +40,15 @@ def replay(planned: Plan, trials: Trials, number: int, file: Path) -> dict[str, 
         ResourceError: the extra or a way to draw is missing, or the file cannot be written.
         PlanFormatError: the plan cannot be run.
     """
-    every = round(1.0 / (FRAMES * Robot().period))
+    every = round(1.0 / (FRAMES * Robot().period))  # periods from one picture to the next
     poses: list[Array] = []
     ticks = 0
 
     def look(rig: Rig) -> None:
+        # Counted through all attempts: each has a rig of its own, whose time begins anew.
         nonlocal ticks
         if ticks % every == 0:
+            # A copy: the engine writes the next pose over this one.
             poses.append(np.array(rig.qpos[0]))
         ticks += 1
 
@@ -58,6 +60,7 @@ def replay(planned: Plan, trials: Trials, number: int, file: Path) -> dict[str, 
 def _frames(planned: Plan, poses: list[Array]) -> list[Any]:
     """Pictures of poses (7,) of the part, position and quaternion."""
     mujoco, robot = engine(), Robot()
+    # Friction and hardness do not matter: poses are shown, no time step is taken.
     model = compiled(scene(planned, Physics(), robot.mass, robot.inertia, 0.0))
     data, camera = mujoco.MjData(model), mujoco.MjvCamera()
     camera.azimuth, camera.elevation = 35.0, -20.0
@@ -81,6 +84,6 @@ def _gif(pictures: list[Any]) -> bytes:
 
     images = [Image.fromarray(picture).quantize(64) for picture in pictures]
     buffer = BytesIO()
-    duration = round(1000.0 * SLOWER / FRAMES)
+    duration = round(1000.0 * SLOWER / FRAMES)  # ms a picture
     images[0].save(buffer, "GIF", save_all=True, append_images=images[1:], duration=duration, loop=0)
     return buffer.getvalue()

@@ -44,7 +44,7 @@ class Robot:
     mass: float = 0.5
     gyration: float = 0.02
     stiffness: float = 20000.0
-    damping: float = 0.7
+    damping: float = 0.7  # less than critical, or tight parts rattle between their walls at the controller's rate
     resistances: tuple[float, float] = (1000.0, 1.0)
     memory: float = 0.1
     settling: float = 0.15
@@ -52,7 +52,7 @@ class Robot:
     learning: float = 0.02
     period: float = 0.001
     cut_off: float = 60.0
-    noise: tuple[float, float] = (0.1, 0.002)
+    noise: tuple[float, float] = (0.1, 0.002)  # the filter leaves 43 % of it, less than stops of plans allow for
     averaging: tuple[float, float] = (0.01, 0.03)
     alert: float = 0.15
     debounce: int = 3
@@ -81,6 +81,7 @@ class Robot:
     @property
     def stiffnesses(self) -> tuple[float, float]:
         """N/m and N·m/rad."""
+        # By the same square as inertia and damping, so that turning has the frequency and damping ratio of translation.
         return self.stiffness, self.stiffness * self.gyration**2
 
     @property
@@ -92,4 +93,5 @@ class Robot:
     @property
     def smoothing(self) -> float:
         """Weight of a new sample in the first-order filter."""
+        # What the continuous filter takes up in a period; 2π f T, its first term, would be a fifth more.
         return 1.0 - exp(-2.0 * pi * self.cut_off * self.period)

@@ -25,6 +25,7 @@ def from_quaternions(q: Array) -> Array:
 def quaternions(r: Array) -> Array:
     """Unit quaternions (…, 4), w first, of rotation vectors (…, 3), rad."""
     half = 0.5 * np.linalg.norm(r, axis=-1, keepdims=True)
+    # sin(half)/half, at 0, too; NumPy's sinc has the π in it.
     return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * r], axis=-1, dtype=np.float64)
 
 
@@ -44,6 +45,7 @@ def between(a: Array, b: Array) -> Array:
     """
     w, v = np.split(product(a, b * np.array([1.0, -1.0, -1.0, -1.0])), [1], axis=-1)
     sine = np.linalg.norm(v, axis=-1, keepdims=True)
+    # q and −q are the same rotation: that with w ≥ 0 is the shorter way.
     v, w = np.where(w < 0.0, -v, v), np.abs(w)
-    angle = 2.0 * np.arctan2(sine, w)
+    angle = 2.0 * np.arctan2(sine, w)  # at small angles an arccosine would lose half of the digits
     return np.asarray(v * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 2.0))

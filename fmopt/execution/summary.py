@@ -42,6 +42,7 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     share, z2 = successes / trials, NORMAL_95**2
     centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
     half = NORMAL_95 * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2)) / (1 + z2 / trials)
+    # There the bound is 0 or 1 but for rounding.
     low = 0.0 if successes == 0 else max(centre - half, 0.0)
     return low, 1.0 if successes == trials else min(centre + half, 1.0)
 
@@ -103,6 +104,7 @@ def _spread(values: Sequence[float]) -> dict[str, float]:
 def _by_size(records: Sequence[Any], width: float = 0.25) -> list[dict[str, Any]]:
     rows: dict[int, list[bool]] = {}
     for record in records:
+        # Bins are closed above, as a size of 1 is still inside.
         rows.setdefault(int(np.ceil(record["size"] / width)) - 1, []).append(record["success"])
     return [
         {"size": [width * k, width * (k + 1)], "trials": len(rows[k]), "share": sum(rows[k]) / len(rows[k])}
@@ -176,6 +178,7 @@ class Fit:
     def of(plan: Plan) -> Fit:
         """The fit of a plan; `loose` is what its own error sets leave open of the depth, m."""
         goal, last = Pose.from_vector(plan.goal), plan.segments[-1]
+        # A contact that ends the last move fixes the depth; a move that ends by its travel leaves it open.
         loose = 0.0 if last.hybrid.felt else last.tube.box[2]
         free = (*last.tube.box, *last.tube.angles) if plan.moving.body.balls else (0.0,) * 6
         moving, fixed = (tuple(map(_planes, plan.parts[side].pieces)) for side in ("moving", "fixed"))
@@ -189,6 +192,7 @@ class Fit:
             pose: of the moving part now.
             goal: its pose as planned.
         """
+        # At the goal: carried there as a point of the moving part, or left in place and seen from that part.
         own, other = goal.apply(pose.inverse().apply(point)), goal.inverse().apply(point)
         return min(_off(self.fixed, own), _off(self.moving, other)) <= CLOSED * self.clearance
 
@@ -197,6 +201,7 @@ def _planes(piece: Body) -> Array:
     """The planes (k, 4) of a convex piece."""
     vertices = np.array(piece.vertices)
     loops = [vertices[list(face[0])] for face in piece.faces]
+    # Twice the area vector: no three corners need to be chosen, which might lie in a line.
     normals = np.array([cross(loop - loop[0], np.roll(loop, -1, axis=0) - loop[0]).sum(axis=0) for loop in loops])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     heights = [float((loop @ normal).mean()) for loop, normal in zip(loops, normals, strict=True)]
@@ -243,6 +248,7 @@ def note(log: Log, event: Event, rig: Rig, moves: Sequence[Move], known: Mapping
         fit: clearance and goal.
     """
     program = rig.program
+    # The rig has gone on already: this is the step after that of the event.
     if rig.state.step[event.body] < 0:
         log.ended = event.time
     if rig.state.step[event.body] == FAILED:
@@ -250,10 +256,11 @@ def note(log: Log, event: Event, rig: Rig, moves: Sequence[Move], known: Mapping
         return
     if not moves:
         return
-    move = moves[event.step]
+    move = moves[event.step]  # a plan's program has a step for each of its segments
     following = rig.state.step[event.body]
     if following >= 0 and program.steps[following].move == move.number:
         return
+    # A contact that is felt early ends the move on an earlier piece; the plan says of the last one what then touches.
     last = max(i for i, other in enumerate(moves) if other.number == move.number)
     log.departures += departures(rig, event.body, moves[last], known, fit)
 
@@ -287,7 +294,7 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
             found.append(f"{_spoken(move.number)}: {name} open")
     corners = [known[name] for name in move.goal_state if known[name].kind == "vertex-face"]
     flat = [one for n, one in enumerate(corners) if any(_same_face(one, other) for other in corners[:n])]
-    sensed = rig.contacts[body]
+    sensed = rig.contacts[body]  # columns as `FIELDS`: found, force, distance, position
     pressing = sensed[(sensed[:, 0] > 0.0) & (np.linalg.norm(sensed[:, 1:4], axis=1) > _PRESSES)]
     for row in pressing:
         near = any(float(np.linalg.norm(row[5:] - place)) <= _NEAR for place in places)
@@ -332,6 +339,7 @@ def rest(log: Log, rig: Rig, body: int, fit: Fit) -> dict[str, Any]:
     q, v = rig.qpos[body], rig.qvel[body]
     off = q[:3] - fit.goal.p
     turned = between(q[3:], quaternions(fit.goal.vector()[3:]))
+    # From wall to wall, as the goal may lie against either, and what contacts may give way by.
     room, free = 2.0 * (1.0 + SHARE) * fit.clearance, np.array(fit.free)
     failed = bool(rig.state.step[body] == FAILED)
     checks = (

@@ -118,9 +118,11 @@ def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
     if number >= trials.inside and trials.covered:
         factors = _covered(what, box)
         share *= factors
+        # Drawn again until it is outside of the box: uniform in what retries alone cover.
         while np.abs(share[box > 0.0]).max() <= 1.0:
             share = factors * random.uniform(-1.0, 1.0, 6)
     elif number >= trials.inside:
+        # Sizes are uniform: of places that are, most would have nearly the greatest size.
         share *= random.uniform(1.0, trials.reach) / float(np.abs(share[box > 0.0]).max())
     size = float(np.abs(share[box > 0.0]).max(initial=0.0))
     t, r = what.velocity_error
@@ -129,6 +131,7 @@ def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
         [t * program.speed * _ball(random, count), r * program.speed / program.rho * _ball(random, count)]
     )
     start = share * box
+    # After the size was taken: what nobody knows of is no error that is counted.
     start[0] += trials.offset
     return Draw(start, size, drift + _askew(what, program, share))
 
@@ -142,6 +145,7 @@ def _askew(what: Plan, program: Program, share: Array) -> Array:
     boxes = dict(what.sources)
     none = (0.0,) * 6
     hole, hand = share * boxes.get("hole", none), share * boxes.get("hand", none)
+    # Backwards, so that of the pieces of a move the first one stays; so with the steps below.
     first = {segment.move: segment for segment in reversed(what.segments)}
     found = np.zeros((max(step.move for step in program.steps) + 1, 6))
     for step in reversed(program.steps):
@@ -149,6 +153,7 @@ def _askew(what: Plan, program: Program, share: Array) -> Array:
         if size > 0.0:
             v, w = np.reshape(step.twist * program.speed / size, (2, 3))
             here = Pose.from_vector(first[step.move].start) if step.move in first else program.start
+            # Stated at the start in axes of B, it has turned with the part since.
             off = here.R @ program.start.R.T @ hand[:3]
             found[step.move] = np.concatenate([np.cross(hole[3:], v) + np.cross(w, off), np.cross(hole[3:], w)])
     return found
@@ -172,6 +177,7 @@ class Noise:
     """Standard normal samples (n, 6) a call, each body from its own stream, another at each attempt."""
 
     def __init__(self, seed: int, numbers: Sequence[int], attempt: int = 0) -> None:
+        # Counted from 1: NumPy fills seeds up with zeros, so that 0 would give the stream of `draw` again.
         self.streams = [np.random.default_rng([seed, number, 1 + attempt]) for number in numbers]
         self.block, self.used = np.zeros((len(numbers), 0, 6)), 0
 
@@ -225,6 +231,7 @@ def run(
     course = Course(recovery, rows, known, fit, look, lambda ended: told([record(*one) for one in ended]))
 
     def rig(starts: tuple[Array, Array], which: Sequence[int], attempt: int) -> Rig:
+        # Every attempt has the errors of its trial; only the noise is new.
         noise = Noise(trials.seed, [numbers[k] for k in which], attempt)
         return Rig(put(starts), program, robot, _drifts([draws[k] for k in which]), noise)
 
@@ -263,6 +270,7 @@ def _piece(piece: Body, growth: float) -> Body:
     from scipy.spatial import ConvexHull, HalfspaceIntersection
 
     vertices = np.array(piece.vertices)
+    # The hull comes in triangles: the plane of a face once for each, equal but for rounding.
     rows = np.unique(np.round(ConvexHull(vertices).equations, 12), axis=0)
     rows[:, 3] -= np.where(np.abs(rows[:, 2]) <= _SIDEWAYS, growth, 0.0)
     return Body(_merged(HalfspaceIntersection(rows, vertices.mean(axis=0)).intersections), ())

@@ -33,11 +33,12 @@ def spread(run: Run, chunks: Sequence[Sequence[int]], workers: int, take: Take) 
         for chunk in chunks:
             run(chunk, take)
         return
-    waiting, busy = list(reversed(chunks)), dict[Any, Child]()
+    waiting, busy = list(reversed(chunks)), dict[Any, Child]()  # popped from the end: they go out in order
     children: list[Child] = []
     try:
         for _ in range(min(workers, len(chunks))):
             child = Child(_ENTRY)
+            # Before anything is sent: whatever fails from here on, it is to be ended.
             children.append(child)
             child.connection.send_bytes(pickle.dumps((run, waiting.pop())))
             busy[child.connection] = child
@@ -76,9 +77,11 @@ def serve(connection: Connection) -> None:
             run, chunk = pickle.loads(connection.recv_bytes())
         except EOFError:
             return
+        # An empty list says that the chunk has ended: records that are told are never none, see `_attempt`.
         last: FmoptError | list[Any] = []
         try:
             run(chunk, lambda records: connection.send_bytes(pickle.dumps(records)))
+        # Any other error ends this process, with its traceback, and the parent tells the exit code.
         except FmoptError as error:
             last = error
         connection.send_bytes(pickle.dumps(last))

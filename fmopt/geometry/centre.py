@@ -34,6 +34,7 @@ def inside(ring: Array) -> Array:
     from shapely import Polygon, maximum_inscribed_circle
 
     shape = Polygon(ring)
+    # shapely gives the circle as a line from its centre to its rim: the length is the radius.
     circle = maximum_inscribed_circle(shape, tolerance=1e-3 * float(np.sqrt(shape.area)))
     if shape.contains(shape.centroid) and shape.exterior.distance(shape.centroid) > _WITHIN * circle.length:
         return np.array(shape.centroid.coords[0])
@@ -63,12 +64,14 @@ def centres(ring: Array) -> Iterator[Array]:
     made = []
     for piece in pieces:
         own, levels = _lines(np.array(piece.outline), size)
+        # 1 − cos is half the square of a small angle: alike are lines turned by less than `_ON` (rad).
         turns = np.abs(own @ normals.T - 1.0) <= 0.5 * _ON**2
         held = np.any(turns & (np.abs(levels[:, None] - offsets) <= _ON * size), axis=1)
         even = _evenest(own[held], levels[held])
         if even is None or not _is_within(corners, even):
             even = np.mean(np.array(piece.outline), axis=0)
         like = float(piece.area) >= (1.0 - _LIKE) * largest
+        # Rounded, so that of pieces that are alike noise does not choose; along x first.
         along = np.round([x @ even / size, (x[0] * even[1] - x[1] * even[0]) / size], 4).tolist()
         made.append((like, along, even))
     for _, _, even in sorted(made, key=lambda one: one[:2], reverse=True):
@@ -92,6 +95,7 @@ def axis(ring: Array, known: Array | None = None) -> Array:
     lengths = np.linalg.norm(steps, axis=1)
     size = float(lengths.max())
     turns = np.arctan2(_cross(steps, np.roll(steps, -1, axis=0)), np.sum(steps * np.roll(steps, -1, axis=0), axis=1))
+    # Where all sides move in by d, a side is d tan(turn/2) shorter at each of its ends, and longer at reflex corners.
     cut = np.tan(0.5 * turns)
     narrowed = lengths - _even_width(corners) * (cut + np.roll(cut, 1))
     middle = _centroid(corners)
@@ -99,6 +103,7 @@ def axis(ring: Array, known: Array | None = None) -> Array:
     longest = longest[lengths[longest] >= lengths[longest].max() - _LONGEST * size]
     choices = [(k, sign * steps[k] / lengths[k]) for k, sign in product(longest.tolist(), (1.0, -1.0))]
     choices = [(k, x) for k, x in choices if not _is_backward(corners - middle, x)]
+    # Among sides that are equal, what follows them around the outline tells; only those of its symmetry are left.
     for ahead in range(len(corners)):
         for values in (turns, narrowed / size, lengths / size):
             own = [values[(k + ahead) % len(corners)] for k, _ in choices]

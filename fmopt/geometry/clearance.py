@@ -54,6 +54,7 @@ def penetration(body: Polyhedron, other: Polyhedron) -> float:
     if body.balls:
         return _overlaps(body, other, np.vstack([faces, *(towards(other, centre) for centre in body.vertices)]))
     shallow = _overlaps(body, other, faces)
+    # Apart by a face already: axes across edges, by far the most, are asked of other pairs only.
     if shallow <= _TOUCH:
         return shallow
     crossed = np.cross(_directions(body)[:, None], _directions(other)[None]).reshape(-1, 3)
@@ -87,6 +88,7 @@ def _directions(body: Polyhedron) -> Array:
     """Unit directions (k, 3) of the edges, parallel ones once."""
     start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
     along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
+    # Turned so that the first component that is not 0 is positive: opposite directions are one.
     leading = np.argmax(np.abs(along) > 1e-9, axis=1)
     along *= np.sign(along[np.arange(len(along)), leading])[:, None]
     return np.asarray(along[np.unique(np.round(along, 9), axis=0, return_index=True)[1]])
@@ -249,6 +251,7 @@ def past_shoulders(peg: Part, hole: Part, length: float, depth: float) -> float:
         return section_limit(part.pieces, Pose(np.array([0.0, 0.0, height]), np.eye(3)), side)
 
     body = peg.polyhedron
+    # The offset of a face that looks down is minus its height.
     levels = sorted({-float(o) for o, n in zip(body.offsets, body.normals, strict=True) if n[2] < -1.0 + 1e-9})
     mouth = across(hole, 0.0, -1)
     while length < depth and across(peg, length, 1).intersection(mouth).area == 0.0:
@@ -262,6 +265,7 @@ def past_shoulders(peg: Part, hole: Part, length: float, depth: float) -> float:
 def _slices(part: Part, low: float, high: float) -> list[Slice]:
     """Sections of the part between two heights: limits at both ends and the middle of each stretch without vertices."""
     heights = np.unique(np.clip([low, high, *(z for body in part.bodies for z in body.vertices[:, 2])], low, high))
+    # Levels that only rounding tells apart have no room for a section between them.
     heights = heights[np.append(True, np.diff(heights) > 1e-9)]
     made = []
     for bottom, top in pairwise(heights):
@@ -281,6 +285,7 @@ def _slices(part: Part, low: float, high: float) -> list[Slice]:
 def _meet(peg: Slice, hole: Slice, depth: float) -> bool:
     """Whether the peg's section passes the hole's section on the way to `depth`."""
     ahead = hole.height - (peg.height - depth)
+    # Sections at one level meet at the goal, but for the peg's just above it and the hole's just below.
     return ahead > _TOUCH or (abs(ahead) <= _TOUCH and not peg.side > hole.side)
 
 
@@ -309,7 +314,9 @@ def overlap_shrunk(peg: MultiPolygon, hole: MultiPolygon, offset: float) -> bool
         offset: m, not negative.
     """
     with np.errstate(invalid="ignore"):  # GEOS raises the flag where a mitre has no corner
+        # Mitred, as reflex corners of a thinner peg would stay corners.
         shrunk = peg.buffer(-offset, join_style="mitre", mitre_limit=1e3) if offset > 0.0 else peg
+    # 1e-15 m², 1 nm by 1 µm: less is what rounding leaves where they touch.
     return bool(shrunk.intersection(hole).area > 1e-6 * _TOUCH)
 
 
@@ -321,9 +328,11 @@ def _travel(peg: MultiPolygon, hole: MultiPolygon) -> tuple[float, float, float,
 
 def _run(ahead: Array, fixed: Array, axis: int) -> float:
     """Smallest distance along +axis from the sides `ahead` to the sides `fixed`, both (n, 2, 2)."""
+    # Polygons that approach touch with a corner of either one on a side of the other.
     there = _rays(ahead[:, 0], fixed, axis)
     back = _rays(fixed[:, 0], ahead, axis)
     steps = np.concatenate([there, -back])
+    # What is behind is a side that it moves away from.
     return float(np.min(steps, where=steps > -_TOUCH, initial=np.inf))
 
 

@@ -91,6 +91,7 @@ def clip(body: Polyhedron, normal: Array, offset: float) -> Polyhedron | None:
             continue
         loops.append([loop])
         planes.append((face.normal, face.offset))
+        # The rim runs against the faces beside it; index i + 1 − n is the next corner, behind the last one the first.
         flat = [vertex >= len(body.vertices) or side[vertex] == 0 for vertex in loop]
         following.update(
             {loop[(i + 1) % len(loop)]: loop[i] for i in range(len(loop)) if flat[i] and flat[i + 1 - len(loop)]}
@@ -180,6 +181,7 @@ def _pieces(solid: Solid, pose: Pose) -> tuple[Polyhedron, ...]:
             return (convex_polyhedron(solid, pose),)
         case Placed(inner, move):
             return _pieces(inner, exact_pose(pose).compose(exact_pose(move)))
+        # A Stack is a Union, but its parts are few as they are made: none is measured to be dropped.
         case Stack(parts):
             return tuple(piece for part in parts for piece in _pieces(part, pose))
         case Union(parts):
@@ -210,6 +212,7 @@ def _minus(stock: tuple[Polyhedron, ...], tool: Solid, pose: Pose) -> tuple[Poly
                 stock = _minus(stock, part, pose)
             return stock
         case Difference(base, tools):
+            # S ∖ (B ∖ T) = (S ∖ B) ∪ (S ∩ T).
             spared = [_common(piece, body) for inner in tools for body in _pieces(inner, pose) for piece in stock]
             bodies = [*_minus(stock, base, pose), *(piece for piece in spared if piece is not None)]
             return _irredundant(bodies, union_manifold(bodies).volume())
@@ -223,6 +226,7 @@ def _slabs(piece: Polyhedron, tool: Polyhedron) -> list[Polyhedron]:
     common = _within(tool, piece) if len(tool.faces) > len(piece.faces) else _within(piece, tool)
     if common is None or common.volume <= _SLIVER * piece.volume:
         return [piece]
+    # `clip` hands planes on to the bit, so that they can be looked up.
     bounding = {(face.offset, *face.normal) for face in common.faces}
     planes = [face for face in tool.faces if (face.offset, *face.normal) in bounding]
     cut = [clip(piece, -face.normal, -face.offset) for face in planes]
@@ -315,6 +319,7 @@ def _crossing(a: Array, b: Array, at_a: float, at_b: float, normal: Array, offse
 
 def _is_thick(shell: Manifold) -> bool:
     """Whether a shell is more than the skin that rounding leaves between two tools."""
+    # A skin has two sides: its volume is half of its surface times its thickness.
     return bool(2.0 * abs(shell.volume()) > ROUNDING * shell.surface_area())
 
 

@@ -225,6 +225,7 @@ def convex_polyhedron(primitive: Primitive, pose: Pose) -> Polyhedron:
         pose: of that frame where the polyhedron is wanted.
     """
     place = exact_pose(pose)
+    # As numbers, which can be keys of what is remembered; arrays cannot.
     return _standing(primitive, tuple(place.p.tolist()), tuple(place.R.ravel().tolist()))
 
 
@@ -320,6 +321,7 @@ def contains(solid: Solid, points: ArrayLike) -> NDArray[np.bool_]:
 def _loft(lower: Array, upper: Array, height: float) -> Array:
     levels = ((lower, 0.0), (upper, height))
     points = np.vstack([np.column_stack([outline, np.full(len(outline), z)]) for outline, z in levels])
+    # Corners of the tip of a cone, or of a wedge without a top, are one.
     kept = np.sort(np.unique(points + 0.0, axis=0, return_index=True)[1])
     return np.asarray(points[kept] + 0.0)
 
@@ -378,6 +380,7 @@ def _require_convex(solid: Prism, polygon: tuple[tuple[float, float], ...]) -> N
     forward = np.roll(points, -1, axis=0) - points
     back = points - np.roll(points, 1, axis=0)
     turn = back[:, 0] * forward[:, 1] - back[:, 1] * forward[:, 0]
+    # A star turns left everywhere, too, but goes round more than once.
     sweep = np.sum(np.arctan2(turn, np.sum(back * forward, axis=1)))
     if not np.all(turn > 0.0) or abs(sweep - 2.0 * math.pi) > 1e-6:
         worst = int(np.argmin(turn))

@@ -189,6 +189,7 @@ class _Placing:
             order += [("vertex", n) for n in free]
             for face in corners.values():
                 face.difference_update(free)
+            # One point fixes a face whose direction is given.
             flat = sorted(n for n in left[1] if len(corners[n]) <= (1 if n in self.directions else 3))
             left[1].difference_update(flat)
             order += [("face", n) for n in flat]
@@ -214,11 +215,13 @@ class _Placing:
         if not on:
             return _Plane(normal, Fraction(face.offset))
         first, arms = on[0], [_sub(p, on[0]) for p in on[1:]]
+        # Of all pairs the one that spans most: how far off the points are turns it least.
         spanned = _longest([_cross(a, b) for k, a in enumerate(arms) for b in arms[:k]])
         if any(spanned):
             return _Plane(spanned, _dot(spanned, first))
         if arms:
             along = _longest(arms)
+            # Across the one line that they are on, multiplied by the square of its length to spare a division.
             square, off = _dot(along, along), _dot(normal, along)
             normal = (square * a - off * along[0], square * b - off * along[1], square * c - off * along[2])
         return _Plane(normal, _dot(normal, first))
@@ -241,6 +244,7 @@ class _Placing:
 
 def _lean(planes: Sequence[_Plane]) -> float:
     """How far one to three planes are from running alike: the volume of their unit normals."""
+    # Divided before they become floats, which their integers may be beyond.
     largest = [max(abs(x) for x in plane.normal) for plane in planes]
     normals = np.array([[float(x / m) for x in plane.normal] for plane, m in zip(planes, largest, strict=True)])
     normals /= np.linalg.norm(normals, axis=1)[:, None]

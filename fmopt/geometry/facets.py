@@ -174,6 +174,7 @@ def first_within(points: Array, reach: float) -> Indices:
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
+    # Equal points count once: a corner of many triangles would be a heap of pairs by itself.
     distinct, which = _distinct(points)
     _refuse_heaps(points[distinct], reach)
     pairs = cKDTree(points[distinct]).query_pairs(reach, output_type="ndarray")
@@ -257,6 +258,7 @@ def _regions(mesh: _Mesh, normals: Array, heights: Array, limits: tuple[float, i
     for seed in np.argsort(-heights * spans, kind="stable"):
         if region[seed] >= 0:
             continue
+        # The normal of a sliver says nothing: it goes with what is across its longest side, once that has a face.
         if heights[seed] <= tol:
             region[seed] = _over_longest_side(mesh, region, int(seed))
         if region[seed] >= 0:
@@ -360,6 +362,7 @@ def chords(body: Polyhedron) -> Iterator[tuple[tuple[int, int], tuple[float, flo
     """
     for edge in body.edges:
         one, other = (body.faces[number] for number in edge.faces)
+        # By both sine and cosine: the cosine alone has lost the digits of a small turn.
         turn = math.atan2(float(np.linalg.norm(np.cross(one.normal, other.normal))), float(one.normal @ other.normal))
         if turn <= _SMOOTH:
             start, end = body.vertices[list(edge.vertices)]

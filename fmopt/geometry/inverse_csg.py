@@ -96,6 +96,7 @@ def _squared(body: Polyhedron, slack: float) -> Array:
     z = order[0]
     x = next((normal for normal in order if abs(normal @ z) <= slack), None)
     across = [z] if x is None else [z, x]
+    # Turned there and back coordinates would lose their last digits, for nothing.
     if all(np.abs(normal).max() >= 1.0 - slack for normal in across):
         return np.eye(3)
     x = plane_basis(z)[:, 0] if x is None else x - (x @ z) * z
@@ -146,6 +147,7 @@ def _grown(part: Polyhedron, shape: Manifold, known: Array, faces: Sequence[Face
     size = float(np.linalg.norm(np.ptp(known, axis=0)))
     for normal, offset in [(face.normal, face.offset) for face in faces]:
         heights = np.unique(_levelled((known @ normal)[known @ normal > offset + _NEAR * size]))
+        # What keeps clear at one height does so at all below, so that halving finds the highest.
         low, high = 0, len(heights)
         while low < high:
             middle = (low + high) // 2
@@ -207,6 +209,7 @@ def _opened(tool: Polyhedron, outer: Polyhedron, tol: float) -> Hull:
     alike = tool.normals @ outer.normals.T > 1.0 - 1e-9
     at_hull = np.any(alike & (np.abs(tool.offsets[:, None] - outer.offsets) <= 4.0 * tol), axis=1)
     offsets = tool.offsets + np.where(at_hull, _PUSHED * outer.diameter, 0.0)
+    # Qhull wants a point inside, and rounds by the size of numbers: both are seen from the tool's middle, in sizes.
     middle, size = tool.vertices.mean(axis=0), outer.diameter
     room = np.column_stack([tool.normals, (tool.normals @ middle - offsets) / size])
     corners = middle + size * HalfspaceIntersection(room, np.zeros(3)).intersections
@@ -233,6 +236,7 @@ def _best_cut(body: Polyhedron, tol: float) -> Plane | None:
     reflex = []
     for edge in body.edges:
         one, other = (body.faces[number] for number in edge.faces)
+        # A face that rises less than `tol` above the plane of the other is level with it but for noise.
         beyond = body.vertices[list(other.vertices)] @ one.normal - one.offset
         if not edge.convex and beyond.max() > tol:
             reflex.append((edge.vertices, one.normal, other.normal))
@@ -260,6 +264,7 @@ def _through(a: Array, b: Array, tol: float) -> Plane | None:
     normal = np.linalg.svd(corners - centre)[2][2]
     normal = np.where(np.abs(normal) < 1e-12, 0.0, normal)
     flat = np.all(np.abs((corners - centre) @ normal) <= tol)
+    # Across an axis the coordinate of a corner to the bit, not a mean.
     offset = float(normal @ (corners[0] if np.abs(normal).max() == 1.0 else centre))
     return (normal, offset) if flat else None
 
@@ -290,6 +295,7 @@ def _idealised(body: Polyhedron, tol: float) -> Array:
         own = sorted({chosen[number] for number in faces})
         normals = np.array([planes[i][0] for i in own])
         offsets = np.array([planes[i][1] for i in own])
+        # By `rcond` planes that are nearly one count once: a corner would run off along the line in which they meet.
         shift = np.linalg.pinv(normals, rcond=1e-3) @ (offsets - normals @ points[vertex])
         if np.linalg.norm(shift) <= 100.0 * tol:
             points[vertex] += shift

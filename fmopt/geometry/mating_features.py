@@ -119,7 +119,7 @@ def _hole(body: Polyhedron, pieces: Sequence[Polyhedron], face: Face, rim: Loop)
     below = [a for a, b in _material(pieces, mouth, -face.normal) if b > _SAME * body.diameter]
     through = not below
     depth, far = _far_mouth(body, face, mouth) if through else (min(below), ())
-    if depth <= _SAME * body.diameter or not np.isfinite(depth):
+    if depth <= _SAME * body.diameter or not np.isfinite(depth):  # through, with no mouth on the other side
         return None
     ring = section_ring(pieces, mouth, face.normal, -0.5 * depth, hollow=True)
     if ring is None:
@@ -138,7 +138,7 @@ def _far_mouth(body: Polyhedron, face: Face, mouth: Array) -> tuple[float, Loop]
     for other in body.faces:
         if other.normal @ face.normal > -1.0 + 1e-9:
             continue
-        basis, depth = plane_basis(other.normal), float(face.offset + other.offset)
+        basis, depth = plane_basis(other.normal), float(face.offset + other.offset)  # normals are opposite
         for loop in other.loops[1:]:
             if depth < found[0] and Polygon(body.vertices[list(loop)] @ basis).contains(Point(mouth @ basis)):
                 found = depth, loop
@@ -323,7 +323,7 @@ def section_ring(
         return None
     rings = [ring for shape in shapes.geoms for ring in (shape.interiors if hollow else (shape.exterior,))]
     around = [Polygon(ring) for ring in rings if Polygon(ring).contains(Point(0.0, 0.0))]
-    return _straightened(min(around, key=lambda shape: shape.area)) if around else None
+    return _straightened(min(around, key=lambda shape: shape.area)) if around else None  # the innermost one
 
 
 def _straightened(shape: Polygon) -> Polygon:

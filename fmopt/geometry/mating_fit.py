@@ -104,6 +104,7 @@ def _overlap(turn: float, pairs: Sequence[tuple[Slice, Slice]], least: float) ->
     found = 0.0
     for peg, hole in pairs:
         shape = _turned(peg, turn)
+        # One look shows that it is worse than the best so far; how much too thick it is takes some thirty.
         if math.isfinite(least) and overlap_shrunk(shape, hole.shape, -least):
             return -math.inf
         if overlap_shrunk(shape, hole.shape, -found):
@@ -125,6 +126,7 @@ def _turns(peg: Part, hole: Part, depth: float) -> Iterator[float]:
     yield 0.0
     for side in sides:
         for wall in walls:
+            # A side looks against the wall that it is to face; the difference is taken to [−π, π).
             turn = turned_to((wall + math.pi - side + math.pi) % (2.0 * math.pi) - math.pi)
             if all(abs(turn - other) > _SAME for other in known):
                 known.append(turn)
@@ -152,6 +154,7 @@ def _headings(body: Polyhedron, window: tuple[float, float], outward: bool) -> A
             continue
         away = float(across @ corners[:, :2].mean(axis=0))
         if (away > 0.0) == outward and away != 0.0:
+            # Rounded, so that sides of one size come in the order of their headings.
             found.append((-round(_area(corners), 12), math.atan2(across[1], across[0])))
     return np.array([heading for _, heading in sorted(found)])
 

@@ -122,6 +122,7 @@ def _followed(lower: Outline, upper: Outline) -> Iterator[_Piece]:
         for one, other in ((lower, upper), *((p.outline, top) for p, top in zip(found, tops, strict=True) if top))
         if len(one) == len(other)
     ]
+    # Below it holds by construction; half-way as well as above, since walls may cross in between.
     for whole, pieces in ((upper, tops), (middle[0], middle[1:])):
         made = united([Polygon(piece) for piece in pieces if piece])
         shape = Polygon(whole)
@@ -146,6 +147,7 @@ def _between(outline: Outline, sides: Sequence[int | None]) -> Outline:
         if cut is None:
             return ()
         box = cut
+    # As words, since None and numbers have no order.
     if sorted(map(str, box.sides)) != sorted(map(str, sides)):
         return ()
     first = box.sides.index(sides[0])
@@ -177,6 +179,7 @@ def _part(rings: tuple[_Ring, ...]) -> Prism | Hull | Placed:
     (low, lower), (high, upper) = rings[0], rings[-1]
     if len(rings) == 2 and lower == upper:
         prism = Prism(lower, high - low)
+        # Placed by `low`, the top must not come out a rounding off the height that was asked for.
         exact = low + (high - low) == high
         if low == 0.0:
             return prism

@@ -39,7 +39,7 @@ _FAR_END = 0.05  # of a feature's length: gaps no further from its far end than 
 
 _ASIDE, _IN_PLANE = 1e-10, 1e-15  # m: planes are one up to here; vertices that are so near are in a plane
 _MOVED = 1e-10  # m: how far coordinates may go to exact ones before anything rests on them
-_DRAWN_IN = 0.25
+_DRAWN_IN = 0.25  # of the way to the centroid
 _SAME_PLACE = 1e-9  # m
 _ASKEW = np.array([0.3717, 0.2153, 0.9031])  # along no edge and across no face that people draw: it puts all in order
 
@@ -160,7 +160,7 @@ def mesh_part(
 
     solid, body = come_apart(mesh)
     part = Part(name, body, pieces(solid), tuple(features or ()), 0.0, (), mesh.off, mesh.where)
-    volume = union_manifold(part.pieces).volume()
+    volume = union_manifold(part.pieces).volume()  # of the union: pieces overlap
     if abs(volume - body.volume) > _MESH_VOLUME * body.volume:
         raise mesh.fault(
             f"{mesh.kind} {name!r} has {body.volume:.6g} m³, its convex pieces {volume:.6g} m³",
@@ -203,7 +203,7 @@ def rebased(part: Part, pose: Pose) -> Part:
     """
     inward = exact_pose(pose).inverse()
     bodies = tuple(rounded(placed(body, inward)) for body in (part.polyhedron, *part.pieces))
-    if not np.all(np.isin(inward.R, (-1.0, 0.0, 1.0))):
+    if not np.all(np.isin(inward.R, (-1.0, 0.0, 1.0))):  # quarter turns keep equal coordinates equal
         bodies = levelled(bodies)
     features = tuple(in_frame(feature, pose) for feature in part.features)
     return replace(part, polyhedron=bodies[0], pieces=bodies[1:], features=features)
@@ -226,7 +226,7 @@ def in_order(part: Part) -> Part:
 def _in_order(body: Polyhedron, askew: Array) -> Polyhedron:
     """A body with its corners, then the centres of its balls, along a direction (3,), and its faces by their ranks."""
     points = body.vertices
-    order = np.lexsort((points @ askew, body.radii > 0.0))
+    order = np.lexsort((points @ askew, body.radii > 0.0))  # the last key is the first to count
     number, faces = np.argsort(order), []
     for face in body.faces:
         loops = [np.roll(own, -own.argmin()).tolist() for own in (number[list(loop)] for loop in face.loops)]
@@ -301,6 +301,7 @@ def _in_planes(piece: Polyhedron, body: Polyhedron, moved: Mapping[bytes, Array]
     planes = list[tuple[Array, float]]()
     for face in piece.faces:
         corners = piece.vertices[list(face.vertices)]
+        # Planes that look the other way are put a metre off, where none is near.
         off = np.abs(corners @ body.normals.T - body.offsets).max(axis=0) + (body.normals @ face.normal < 0.0)
         nearest = int(off.argmin())
         own = off[nearest] <= _ASIDE
@@ -382,7 +383,7 @@ def convex(polygon: ArrayLike) -> Array:
     turns = before[:, 0] * e[:, 1] - before[:, 1] * e[:, 0]
     lengths = np.hypot(*e.T) * np.hypot(*before.T)
     around = np.arctan2(turns, np.sum(before * e, axis=1)).sum()
-    if not np.all(turns > 1e-9 * lengths) or around > 7.0:
+    if not np.all(turns > 1e-9 * lengths) or around > 7.0:  # once around is 6.28 rad
         k = int(np.argmin(turns - 1e-9 * lengths))
         raise GeometryError(
             f"a polygon of a profile does not turn left at corner {k}",

@@ -115,6 +115,7 @@ class Polyhedron(Value):
 
 def diameter(points: Array) -> float:
     """Largest distance between two of the points (n, d)."""
+    # Row by row: all differences at once would take memory by the square of their number.
     largest = max(float(np.max(np.sum((points - point) ** 2, axis=1))) for point in points)
     return float(np.sqrt(largest))
 
@@ -140,6 +141,7 @@ def from_faces(
     Raises:
         GeometryError: an edge without exactly two faces in opposite directions, or a volume that is not positive.
     """
+    # + 0.0 turns −0 into 0, so that equal coordinates are equal in their bytes, by which parts look them up.
     points = np.asarray(vertices, dtype=np.float64) + 0.0
     used = sorted({index for loops in faces for loop in loops for index in loop}.union(n for n, _ in balls))
     number = {old: new for new, old in enumerate(used)}
@@ -231,6 +233,7 @@ def plane_of(points: Array, loops: Sequence[Sequence[int]]) -> tuple[Array, floa
 
 def plane_basis(normal: Array) -> Array:
     """Two unit columns (3, 2) that span the plane across `normal`, right-handed with it."""
+    # The axis that is least along the normal, so that the product is far from 0.
     u = cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     u /= np.linalg.norm(u)
     return np.column_stack([u, cross(normal, u)])
@@ -304,17 +307,20 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
 
     cloud = np.asarray(points, dtype=np.float64)
     try:
+        # Qhull's own rounding grows with the largest coordinate: it gets the points about 0.
         hull = ConvexHull((cloud - cloud.mean(axis=0)) / np.max(np.abs(cloud - cloud.mean(axis=0))))
     except (QhullError, ValueError, ZeroDivisionError) as error:
         raise GeometryError(f"{len(cloud)} points span no volume", "give four or more that are not flat") from error
     reach = tol * diameter(cloud)
     loops: dict[frozenset[int], Loop] = {}
+    # Only directions are Qhull's: which points are on a face is settled by their own coordinates.
     for normal in np.unique(hull.equations[:, :3], axis=0):
         height = cloud @ normal
         on = np.flatnonzero(height >= height.max() - reach)
         loop = _convex_loop(cloud, on, normal, reach)
         if len(loop) >= 3:
             loops[frozenset(loop)] = loop
+    # Directions that differ by rounding find one face twice, once without some of its corners.
     kept = [key for key in loops if not any(key < other for other in loops)]
     ordered = sorted((loops[key] for key in kept), key=lambda loop: tuple(sorted(loop)))
     if len(ordered) < 4:
@@ -375,6 +381,7 @@ def _edges(points: Array, faces: Sequence[Face]) -> tuple[Edge, ...]:
     normals = np.array([face.normal for face in faces])
     start, end = points[np.array(spans).T]
     one, other = normals[np.array(sides).T]
+    # Convex where the normals turn counter-clockwise about the edge, which runs as in the first face.
     convex = _triple(end - start, one, other) > 0.0
     return tuple(Edge(span, pair, bool(flag)) for span, pair, flag in zip(spans, sides, convex, strict=True))
 

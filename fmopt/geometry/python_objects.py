@@ -68,6 +68,7 @@ def imported_of(thing: object, unit: Unit | None = None, deviation: float = DEVI
         SizeError: too large or too small for a part.
         ResourceError: the CAD kernel does not work.
     """
+    # By all classes that it derives from, as a user's own may derive from one of a library.
     library = next((found for found in map(_library, type(thing).__mro__) if found in _READERS), "")
     if library in ("cadquery", "build123d", "OCP"):
         return _of_shape(thing, unit or "mm", deviation)
@@ -110,6 +111,7 @@ def _of_shape(thing: object, unit: Unit, deviation: float) -> Imported:
         except GeometryError as error:
             message = error.message.replace(str(path), f"the {type(thing).__name__}")
             advice = "give one of its solids" if "bodies: " in message else error.advice
+            # A SizeError stays one, with its size.
             if hasattr(error, "size"):
                 error.message = message
                 raise
@@ -168,7 +170,7 @@ def _of_manifold(thing: Any, unit: Unit | None) -> Imported:
     if not hasattr(thing, "to_mesh64"):
         raise GeometryError(f"a {type(thing).__name__} of manifold3d is no solid", "give a Manifold")
     mesh = thing.to_mesh64()
-    points = np.asarray(mesh.vert_properties, np.float64)[:, :3]
+    points = np.asarray(mesh.vert_properties, np.float64)[:, :3]  # behind the position may be others, such as colours
     return _of_triangles(factor * points, np.asarray(mesh.tri_verts).astype(np.int64))
 
 

@@ -96,6 +96,7 @@ def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1
             outline = MultiPoint(_crossings(body, points)).convex_hull
             if outline.geom_type == "Polygon":
                 parts.append(outline)
+    # simplify(0.0) drops corners at which sides of several pieces go straight on.
     return _polygons(sealed(united(parts)).simplify(0.0))
 
 
@@ -303,6 +304,7 @@ class Walls:
         width = float(np.max(self.lengths * np.abs(sines[longest])))
         for size in (float(self.lengths[longest]), width, 0.0):
             long = self.lengths > _SHORT * size
+            # Where no two stand at such an angle, those that come nearest to it.
             found = np.argwhere(np.outer(long, long) & (sines >= min(_APART, float(sines.max()))))
             if len(found):
                 break

@@ -67,6 +67,7 @@ def _as_prisms(body: Polyhedron, axis: int, thin: float) -> Prisms:
     from shapely import MultiPoint
 
     levels = np.unique(body.vertices[:, axis]).tolist()
+    # Rolled to the front and dropped, the axis leaves the two that follow it, seen from its positive side.
     whole = _convex(MultiPoint(np.delete(np.roll(body.vertices, -axis, axis=1), 0, axis=1)).convex_hull)
     tools = [
         _prism(piece, axis, low, high)
@@ -85,6 +86,7 @@ def _lacking(whole: Convex, section: BaseGeometry, thin: float) -> Iterator[Conv
     from shapely import Polygon, get_parts
 
     def is_thick(polygon: Polygon) -> bool:
+        # A strip has two long sides: its area is half of its outline times its width.
         return bool(2.0 * polygon.area > thin * polygon.length)
 
     if section.is_empty:  # between two walls that nothing joins
@@ -132,9 +134,11 @@ def _crossed(vertices: Array, face: Face, axis: int, height: float) -> Iterator[
     for loop in face.loops:
         corners = vertices[list(loop)]
         for p, q in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            # Between levels edges of walls are upright: they cross where their corners are, nothing is interpolated.
             if (p[axis] > height) != (q[axis] > height):
                 found.append((float(p[u]), float(p[v])))
     found.sort(key=lambda at: at[1] * face.normal[u] - at[0] * face.normal[v])
+    # Between the first crossing and the second there is wall, between the second and the third none.
     yield from zip(found[::2], found[1::2], strict=True)
 
 

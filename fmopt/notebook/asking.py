@@ -76,6 +76,7 @@ class Asked:
             if unit is not None and unit not in _UNITS:
                 message, advice = f"{unit!r} is no unit of a mesh", f"write one of {', '.join(_UNITS)}"
                 raise InputError(Fault("--unit", 1, 1, "", "unknown-unit", message, advice))
+            # STEP files say their unit themselves, and model files are no meshes.
             if unit is not None and file.suffix.lower() in MESHES and file.suffix.lower() not in STEP:
                 keys["unit"] = unit
             if body is not None:
@@ -100,6 +101,7 @@ class Asked:
 def _from(file: Path, folder: Path) -> str:
     """A file as a problem file in a folder names it."""
     name = os.path.relpath(file.absolute(), folder.absolute())
+    # A name in bytes that are no UTF-8 reaches Python with lone surrogates, which no TOML file can hold.
     try:
         name.encode()
     except UnicodeEncodeError:
@@ -117,6 +119,7 @@ def _require_file(file: Path) -> None:
 
 def quoted(text: str) -> str:
     """A text as TOML has it."""
+    # JSON's strings are TOML's, but for U+007F; its escapes of letters beyond U+FFFF are not, hence none are written.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -166,6 +169,7 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None) -
         picks = [rest[n] for n in order]
     else:
         picks = [rest[0] if pick is None else pick for pick in picks]
+    # Digits would be read as the number of a body: one whose name is digits goes by its number.
     called = [names[n] if names[n] and not names[n].isdecimal() else str(n + 1) for n in picks if n is not None]
     return Asked((file, file), error, bodies=(called[0], called[1]))
 
@@ -180,7 +184,7 @@ def _guessed(meshes: Sequence[Any]) -> tuple[int, int]:
         try:
             holes.append(any(one.kind == "hollow" for one in mesh_part("body", mesh).features))
         except GeometryError:
-            holes.append(False)
+            holes.append(False)  # where nothing is found to mate with, no hole is either
     if holes[0] != holes[1]:
         return (1, 0) if holes[0] else (0, 1)
     return (0, 1) if meshes[0].body.volume <= meshes[1].body.volume else (1, 0)
@@ -243,9 +247,10 @@ def _file(part: Part, stem: Path, unit: str | None) -> tuple[Path, str | None]:
         return target, None
     known = unit or getattr(part, "units", None)
     mesh = imported_of(part, cast("Unit | None", unit) if known else "mm").body
+    # Not STL, which has single precision, and corners that are not shared.
     target = stem.with_suffix(".ply")
     output.save(_ply(1e3 * mesh.vertices, triangulated(mesh)), target)
-    return target, "mm" if known else None
+    return target, "mm" if known else None  # None: that mm are taken for granted is to be said
 
 
 def _ply(points: Any, triangles: Any) -> bytes:

@@ -31,7 +31,7 @@ def held_against(plan: Plan, problem: task.Problem) -> Held:
     if found.differences:
         return found
     velocity = problem.velocity_error
-    declared = problem.declared_clearance or (math.nan, math.nan)
+    declared = problem.declared_clearance or (math.nan, math.nan)  # differences from nan are above no bound
     pairs = (
         ("start errors", plan.start_box, problem.start_box.tolist(), 1e-12),
         ("velocity error", plan.velocity_error, (velocity.translation, velocity.rotation), 1e-12),
@@ -76,6 +76,7 @@ def admitted(plan: Plan, unverified: bool, name: str = "the plan") -> str:
         found = judge(plan)
     except PlanError as error:
         raise PlanFormatError(f"{name}: {error}", "give a plan.json that fmopt solve wrote") from error
+    # A plan that says less of itself than the check finds is taken at its word.
     if not plan.verdict == found.verdict == CERTIFIED:
         reasons = tuple(str(finding) for finding in found.findings)
         advice = "solve its problem again; or take it as it is with --unverified, when nothing is guaranteed"

@@ -43,6 +43,7 @@ def _nominal(nominal: Any) -> str:
 
 
 HTML: Mapping[str, Callable[[Any], str]] = {
+    # Plans and problems have sheets, `_repr_html_`, which IPython asks for only where nothing is registered.
     **{name: _drawn for name in VIEWS if not name.startswith(("fmopt.notebook", "fmopt.task"))},
     "fmopt.spatial.se3.Pose": _pose,
     "fmopt.verify.findings.Verdict": _verdict,

@@ -121,6 +121,7 @@ def framed(page: str, title: str, size: tuple[float, float]) -> str:
         size: width and height in inches.
     """
     width, height = (round(96 * inches) for inches in size)
+    # Without allow-same-origin scripts inside cannot reach the notebook around them.
     return (
         f'<iframe title="{escape(title)}" srcdoc="{escape(page)}" sandbox="allow-scripts" '
         f'style="width: 100%; max-width: {width}px; height: {height}px; border: 1px solid #999;"></iframe>'

@@ -41,6 +41,7 @@ def explained(
     from fmopt.planning.pipeline import RESERVED
 
     limit = problem.settings.time_limit
+    # What is left of the time limit, or half of what is reserved where the search took more than its share.
     seconds = max(begun + limit - clock(), 0.5 * RESERVED * limit)
     with until(clock() + seconds):
         failure = _failure(problem, error, seconds, progress)
@@ -57,7 +58,7 @@ def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: fl
     steps, lack = ((), None) if attempt is None else _followed(posed, attempt)
     late = isinstance(error, SearchError) and error.late
     found, cut = None, False
-    if not problem.settings.reduce_errors:
+    if not problem.settings.reduce_errors:  # else the search itself has tried shares
         progress("the nearest problem that works")
         tried = nearest(problem, seconds - (clock() - begun), progress)
         cut = tried.late
@@ -65,6 +66,7 @@ def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: fl
             velocity = (tried.velocity.translation, tried.velocity.rotation)
             own = None if tried.velocity == problem.velocity_error else velocity
             found = Nearest(tried.share, tuple(map(float, tried.share * problem.stated_box)), tried.margin, own)
+    # Contacts of moves that lead on, too: what is missing may be named after them.
     moves = () if attempt is None else (*attempt.moves, *(move for _, move in attempt.onward))
     return Failure(
         title=problem.title,
@@ -134,12 +136,14 @@ def _followed(posed: Posed, attempt: Attempt) -> tuple[tuple[Step, ...], Lack | 
 
     def after(move: Move, reached: Reached) -> tuple[Reached, float, str]:
         there = unroll(posed.assembly, move, reached, posed.tolerance, FINE)
+        # Of this move alone: the claims of those before it come first.
         worst = min(there.claims[len(reached.claims) :], key=lambda claim: claim.margin)
         return there, worst.margin, worst.binding
 
     reached, steps, lack = posed.start, list[Step](), None
     for number, (name, move) in enumerate(zip(attempt.names, attempt.moves, strict=False), start=1):
         margin: float | None = None
+        # A move short of margin ends somewhere all the same; after one that is impossible no errors are known.
         if lack is None or lack.binding:
             try:
                 reached, margin, binding = after(move, reached)
@@ -165,6 +169,7 @@ def _followed(posed: Posed, attempt: Attempt) -> tuple[tuple[Step, ...], Lack | 
         else:
             if margin <= 0.0:
                 ways.append(Lack(len(steps) + 1, name, "", binding, _contact(move, binding), -margin))
+    # Only lengths compare: the way that is short by least comes nearest to leading on.
     told = [way for way in ways if way.short is not None]
     if told:
         return tuple(steps), min(told, key=lambda way: way.short or 0.0)
@@ -179,6 +184,7 @@ def _impossible(number: int, name: str, move: Move, error: InfeasibleError) -> L
 
 def _contact(move: Move, binding: str) -> str:
     """The contact that binds, else the one that a move makes."""
+    # "v0-f5 too early" is about v0-f5.
     own = next((c.id for c in (*move.held, *move.making, *move.left) if binding.split(" ")[0] == c.id), "")
     return own or next((c.id for c in move.making), "")
 

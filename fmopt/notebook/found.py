@@ -34,6 +34,7 @@ def commented(asked: Asked, folder: Path, problem: Problem, clearance: Clearance
     yours = "how far off the part may start, along and about every axis (half-widths)"
     note = yours if stated else f"AN EXAMPLE, put your own: {yours}"
     goal, exchanged = problem.task, problem.task.exchanged
+    # The file names first what it moves, which is the part with the hole where operands were exchanged.
     names = (problem.hole.name, problem.peg.name) if exchanged else (problem.peg.name, problem.hole.name)
     lines = [f"# {problem.title}. What stands behind # was found or is as usual: take the # away to state it.", ""]
     for side, keys, name in zip(SIDES, asked.operands(folder), names, strict=True):
@@ -42,10 +43,12 @@ def commented(asked: Asked, folder: Path, problem: Problem, clearance: Clearance
             lines.append('# unit = "mm"')
         lines += [f"# feature = {quoted(name)}", ""]
     lines += ["[goal]", f'# depth = "{_number(-1e3 * float(problem.goal[2]))} mm" # or "full"']
+    # The problem has the turn of the peg, the file that of what it moves.
     if goal.turn and not goal.free_turn:
         lines.append(f'# turn = "{-goal.turn if exchanged else goal.turn!r} rad"')
     lines += ["", "# [clearance] # on each side, as measured"]
     for axis, play in zip("xy", clearance.play, strict=True):
+        # Play is infinite along an axis on which nothing stops the part: there the least gap of all is said.
         lines.append(f'# {axis} = "{_number(500.0 * (play if play < 1e3 else 2.0 * clearance.per_side))} mm"')
     lines += ["", "[start]", f'# height = "{_number(1e3 * problem.approach)} mm"', ""]
     lines += ["[uncertainty]", f"start = {quoted(asked.error)} # {note}", "", "[uncertainty.velocity]"]

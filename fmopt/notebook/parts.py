@@ -70,7 +70,7 @@ def _loaded(file: Path, said: Bare) -> Part:
     if model is None:
         raise InputError(*faults)
     part = build_part(model.source, model.file)
-    build_tree(model.source, model.file)
+    build_tree(model.source, model.file)  # for its faults: nothing here needs the tree
     return replace(part, notes=(*model.notes, *part.notes))
 
 

@@ -82,7 +82,7 @@ def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placin
         ResourceError: CVXPY is not installed.
     """
     now = motion_of(plan, problem)
-    aim = Aim(now.assembly, Reached(now.errors, (), ()), now.tolerance, FINE)
+    aim = Aim(now.assembly, Reached(now.errors, (), ()), now.tolerance, FINE)  # it begins free: no basis, no claims
     program = sequence_program(aim, now.placed, _RADIUS * now.clearance.per_side if radius is None else radius)
     try:
         found, y = as_cvxpy(program.scaled())
@@ -90,6 +90,7 @@ def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placin
         raise ResourceError("the placement of a plan needs the extra cvxpy", "install fmopt[cvxpy]") from error
     import cvxpy
 
+    # Solvers want unknowns of one size: y are theirs, x those of the program, in m and rad.
     x = cvxpy.multiply(program.units, y)
     count = len(now.placed.moves) + 1
     return Placing(found, cvxpy.reshape(x[:-1], (count, 6), order="C"), x[-1], now, aim)
@@ -135,6 +136,7 @@ def _contact(contact: Contact, moving: Polyhedron, fixed: Polyhedron) -> Primiti
         case Kind.FACE_VERTEX:
             return face_vertex(moving, one, other)
         case Kind.EDGE_EDGE:
+            # In which order the plan has its ends says which way the moving edge runs.
             return crossed(moving, fixed, one, other, tuple(contact.moving) == moving.edges[one].vertices)
         case kind:
             assert_never(kind)

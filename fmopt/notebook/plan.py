@@ -366,14 +366,14 @@ def solve(problem: task.Problem, progress: Callable[[str], None] = lambda _: Non
     from fmopt.planning.pipeline import RESERVED, synthesise
     from fmopt.runtime.compiled import clock
 
-    begun = clock()
+    begun = clock()  # what is explained of a failure shares the time limit
     try:
-        found = synthesise(problem, progress, RESERVED)
+        found = synthesise(problem, progress, RESERVED)  # leaves that share of the time to `explained`
     except (SearchError, InfeasibleError) as error:
         from fmopt.notebook.failure import explained
 
         explained(problem, error, begun, progress)
-        raise
+        raise  # the same error, which has its failure now
     return Plan(found.document, found.seconds)
 
 

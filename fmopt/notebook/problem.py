@@ -101,6 +101,7 @@ class Problem(task.Problem):
         from fmopt.notebook.problem import resized
 
         axes = ("x",) if self.plane is not None else ("x", "y")
+        # Declared first: what is declared is what the hole is given dimensions for.
         return resized(changed._with({f"clearance.{axis}": clearance for axis in axes}), str(clearance))
 
     def explain(self) -> str:
@@ -135,6 +136,7 @@ class Problem(task.Problem):
         if faults:
             raise InputError(*faults)
         try:
+            # Spelled out, as a short form such as "1 mm, 1 deg" has no place for the value of one axis.
             return _problem(assigned(spelled_out(self.source)[0], placed))
         except InputError as error:
             raise InputError(*blamed(error.faults, mine)) from error
@@ -184,7 +186,7 @@ def resized(problem: Problem, asked: str) -> Problem:
     Raises:
         InputError: no dimension of the hole changes the clearance, or none gives the wanted one.
     """
-    side = "moving" if problem.task.exchanged else "fixed"
+    side = "moving" if problem.task.exchanged else "fixed"  # where the file has the hole
     wanted = _wanted(problem)
     sizes = _dimensions(problem, side)
     for _ in range(_STEPS):
@@ -193,6 +195,7 @@ def resized(problem: Problem, asked: str) -> Problem:
         if float(np.abs(short).max()) <= _SAME:
             return problem
         slopes = {name: _slope(problem, base, side, (name, size)) for name, size in sizes.items()}
+        # What hardly moves the play, as a depth, would have to change beyond all measure.
         slopes = {name: slope for name, slope in slopes.items() if float(np.abs(slope).max()) > 1e-3}
         if not slopes:
             break

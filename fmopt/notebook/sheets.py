@@ -33,6 +33,7 @@ def problem_sheet(problem: Problem) -> str:
 
     try:
         _, _, *lines = problem.explain().splitlines()
+        # `explain` says in the first ten columns what a line is about.
         rows = [(line[:10].strip(), line[11:]) for line in lines]
     except InterferenceError as error:
         rows = [("infeasible", str(error))]
@@ -63,6 +64,7 @@ def segment_sheet(segment: Segment) -> str:
         ("margin", f"{1e6 * segment.margin:.2f} µm, {segment.binds}"),
     ]
     names = ("position axes", "force axes", "velocity", "bias wrench", "end")
+    # Progress comes to 1 with the last piece of a move.
     rows += zip(names, hybrid_cells(segment.record, segment.record.progress[1] == 1.0, segment.rho), strict=True)
     if segment.hybrid.jam_free is not None:
         of_jamming = ("push", "cannot jam within", "narrow ranges")

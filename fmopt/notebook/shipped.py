@@ -63,6 +63,7 @@ def copy_examples(folder: str | PathLike[str]) -> tuple[Path, ...]:
         for file in sorted((_root() / name).rglob("*"))
         if file.is_file()
     ]
+    # Looked at before anything is written, so that nothing is left half copied.
     there = [str(copy) for _, copy in pairs if copy.exists()]
     if there:
         raise ResourceError(f"{there[0]} is there already", "choose an empty folder with --out")

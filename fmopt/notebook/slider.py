@@ -45,6 +45,7 @@ def slider(label: str, frames: Sequence[tuple[str, Drawing]]) -> Drawing:
     first, last = frames[0], frames[-1]
     title = f"{first[1].title}, over {label}"
     alt = f"{title}: from {first[0]} ({first[1].alt}) to {last[0]} ({last[1].alt})"
+    # Room in inches beside a frame, and for the title and the slider above it.
     width, height = first[1].size
     return Drawing("slider", title, alt, (width + 0.4, height + 1.3), fragment=partial(_fragment, label, tuple(frames)))
 
@@ -52,6 +53,7 @@ def slider(label: str, frames: Sequence[tuple[str, Drawing]]) -> Drawing:
 def _fragment(label: str, frames: Sequence[tuple[str, Drawing]]) -> str:
     images = []
     for number, (said, drawing) in enumerate(frames):
+        # All but the first are hidden from the start, for where no scripts run.
         words = f'{"hidden " if number else ""}data-said="{escape(said)}" alt="{escape(drawing.alt)}"'
         images.append(f'<img {words} src="{svg_source(drawing.svg())}">')
     body = "\n".join(images)

@@ -33,6 +33,7 @@ class Trials:
     def records(self) -> list[dict[str, Any]]:
         """Every trial: its errors (m, rad), whether the part seated, where it came to rest, and what departed."""
         lines = (self.folder / "trials.jsonl").read_text(encoding="utf-8").splitlines()
+        # The first line is no trial: it names the plan and what is run.
         return [record for record in map(json.loads, lines) if "trial" in record]
 
     def __str__(self) -> str:
@@ -61,7 +62,7 @@ def carried_out(plan: Plan, wanted: Wanted, folder: Path | None, workers: int | 
     from fmopt.notebook.checking import admitted
 
     name = f"trials-{plan.stated.sha256[:12]}"
-    other = "" if wanted.engine == type(wanted).engine else f"-{wanted.engine}"
+    other = "" if wanted.engine == type(wanted).engine else f"-{wanted.engine}"  # of the class: the usual engine
     there = folder if folder is not None else Path("out") / f"{name}{other}"
     read = files.parsed(plan.document)
     caution = admitted(read, unverified)

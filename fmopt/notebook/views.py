@@ -47,6 +47,7 @@ _MANY = 1500  # lines of a graph that can still be told apart
 
 def views_of(value: Any) -> dict[str, Drawing]:
     """The drawings of a value by name; none for a type that the table does not have."""
+    # By all bases: the notebook's own problem is one of the task with more to it.
     for kind in type(value).__mro__:
         views = VIEWS.get(f"{kind.__module__}.{kind.__qualname__}")
         if views is not None:
@@ -238,6 +239,7 @@ def paint_errors(errors: ErrorSet, sheet: Sheet) -> None:
     round_ = np.column_stack([np.cos(turn), np.sin(turn)])
     for axes, pair in zip(sheet.subplots(1, len(_PAIRS)), _PAIRS, strict=True):
         scale = np.array([1e3 if axis < 3 else math.degrees(1.0) for axis in pair])
+        # A shadow reaches as far along a direction of its plane as the set does in space.
         rows = np.zeros((len(turn), 6))
         rows[:, list(pair)] = round_
         both = _outline(round_, errors.support(rows)) * scale
@@ -266,7 +268,7 @@ def _outline(directions: Array, support: Array) -> Any:
     """Corners (n, 2) of the set with these support values along unit directions (n, 2) that go once around."""
     ahead, further = np.roll(directions, -1, axis=0), np.roll(support, -1)
     det = directions[:, 0] * ahead[:, 1] - directions[:, 1] * ahead[:, 0]
-    kept = np.abs(det) > 1e-12
+    kept = np.abs(det) > 1e-12  # the last direction is the first once more, and crosses it nowhere
     x = (support * ahead[:, 1] - further * directions[:, 1])[kept] / det[kept]
     y = (directions[:, 0] * further - ahead[:, 0] * support)[kept] / det[kept]
     return np.column_stack([x, y])[[*range(int(kept.sum())), 0]]
@@ -288,6 +290,7 @@ def middle(part: Part) -> float:
     """Height, in the part's frame, of the middle of its first feature; of the part without any, m."""
     if part.features:
         feature = part.features[0]
+        # z points out of a hole at its mouth, and from a peg's leading end back into the part.
         inward = -0.5 if feature.kind == "hollow" else 0.5
         return float(feature.frame.apply(np.array([0.0, 0.0, inward * feature.length]))[2])
     heights = part.polyhedron.vertices[:, 2]

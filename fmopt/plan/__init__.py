@@ -114,6 +114,7 @@ def clean(value: Any) -> Any:
     if value is None or isinstance(value, (str, int)):
         return value
     if isinstance(value, (list, tuple)):
+        # By type, as NumPy's numbers are floats as well, and become plain ones by `tolist`.
         return [item + 0.0 if type(item) is float else clean(item) for item in value]
     if hasattr(value, "tolist"):
         return clean(value.tolist())
@@ -137,6 +138,7 @@ def write(document: Mapping[str, Any], path: Path) -> None:
     Raises:
         ResourceError: the file cannot be written.
     """
+    # Laid out for people to read; the digest is of the canonical text, whatever the layout.
     text = json.dumps(document, sort_keys=True, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     output.save(text.encode(), path)
 
@@ -164,6 +166,7 @@ def parsed(document: Any, name: str = "") -> Plan:
     try:
         return parse(document)
     except PlanError as error:
+        # The reader of plans stands alone, as the check does; this error has advice and an exit code.
         raise _refused(name, error) from error
 
 

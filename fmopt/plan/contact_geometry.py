@@ -72,7 +72,7 @@ class Contact(Value):
             point = moving[0] - self.radius * self.fixed_normal
             return point, self.fixed_normal, self.above(point)
         if self.kind == "face-vertex":
-            normal = -pose.R @ self.moving_normal
+            normal = -pose.R @ self.moving_normal  # out of the moving part is into the fixed one
             return self.fixed[0], normal, float(normal @ (moving[0] - self.fixed[0]))
         return self._crossing(pose)
 
@@ -87,9 +87,11 @@ class Contact(Value):
         size = float(np.linalg.norm(m))
         if size < _PARALLEL * float(np.linalg.norm(u) * np.linalg.norm(v)):
             raise PlanFormatError(f"the edges of contact {self.name} are parallel: it has no normal")
+        # u × v may point either way; the sum of the normals beside a convex edge points outside.
         m = m / size if float(m @ self.fixed_normal) > 0.0 else -m / size
         s, t = _nearest(p, u, q, v)
         a, b = p + s * u, q + t * v
+        # Both edges are at right angles to m, so that any two of their points give the gap.
         return 0.5 * (a + b), m, float(m @ (p - q))
 
     def wrench(self, pose: Pose) -> Array:
@@ -100,6 +102,7 @@ class Contact(Value):
 
 def _nearest(p: Array, u: Array, q: Array, v: Array) -> tuple[float, float]:
     """Parameters of the points p + s u and q + t v of two lines that are nearest to each other."""
+    # Three equations for two numbers: what they leave is the way between the points, the least there is.
     s, t = np.linalg.lstsq(np.column_stack([u, -v]), q - p, rcond=None)[0]
     return float(s), float(t)
 
@@ -130,7 +133,9 @@ class _Side:
         """Sum of the unit normals of the faces that hold all these vertices on one loop; 0 for a single vertex."""
         wanted, total = set(indices), np.zeros(3)
         for loops in self.faces if len(indices) > 1 else ():
+            # On one loop: a vertex of the outline and one of a hole in it bound no edge of the face.
             if any(wanted <= set(loop) for loop in loops):
+                # The outline comes first, counter-clockwise from outside; holes run the other way.
                 total = total + self._face_normal(loops[0])
         return total
 

@@ -119,7 +119,7 @@ def to_frame(frame: Pose, wrench: Array, origin: Array) -> Array:
         origin: (3,), in the B-frame, m.
     """
     force, torque = wrench[..., :3], wrench[..., 3:]
-    moved = torque - force @ hat(frame.p - origin).T
+    moved = torque - force @ hat(frame.p - origin).T  # by rows: f [r]×ᵀ is r × f
     return np.concatenate([force @ frame.R, moved @ frame.R], axis=-1)
 
 
@@ -196,6 +196,7 @@ def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, 
         size = float(np.linalg.norm(free * scale))
         if not size > 0.0:
             raise ValueError("it pushes along a motion that its held contacts stop")
+        # The servo pushes along the motion by itself. Scaled, a twist is its wrench; unscaled that has ρ² on turns.
         hold = hold - (hybrid.push / size) * free * scale**2
     _refuse_unheld(index, hold, held, rho)
     forces = [(known[contact], force) for contact, force in hybrid.pressed]
@@ -243,6 +244,7 @@ def _shifted(forces: Sequence[tuple[Contact, float]], pose: Pose) -> list[tuple[
 def _free(held: Array, V: Array, rho: float) -> Array:
     """V′: the part (6,) of the twist on which the held wrenches (r, 6) have no power."""
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
+    # Force axes of a plan are independent: the columns span them, and nothing else.
     basis, _ = np.linalg.qr((held / scale).T)
     return np.asarray((V * scale - basis @ (basis.T @ (V * scale))) / scale)
 
@@ -263,10 +265,12 @@ def _stop(hybrid: Hybrid, move: Held, V: Array, budget: Budget) -> Stop | None:
     if not any(hybrid.wrench):
         return None
     h, wrench = hybrid.threshold, frozen(hybrid.wrench, 6) / hybrid.threshold
-    noise = np.repeat(np.square(budget.noise), 3)
+    noise = np.repeat(np.square(budget.noise), 3)  # variances, N² and N² m²
     moment = np.diag(noise) + sum((_moment(f, *at, budget) for f, at in move.points), start=np.zeros((6, 6)))
+    # Regular by the noise alone, whatever is held.
     solved = np.linalg.solve(moment, wrench)
     gain = np.asarray(solved / float(wrench @ solved))
+    # Without `place`: as if the axis of a turn were known, all of the friction counts, as in an allowance it has to.
     rubbed = budget.friction * abs(float(gain @ _friction(move, V)))
     force = h + rubbed + 3.0 * float(np.sqrt(gain**2 @ noise))
     gentle = hybrid.stays != "push"

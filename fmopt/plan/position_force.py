@@ -114,7 +114,7 @@ def omega(s: Sequence[int], f: ArrayLike) -> Array:
         f: wanted contact forces and torques (6,), not negative, N and N·m.
     """
     signs = np.array([_REACTION[value] for value in Decomposition(tuple(s)).s])
-    return np.asarray(signs * np.asarray(f, dtype=np.float64) + 0.0)
+    return np.asarray(signs * np.asarray(f, dtype=np.float64) + 0.0)  # no minus zero
 
 
 class Forces(Protocol):
@@ -243,8 +243,10 @@ def _nominal(plan: Plan, depth: float) -> tuple[int, ...]:
     k = int(below[0]) if len(below) else len(times) - 1
     at = float(times[k])
     if k > 0 and heights[k - 1] > heights[k]:
+        # The node may lie above the depth by up to `_DEPTH`: the share is 1 then, no more.
         share = (heights[k - 1] - max(depth, heights[k])) / (heights[k - 1] - heights[k])
         at = float(times[k - 1] + share * (times[k] - times[k - 1]))
+    # Here in s: at the border of two intervals rounding decides, and the first one counts.
     inside = [interval for interval in plan.nominal.intervals if interval.start - _DEPTH <= at <= interval.end + _DEPTH]
     return inside[0].s if inside else (0,) * 6
 

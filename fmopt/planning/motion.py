@@ -127,6 +127,7 @@ def _motion(posed: Posed, stages: Stages, deadline: float) -> tuple[Searched, Pl
         try:
             found, placed = found_by(deadline, stages)
             with until(deadline + GRACE):
+                # A plan is of the parts themselves: what holds of their image is certified once more on them.
                 moves = here.image.own_moves(placed.moves)
                 own = certified(posed.assembly, moves, posed.start, posed.tolerance, placed.step)
                 own = by_method(posed, own)
@@ -151,6 +152,7 @@ _Finding = Callable[[float, Stages], tuple[Searched, Placed]]
 def _ways(posed: Posed) -> Iterator[tuple[_Stood, _Finding]]:
     """Ways to find a motion: by the likeliest ways to begin, by growing errors, in other attitudes, by all others."""
     attitudes = images(posed.assembly, posed.problem.start_box)
+    # Each attitude is made once: in its second turn the rounds go on after the likeliest ones.
     first, again = tee(_Stood.of(posed, image) for image in attitudes)
     here = next(first)
     yield here, partial(here.motion, islice(here.rounds, _LIKELY))
@@ -172,6 +174,7 @@ def _told(failures: Sequence[_Tried], deadline: float) -> FmoptError:
         told = SearchError(words, _SMALLER, isinstance(told, SearchError) and told.late)
     if isinstance(told, SearchError):
         told.late = told.late or clock() >= deadline  # there were ways left to try
+    # To say how far it came, moves are looked for from there: that may take longer than is left.
     try:
         with until(deadline + GRACE):
             told.attempt = farthest.attempt
@@ -213,6 +216,7 @@ class _Stood:
         posed = own.imaged(image)
         problem, parts, clearance = posed.problem, posed.assembly, posed.clearance
         roomy = room(parts, clearance.per_side, problem.start_box, drift(problem, clearance))
+        # Moves have to reach as far as ways to begin leave room, also where errors are next to nothing.
         costs = Costs.of(start_spread(parts.moving, roomy), clearance.per_side)
         turn = 1.3 * problem.settings.max_tilt
         task = Task(parts, Pose.from_vector(problem.goal), posed.errors, posed.tolerance, costs, turn)
@@ -235,16 +239,18 @@ class _Stood:
         def tuning(margin: float) -> None:
             stages.progress(f"entry: margin {1e6 * margin:.1f} um")
 
-        @cache
+        @cache  # the search asks it of a sequence, and its tuning asks again
         def steady(found: MoveSequence) -> bool:
             return assembly.planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
 
         limits = Limits(deadline, TRIES, per_side)
         while best is None or (best[1].margin < _AMPLE * per_side and more > 0 and clock() < deadline):
+            # Beside sequences without a margin any number of others is looked at, as long as there are some.
             more -= best is not None and best[1].margin > 0.0
             try:
                 spare = spare if clock() < deadline else ()
                 candidates = spare or best_sequences(task, rounds, deadline, told, steady, self.rounds)
+                # One with a margin is varied alone; the others stay for where it cannot be placed, or keeps little.
                 if candidates[0].reached.margin > 0.0:
                     candidates, spare = candidates[:1], candidates[1:]
                 stages.ended("search")
@@ -254,7 +260,7 @@ class _Stood:
                 placed = placement(posed, found.moves, stages.progress)
                 stages.ended("placement")
             except SearchError as error:
-                failures = failures or [error.with_traceback(None)]
+                failures = failures or [error.with_traceback(None)]  # what could not be placed says more
                 break
             except InfeasibleError as error:  # what the search's coarse pieces allow, the fine ones may not
                 failures = [error.with_traceback(None)]
@@ -302,7 +308,7 @@ class _Stood:
             tolerance=aim.tolerance,
             costs=replace(self.task.costs, states=_STATES),
             askew=True,
-            care=Care.FACETS,
+            care=Care.FACETS,  # growing asks for facets, too: most sequences that are short of them grew to nothing
         )
         for entry in self._drawn(deadline):
             if clock() >= deadline:
@@ -319,6 +325,7 @@ class _Stood:
     def _drawn(self, deadline: float) -> Iterator[Entry]:
         """Ways to begin, as many times as there is time: for all errors first, for less where there are few."""
         problem, moving = self.posed.problem, self.posed.assembly.moving
+        # What is drawn tilts about two axes and goes in with a corner, which these do not.
         if problem.plane is not None or moving.polyhedron.balls or problem.settings.max_tilt <= 0.0:
             return
         for seed in range(_DRAWINGS):

@@ -232,7 +232,7 @@ def _told(
     stages.ended("contact")
     stages.progress("control strategies")
     told = Described(task, nominal, states, measured, (*notes, *lost, *unseen))
-    with until(math.inf):
+    with until(math.inf):  # strategies are part of the proof, not of what only describes the motion
         return plan_document(problem, told, controlled(problem, motion, ranges=True))
 
 
@@ -299,12 +299,13 @@ def _error_tolerance(problem: Problem, motion: CertifiedMotion) -> ErrorToleranc
 
 def _checked(document: dict[str, Any]) -> tuple[dict[str, Any], Verdict]:
     """The sealed plan with its verdict, which the independent check gives."""
+    # The verdict is sealed with the rest: the check reads the very plan that there is if it agrees.
     hoped, last = plan.sealed({**document, "verdict": CERTIFIED}), deadline() + _CHECKING
     verdict = verify(hoped, overdue=lambda: clock() > last)
     if _certified(verdict):
         return hoped, verdict
     stated = str(verdict.verdict)
-    return plan.sealed({**document, "verdict": stated}), replace(verdict, stated=stated)
+    return plan.sealed({**document, "verdict": stated}), replace(verdict, stated=stated)  # what it read was a hope
 
 
 def _certified(verdict: Verdict) -> bool:

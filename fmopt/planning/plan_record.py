@@ -206,7 +206,7 @@ def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...])
     from fmopt.papers.basanez_suarez import account as planar
 
     path = planar.in_plane(nominal.path.nodes)
-    stops = tuple((i.start, i.end, any(i.s[axis] for axis in (0, 2, 4))) for i in nominal.freedoms)
+    stops = tuple((i.start, i.end, any(i.s[axis] for axis in (0, 2, 4))) for i in nominal.freedoms)  # x, z, about y
     run = []
     for claim in claims:
         ends = claim.advance.ends
@@ -221,6 +221,7 @@ def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...])
 
 def _segments(motion: ControlledMotion) -> list[dict[str, Any]]:
     claims = motion.motion.claims
+    # One vector a pose: a segment starts with the very digits with which the one before it ends.
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
     found: list[dict[str, Any]] = []
     for k, piece in enumerate(motion.pieces):
@@ -351,6 +352,7 @@ def _tube(ends: Ends, rho: float) -> dict[str, Any]:
         "generators_goal": goal.generators,
         "growth_start": start.growth(rho),
         "growth_goal": goal.growth(rho),
+        # As matrices, which the check can compare: of roots there are many to one matrix.
         "slide_start": start.slide_root @ start.slide_root.T,
         "slide_goal": goal.slide_root @ goal.slide_root.T,
         "swing_start": start.swing_root @ start.swing_root.T,
@@ -379,6 +381,6 @@ def _contact(c: ContactClaim) -> dict[str, Any]:
         "role": c.role,
         "normal": c.normal,
         "offset": c.offset,
-        "remainder": c.remainder * (1.0 + 1e-12),
+        "remainder": c.remainder * (1.0 + 1e-12),  # upwards: the check wants no less than what it derives
         "margin": plan.rounded_down(c.margin),
     }

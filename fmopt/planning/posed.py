@@ -29,7 +29,7 @@ from fmopt.task.problem import Problem
 from fmopt.task.sizes import characteristic_length, measured_clearance
 
 Progress = Callable[[str], None]
-FINE = math.radians(1.0)
+FINE = math.radians(1.0)  # greatest turn of a piece of a plan; searches make do with 0.03 rad
 STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
 GRACE = 2.0  # s beyond the time limit for what is needed to make something of what there is by then
@@ -189,6 +189,7 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: flo
         stages = [begun, polished(begun, "descent")]
     else:
         refined = refine(aim, asked.begun, solver, posed.refinement, told)
+        # Single poses are placed by the margin alone: whether control is served as before is asked of the outcome.
         stages = [begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
     return by_method(posed, _felt(posed, stages))
 
@@ -271,6 +272,7 @@ def _fineness(placed: Placed) -> list[float]:
     """Of each move, how many times as many pieces it has as its turn alone asks for."""
     turns = (length(log(move.goal.R @ move.start.R.T)) for move in placed.moves)
     pieces = map(len, claims_of_moves(placed.reached.claims))
+    # A turn that is a whole number of steps, but for rounding, asks for no piece more.
     return [count / max(1, math.ceil(turn / FINE - 1e-9)) for count, turn in zip(pieces, turns, strict=True)]
 
 

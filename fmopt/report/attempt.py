@@ -233,7 +233,7 @@ def attempt_figure(failure: Failure) -> Figure:
 
 def _paint(failure: Failure, sheet: Sheet) -> None:
     ends = move_ends(failure)
-    sheet.set_layout_engine("none")
+    sheet.set_layout_engine("none")  # `panels` places everything by itself, in inches
     cut_view.panels(failure, ends, sheet, cut_view.panels_size(ends)[1])
 
 
@@ -272,6 +272,7 @@ def _moves(failure: Failure) -> str:
         made = "; ".join(contact_words(failure, name) for name in step.made)
         margin = "not certified" if step.margin is None else quantity(step.margin)
         rows.append((str(number), step.name, pose_words(step.goal), made or "none", margin))
+    # No row is brought out where what is missing lies after the last move.
     worst = -1 if failure.lack is None or failure.lack.move > len(rows) else failure.lack.move - 1
     head = ("move", "along or about", "ends at", "contacts made", "certified margin")
     return table("The moves of the closest attempt", head, rows, "n....", worst)

@@ -35,6 +35,7 @@ def upright_plane(azimuth: float) -> Pose:
 
     The frame is exact where the angle is 0 or π/2.
     """
+    # Rounding takes away the 6e-17 that cos(π/2) is, adding 0.0 the sign of a zero.
     c, s = (round(value, 15) + 0.0 for value in (math.cos(azimuth), math.sin(azimuth)))
     return Pose(np.zeros(3), np.array([[c, 0.0, s], [s, 0.0, -c], [0.0, 1.0, 0.0]]))
 
@@ -54,12 +55,14 @@ def contact_place(plan: Parts, contact: str, pose: Pose) -> Array:
     moving = pose.apply(np.array([plan.moving.body.vertices[i] for i in record.moving]))
     fixed = np.array([plan.fixed.body.vertices[i] for i in record.fixed])
     if record.kind == "ball-face":
+        # The normal points out of what is fixed: the ball touches it one radius from its centre, against the normal.
         normal, _ = plane_of(fixed, [range(len(fixed))])
         return np.asarray(moving[0] - dict(plan.moving.body.balls)[record.moving[0]] * normal)
     if len(moving) == 1 or len(fixed) == 1:
         return np.asarray((moving if len(moving) == 1 else fixed)[0])
     e, f, d = moving[1] - moving[0], fixed[1] - fixed[0], fixed[0] - moving[0]
     ee, ef, ff = e @ e, e @ f, f @ f
+    # The sine of the edges' angle, squared: next to parallel they have no nearest points, and the middle will do.
     level = ee * ff - ef * ef <= 1e-9 * ee * ff
     share = 0.5 if level else float(np.clip(((d @ e) * ff - (d @ f) * ef) / (ee * ff - ef * ef), 0.0, 1.0))
     return np.asarray(moving[0] + share * e)
@@ -76,6 +79,7 @@ def section_of(bodies: tuple[Polyhedron, ...], pose: Pose, plane: Pose) -> Multi
     from shapely import MultiPolygon, get_parts
 
     shape = section([placed(body, pose) for body in bodies], plane)
+    # Mitred joins leave a corner one corner, round ones would put arcs of many points there.
     closed = shape.buffer(_SLIT, join_style="mitre").buffer(-_SLIT, join_style="mitre")
     return MultiPolygon([part for part in get_parts(closed) if part.geom_type == "Polygon"])
 
@@ -91,5 +95,6 @@ def extent(shape: MultiPolygon, height: float) -> Array:
 
     left, _, right, _ = shape.bounds
     line = LineString([(left - 1.0, height), (right + 1.0, height)])
+    # A line that grazes a corner meets it in a point, which is no interval.
     runs = [run.bounds for run in get_parts(shape.intersection(line)) if run.length > 0.0]
     return np.array(sorted((run[0], run[2]) for run in runs)).reshape(-1, 2)

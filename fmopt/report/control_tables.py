@@ -22,6 +22,7 @@ from fmopt.spatial.values import Array
 
 _TURNS = 1e-3  # rad/s, a rate worth a word
 
+# Names of planes are any label of a plan file: more digits, or those of other scripts, are no index.
 _AXIS = re.compile(r"(position|force)_axes\[(\d{1,3})\]", re.ASCII)
 _WIDE = math.radians(90.0)  # a range beyond that on both sides is not worth a word
 
@@ -42,7 +43,7 @@ def motion_table(plan: Plan) -> str:
     """S, Fa and Pa of the certified motion, move by move, beside S(t) of the nominal trajectory."""
     rows = []
     for stretch in stretches(plan):
-        name = "seated" if stretch.move is None else f"move {stretch.move + 1}"
+        name = "seated" if stretch.move is None else f"move {stretch.move + 1}"  # stretches count from 0, people from 1
         time = f"{stretch.start:.3g} to {stretch.end:.3g} s" if stretch.move is not None else f"{stretch.end:.3g} s"
         bound = [f"{axis} {STOPS[s]}" for axis, s in zip(AXES, stretch.s, strict=True) if s]
         force = combination(stretch.fa.tolist(), "N", "N·m")
@@ -108,9 +109,10 @@ def hybrid_cells(piece: Segment, last: bool, rho: float) -> tuple[str, ...]:
         rho: characteristic length, m, with which turns and torques are counted.
     """
     hybrid = piece.hybrid
+    # Turns times ρ are lengths, torques by ρ forces: all six numbers compare, and power stays what it is.
     twists, wrenches = np.array([1.0, 1.0, 1.0, rho, rho, rho]), np.array([1.0, 1.0, 1.0, 1 / rho, 1 / rho, 1 / rho])
     velocity = direction(hybrid.velocity, twists) + f" at {1e3 * hybrid.speed:.3g} mm/s"
-    rate = hybrid.speed * float(np.linalg.norm(hybrid.velocity[3:]))
+    rate = hybrid.speed * float(np.linalg.norm(hybrid.velocity[3:]))  # rad/s: velocity is per metre of way
     velocity += f", turning at {rate:.3g} rad/s" if rate >= _TURNS else ""
     if hybrid.impact is not None:
         velocity += f", a contact met with at most {hybrid.impact[1]:.3g} N"
@@ -202,7 +204,7 @@ def jamming_cells(hybrid: Hybrid, free: JamFree, rho: float) -> tuple[str, str, 
     least = free.least_push
     takes = "no push is shown to be enough" if least is None else f"friction can take {_newtons(least)}"
     push = f"{_newtons(free.push)}, {takes}"
-    if not free.twists:
+    if not free.twists:  # nothing opens all held contacts, so that no push is sure to move the part
         return push, "may wedge", "–"
     if not free.angle > 0.0:
         return push, "may jam", "–"

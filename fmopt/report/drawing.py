@@ -39,9 +39,9 @@ _STYLE: Any = {
     "figure.titleweight": "bold",
     "hatch.linewidth": 0.5,
     "lines.linewidth": 1.2,
-    "svg.hashsalt": "fmopt",
-    "svg.fonttype": "path",
-    "text.parse_math": False,
+    "svg.hashsalt": "fmopt",  # without one, ids in an SVG are drawn at random
+    "svg.fonttype": "path",  # outlines: whoever opens the figure need not have the font
+    "text.parse_math": False,  # a dollar sign in a plan's text begins no formula
     "axes.unicode_minus": True,
 }
 
@@ -54,8 +54,9 @@ def sheet(size: tuple[float, float]) -> Iterator[Figure]:
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context():
-        matplotlib.rcdefaults()
+        matplotlib.rcdefaults()  # a user's own style would make other bytes of the same plan
         matplotlib.rcParams.update(_STYLE)
+        # Not by pyplot, which keeps every figure that it makes, and may want a display.
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
         yield figure

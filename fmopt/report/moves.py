@@ -117,6 +117,7 @@ def smallest_margin(plan: Plan) -> float:
 def verdict(plan: Plan) -> Verdict:
     """The verdict in words; proved only where the plan says CERTIFIED, is intact and its margins are positive."""
     margin = smallest_margin(plan)
+    # First of all: what a changed plan says of itself counts for nothing.
     if not plan.digest_holds:
         return Verdict(False, "Not proved", "The plan was changed after it was sealed: its digest does not fit.")
     if plan.verdict == "REFUTED":
@@ -180,6 +181,7 @@ def _motion_words(plan: Plan, move: Move) -> str:
     step = start.local(goal)
     way, angle = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:]))
     verb = "slide" if move.state else "move freely"
+    # What two digits would show as nothing is no part of the motion.
     turned = f"{math.degrees(angle):.2f}° about {spoken_axis(step[3:])}" if math.degrees(angle) >= 0.01 else ""
     gone = f"{1e3 * way:.2f} mm in {spoken_axis(step[:3], always_signed=True)}" if way >= 1e-5 else ""
     if plan.rho * angle > way and turned:
@@ -213,6 +215,7 @@ def states(plan: Plan) -> list[tuple[tuple[str, ...], int]]:
     for move in moves(plan):
         if not chain:
             chain.append((move.state, 6 - _rank(move.segments[0], held_only=True)))
+        # Giving contacts up changes the state before anything moves: a link of the chain of its own.
         if move.left:
             chain.append((move.state, 6 - _rank(move.segments[0], held_only=True)))
         if move.goal_state != move.state:
@@ -221,4 +224,5 @@ def states(plan: Plan) -> list[tuple[tuple[str, ...], int]]:
 
 
 def _rank(piece: Segment, held_only: bool) -> int:
+    # Contacts of a basis are independent, so that their number is the rank.
     return sum(not (held_only and made) for _, _, made in piece.basis)

@@ -37,10 +37,12 @@ class Parts(Protocol):
 def quantity(length: float) -> str:
     """A length with the unit that suits it: µm below a millimetre."""
     size = abs(length)
+    # What rounding leaves of nothing is not worth digits.
     if 0.0 < size < 1e-9:
         return "below 0.001 µm"
     if size >= 1e-3:
         return f"{signed(1e3 * length, '.3g')} mm"
+    # Whole ones from 100 µm on, where .3g would write 999.6 as 1e+03.
     return f"{signed(1e6 * length, '.3g' if size < 1e-4 else '.0f')} µm"
 
 
@@ -139,6 +141,7 @@ def _moving_words(part: Part, points: Array) -> str:
 
 
 def _fixed_words(points: Array) -> str:
+    # Heights are those of the hole's frame: z = 0 is the mouth, z points out of it.
     if len(points) == 1:
         return "corner"
     if len(points) == 2:
@@ -207,6 +210,7 @@ def _side_words(part: Part, number: int) -> str:
         return part.name
     points = _vertices(pieces[number])
     low, high = points.min(axis=0), points.max(axis=0)
+    # Positive where all of the piece lies beyond the axis on that side.
     gaps = {"−x": -high[0], "+x": low[0], "−y": -high[1], "+y": low[1]}
     side = max(gaps, key=lambda name: float(gaps[name]))
     return f"the {side} side" if gaps[side] > 0.0 else "the floor" if high[2] < -_SAME else f"piece {number}"

@@ -33,6 +33,7 @@ def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
     found = verdict(plan)
     shown = _shown(plan, figures)
     title = plan.title or "insertion"
+    # A chapter that the plan has nothing for is empty here, and `chaptered` leaves it out.
     chapters = [
         ("motion", "The motion", scene(plan) + shown.get("cut", "")),
         ("moves", "The moves", sections.move_table(plan)),
@@ -84,6 +85,7 @@ def _nominal(plan: Plan, shown: Mapping[str, str]) -> str:
 
 def _shown(plan: Plan, figures: Mapping[str, str]) -> dict[str, str]:
     """The figures as pictures with what they show in words."""
+    # In the order of the catalogue, whatever that of `figures`; nothing is painted for it.
     drawn = {name: drawing for name, drawing in catalogue(plan).items() if name in figures}
     return {name: figure(figures[name], d.alt, d.title, d.size) for name, d in drawn.items()}
 
@@ -122,7 +124,7 @@ def _share(phases: Sequence[Phase], kind: str) -> float:
 
 def _becomes(parts: Sequence[PlanarSegment]) -> str:
     """The shares of a move, counted in its pieces, at which a gross part ends."""
-    at, before = [], ""
+    at, before = [], ""  # over all pieces: what was fine before does not become so anew
     for number, part in enumerate(parts):
         for phase in part.phases:
             if phase.kind != "gross" and before in ("", "gross"):

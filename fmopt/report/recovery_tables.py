@@ -15,6 +15,7 @@ from fmopt.report.moves import verdict
 from fmopt.report.naming import binding_words, degrees, meeting_words, millimetres, signed
 from fmopt.report.shell import table
 
+# One step more of each tolerance: of a length (m) or a share, and of an angle (rad).
 _ONE = {"start": (1e-4, math.radians(0.1)), "velocity": (0.01, 0.01), "clearance": (1e-5, 1e-5)}
 _WORDS = {"clearance": "clearance on each side"}
 _LARGE = 9.95e-5  # m: from here on whole micrometres are said
@@ -40,8 +41,9 @@ def recovery_words(plan: Plan) -> list[str]:
     if not found.retries:
         return [*said, f"It is not to be tried again: {found.why}."]
     box, covers = plan.start_box, found.covers
+    # Starts are shifted along x and y alone.
     wider = [f"{axis} ±{millimetres(covers[k])} mm" for k, axis in enumerate(AXES[:2]) if covers[k] > box[k]]
-    count = sum(any(shift) for shift in found.retries)
+    count = sum(any(shift) for shift in found.retries)  # a shift of nothing is the same start once more
     if not count:
         return [*said, "It may be tried again from the same start."]
     return [*said, f"Tried again from {count} starts aside, the plan holds for start errors of {', '.join(wider)}."]
@@ -145,10 +147,10 @@ def rates(plan: Plan) -> list[tuple[str, str, str]]:
     rows = []
     for entry in () if found is None else found.sensitivities:
         kind, _, axis = entry.name.partition(".")
-        turns = axis.startswith("r") and kind == "start"
+        turns = axis.startswith("r") and kind == "start"  # "rotation" of velocity begins with r, too
         one = _ONE[kind][turns]
         if entry.change is None:
-            gain, words = -math.inf, "the motion fails"
+            gain, words = -math.inf, "the motion fails"  # the costliest of all, listed first
         else:
             gain = entry.change / entry.step * one
             words = (

@@ -28,8 +28,9 @@ from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 _ROUND = 4  # decimals of a coordinate in mm: 0.1 µm
-_SAME = 1e-9
+_SAME = 1e-9  # m, and what the cosine between equal normals may be short of 1 by
 _LEANS = math.sin(math.radians(1.0))  # a lean from which on the first view is across it
+# How near to a wall's plane sight may change its side, and how far off that plane it is led: 20° together.
 _ALONGSIDE, _ASIDE = math.sin(math.radians(5.0)), math.sin(math.radians(15.0))
 _CREASE = math.cos(math.radians(30.0))  # edges flatter than this belong to a curved face and are not drawn
 
@@ -93,9 +94,10 @@ def part_scene(part: Part) -> str:
 
 def _viewer(data: Mapping[str, Any], label: str, kind: str) -> str:
     text = embedded(data)
+    # One id for each viewer on a page, and the same one every time, as the page is the same bytes.
     name = f"scene-{sha256(text.encode()).hexdigest()[:12]}"
     frame = resource("scene.html").replace("{{name}}", name).replace("{{kind}}", kind)
-    frame = frame.replace("{{label}}", html.escape(label))
+    frame = frame.replace("{{label}}", html.escape(label))  # last: names of parts may look like a placeholder
     program = f"(function(){{{resource('scene.js')}\nshowScene(document.getElementById('{name}'));}})();"
     return (
         f'{frame}<script type="application/json" id="{name}-data">{text}</script>\n'
@@ -164,6 +166,7 @@ def _places(part: Part, vertices: Sequence[int]) -> list[list[float]]:
 
 def _rounded(points: Any) -> Any:
     """Points in m as lists in mm."""
+    # Adding 0.0 leaves no −0.0, which would be other bytes.
     return (np.round(1e3 * np.asarray(points, dtype=np.float64), _ROUND) + 0.0).tolist()
 
 
@@ -203,6 +206,7 @@ def _skin(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[list[list[floa
 
 
 def _covering(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[Array]:
+    # Faces of the part may have holes or notches; those of its pieces are convex, which is all that the viewer fills.
     normals, offsets = body.normals, body.offsets
     found = []
     for piece in pieces:
@@ -226,6 +230,7 @@ def _opened(body: Polyhedron, pieces: Sequence[Polyhedron], quarter: tuple[int, 
     caps = []
     for normal, other in ((x, y), (y, x)):
         for piece in pieces:
+            # `clip` gives back what it does not cut as it is, and puts the face of the cut last.
             half = clip(piece, normal, 0.0)
             if half is not None and half is not piece:
                 rest = _clipped(half.vertices[list(half.faces[-1].loops[0])], -other)
@@ -240,6 +245,7 @@ def _opened(body: Polyhedron, pieces: Sequence[Polyhedron], quarter: tuple[int, 
 
 def _outside(points: Array, x: Array, y: Array) -> list[Array]:
     """The parts of a polygon or line outside the quarter x·p > 0, y·p > 0."""
+    # In two, along x·p = 0: a convex polygon without a quarter need not be convex.
     rest = _clipped(points, -x)
     found = [_clipped(points, x), _clipped(rest, y) if len(rest) else rest]
     return [part for part in found if len(part)]
@@ -248,14 +254,15 @@ def _outside(points: Array, x: Array, y: Array) -> list[Array]:
 def _clipped(points: Array, normal: Array) -> Array:
     """The part of a convex polygon (n, 3), or of a line (2, 3), with normal·p ≤ 0; (0, 3) when nothing is left."""
     height = points @ normal
-    height[np.abs(height) < _SAME] = 0.0
+    height[np.abs(height) < _SAME] = 0.0  # no slivers along the plane
+    # A polygon that touches the plane from beyond leaves nothing; one that lies in it stays.
     if len(points) > 2 and np.min(height) >= 0.0 and np.max(height) > 0.0:
         return np.zeros((0, 3))
     kept = []
     for k, (a, b) in enumerate(zip(height, np.roll(height, -1), strict=True)):
         if a <= 0.0:
             kept.append(points[k])
-        if a * b < 0.0 and (len(points) > 2 or k == 0):
+        if a * b < 0.0 and (len(points) > 2 or k == 0):  # the way back along a line would cross it again
             kept.append(points[k] + a / (a - b) * (points[(k + 1) % len(points)] - points[k]))
     return np.array(kept) if len(kept) >= min(len(points), 3) else np.zeros((0, 3))
 

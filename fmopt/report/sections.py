@@ -176,6 +176,7 @@ def contact_table(plan: Plan) -> str:
     )
 
 
+# All but those confirmed, whose number has a place of its own.
 _VERDICTS = {
     "split": "parted by curvature",
     "blocked": "blocked by another contact",
@@ -224,7 +225,7 @@ def error_table(plan: Plan) -> str:
 
 
 def _fine(value: float) -> str:
-    return "< 0.0001" if 0.0 < value < 1e-4 else f"{value:.4f}"
+    return "< 0.0001" if 0.0 < value < 1e-4 else f"{value:.4f}"  # four digits alone would say that there is none
 
 
 def taken(plan: Plan) -> str:

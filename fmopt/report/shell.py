@@ -32,6 +32,7 @@ def figure(svg: str, alt: str, caption: str, size: tuple[float, float] | None = 
         caption: what it shows.
         size: width and height in inches, where the picture is not to be as wide as the page.
     """
+    # CSS has 96 px to an inch, so that figures keep their own size in print.
     measures = "" if size is None else ' width="{}" height="{}"'.format(*(round(96 * inches) for inches in size))
     picture = f'<img src="{svg_source(svg)}" alt="{escape(alt)}"{measures}>'
     return f"<figure>\n{picture}\n<figcaption>{escape(caption)}</figcaption>\n</figure>\n"
@@ -46,8 +47,10 @@ def page(title: str, style: str, body: str, scripts: bool = False) -> str:
         body: in HTML.
         scripts: whether scripts in it may run.
     """
+    # Styles and scripts are part of the page, hence inline; nothing may be fetched, and no form sent.
     allowed = "img-src data:; style-src 'unsafe-inline'; " + ("script-src 'unsafe-inline'; " if scripts else "")
     policy = f"default-src 'none'; {allowed}base-uri 'none'; form-action 'none'"
+    # Without an icon of its own a browser would ask for one.
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -127,4 +130,5 @@ def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], numb
 
 def _cell(text: str) -> str:
     """An escaped text that breaks neither contact ids nor between a number and its unit, but names at underscores."""
+    # Escaped before spans and breaks are put in, which are to stay markup.
     return _ID.sub(r'<span class="id">\g<0></span>', _UNIT.sub("\\1\u00a0\\2", escape(text))).replace("_", "_<wbr>")

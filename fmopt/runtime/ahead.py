@@ -50,6 +50,7 @@ def compile_ahead(tell: Callable[[str], None] = lambda _: None) -> None:
         except BlockingIOError:
             tell("compiling kernels, once: another process is at it")
             fcntl.flock(lock, fcntl.LOCK_EX)
+        # Asked again under the lock: whoever held it may have done it all.
         if not done.exists() and _shared_out(json.loads(LIST.read_text()), cores, tell):
             done.touch()
 
@@ -71,7 +72,7 @@ def _shared_out(groups: list[Listed], cores: int, tell: Callable[[str], None]) -
             for line in wait(children):
                 assert isinstance(line, Connection)
                 try:
-                    if line.recv():
+                    if line.recv():  # one kernel more is compiled; False asks for a group
                         finished += 1
                     else:
                         line.send(next(left, None))
@@ -120,7 +121,7 @@ def json_of(kind: Any) -> Any:
             return ["array", json_of(kind.dtype), kind.ndim, kind.layout, not kind.mutable, kind.aligned]
         case types.Record():
             return ["record", np.lib.format.dtype_to_descr(as_dtype(kind))]
-        case types.BaseNamedTuple():
+        case types.BaseNamedTuple():  # before plain tuples, which it is as well
             name = f"{kind.instance_class.__module__}:{kind.instance_class.__qualname__}"
             return ["named", name, list(map(json_of, kind.types))]
         case types.BaseTuple():
@@ -137,6 +138,7 @@ def type_of(told: Any) -> Any:
             return types.Array(type_of(kind), dimensions, layout, readonly, aligned=aligned)
         case ["record", fields]:
             return from_dtype(
+                # JSON makes a list of a shape; a field of one number has none.
                 np.lib.format.descr_to_dtype([(name, kind, tuple(*shape)) for name, kind, *shape in fields])
             )
         case ["named", name, parts]:

@@ -23,6 +23,7 @@ from typing import IO
 from fmopt.errors import ResourceError
 
 FAREWELL = 5.0  # s that a process may take to end once its connection is closed
+# Children are mostly as many as cores: threads of libraries would only wait for each other.
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "RAYON_NUM_THREADS")
 _CODE = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
@@ -50,8 +51,10 @@ class Child:
         given = (str(far.fileno()), str(watched), str(os.getpid()), entry, *arguments)
         try:
             self.process = subprocess.Popen(
+                # Where this process looks for modules, which a program may have changed since it began.
                 [sys.executable, "-c", _CODE, json.dumps(sys.path), *given],
                 stdin=subprocess.DEVNULL,
+                # What a library prints does not get into what the parent does.
                 stdout=subprocess.DEVNULL if said is None else said,
                 stderr=said,
                 pass_fds=(far.fileno(), watched),
@@ -62,7 +65,7 @@ class Child:
             near.close()
             self._life.close()
             raise ResourceError(f"no process can be started: {error.strerror}", "free memory") from error
-        finally:
+        finally:  # while these are open here as well, nobody notices that the other end is closed
             far.close()
             os.close(watched)
         self.connection = Connection(near.detach())
@@ -97,11 +100,11 @@ def _die_with(parent: int, life: int) -> None:
     """Makes this process end with its parent; if that is gone already, now."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
-    if os.getppid() != parent:
+    if os.getppid() != parent:  # it may have ended before the kernel was asked
         os._exit(0)
 
     def watch() -> None:
-        os.read(life, 1)
+        os.read(life, 1)  # nobody writes: it returns once the end of the parent is closed
         os.kill(os.getpid(), signal.SIGKILL)
 
     threading.Thread(target=watch, daemon=True).start()

@@ -64,6 +64,7 @@ def folder() -> str:
     own = os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__"
     if not os.access(own if Path(own).exists() else _PACKAGE, os.W_OK):
         own = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "fmopt"
+    # Sorted, as a disk lists files in an order of its own, which the name must not depend on.
     shared = b"".join(path.read_bytes() for path in sorted(_PACKAGE.rglob("kernels*.py")))
     state = hashlib.sha256(shared + repr((_SETTINGS, _EFFORT)).encode()).hexdigest()
     return str(Path(own) / f"kernels-{state[:16]}")
@@ -97,6 +98,7 @@ class _Compiling(event.Listener):  # type: ignore[misc]
         self._before: dict[str, Any] = {}
 
     def on_start(self, event: Any) -> None:
+        # Kernels are compiled with their parts, each of which is an event of its own: the outermost one counts.
         if self._depth == 0:
             self._before = {name: getattr(config, name) for name in _EFFORT}
             self._set(_EFFORT if event.data["dispatcher"] in KERNELS.values() else {})
@@ -131,7 +133,7 @@ def clock() -> float:
     return time.monotonic() - _compiling.seconds
 
 
-_moment: ContextVar[float] = ContextVar("moment", default=math.inf)
+_moment: ContextVar[float] = ContextVar("moment", default=math.inf)  # one for each thread
 
 
 def deadline() -> float:
@@ -171,6 +173,7 @@ def undisturbed() -> Iterator[None]:
         # The first of several that run at once knows what was set before all of them; the last one puts it back.
         _before.append(_before[0] if _before else (gc.get_threshold(), threadpool_limits(1, user_api="blas")))
         collected, _ = _before[0]
+        # Who looks for garbage less often, or never, which is 0, keeps that.
         gc.set_threshold(*(max(pair) if min(pair) else 0 for pair in zip(collected, _COLLECTED, strict=True)))
     try:
         yield

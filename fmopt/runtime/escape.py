@@ -10,6 +10,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what spreadsheets take for the be
 
 def one_line(text: str) -> str:
     """Text on one line, for comments: all that is not printable is written as its code, as line breaks of any kind."""
+    # Marks that turn the direction of writing are not printable either.
     return "".join(letter if letter.isprintable() else _code(letter) for letter in text)
 
 
@@ -20,13 +21,14 @@ def urscript_string(text: str) -> str:
 
 def yaml_string(text: str) -> str:
     """A scalar or key of YAML, in double quotes; reads back as the same text."""
-    quoted = text.replace("\\", "\\\\").replace('"', '\\"')
+    quoted = text.replace("\\", "\\\\").replace('"', '\\"')  # backslashes first: those before quotes come after
     return '"' + "".join(letter if letter.isprintable() else _code(letter, "\\U") for letter in quoted) + '"'
 
 
 def csv_text(text: str) -> str:
     """A text for a cell of a table, which no spreadsheet takes for a formula; who writes the table puts the quotes."""
     line = one_line(text)
+    # Tabs and returns are stripped like spaces: whether one begins the text is asked of it as it is.
     return "'" + line if text.lstrip().startswith(_FORMULA) or text.startswith(_FORMULA) else line
 
 
@@ -37,4 +39,5 @@ def csv_comment(text: str) -> str:
 
 def _code(letter: str, long: str = "\\u") -> str:
     number = ord(letter)
+    # YAML reads four digits after \u, and eight after \U.
     return f"\\u{number:04x}" if number < 0x10000 else f"{long}{number:08x}"

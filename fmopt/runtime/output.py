@@ -68,15 +68,15 @@ def save(content: bytes, path: Path) -> None:
     Raises:
         ResourceError: something else than a regular file is there, or it cannot be written.
     """
-    place = Path(os.path.realpath(path))
+    place = Path(os.path.realpath(path))  # a link that were replaced itself would lead nowhere else any more
     partial = _beside(place)
     try:
         before = _regular(place, path)
         place.parent.mkdir(parents=True, exist_ok=True)
-        _unfinished.add(str(partial))
+        _unfinished.add(str(partial))  # before it is there: a signal may come at any time
         _write(content, partial, before)
         partial.replace(place)
-        synchronise(place.parent)
+        synchronise(place.parent)  # the name that it has now stands there
     except OSError as error:
         raise _refused(path, error) from error
     finally:
@@ -98,7 +98,7 @@ def set_aside(folder: Path, names: Sequence[str]) -> list[Path]:
         if path.is_file():
             found.append(path.with_name(f"earlier-{path.name}"))
             try:
-                path.replace(found[-1])
+                path.replace(found[-1])  # over what a run before that had set aside
             except OSError as error:
                 raise _refused(path, error) from error
     return found
@@ -119,13 +119,15 @@ def fresh(path: Path) -> Iterator[Path]:
         if os.path.lexists(path):
             raise ResourceError(f"{path}: exists already", "choose another folder with --out")
         _unfinished.add(str(home))
+        # Under its last name, after which a writer of bags calls its files, and not made: it makes its folder itself.
         folder = home / path.name
         home.mkdir(parents=True)
         yield folder
         folder.mkdir(exist_ok=True)
+        # What `save` wrote is on disk already; what libraries wrote may not be.
         for file in (found for found in folder.rglob("*") if found.is_file()):
             synchronise(file)
-        folder.rename(os.path.realpath(path))
+        folder.rename(os.path.realpath(path))  # refused where a file or a filled folder has come there meanwhile
         synchronise(home.parent)
     except OSError as error:
         raise _refused(path, error) from error
@@ -135,7 +137,7 @@ def fresh(path: Path) -> Iterator[Path]:
 
 def abandon() -> None:
     """Takes away what is being written, as this process has to leave at once."""
-    for name in list(_unfinished):
+    for name in list(_unfinished):  # a copy, as each that is taken away leaves the set
         _forget(Path(name))
 
 
@@ -153,6 +155,7 @@ def synchronise(path: Path) -> None:
 
 
 def _beside(place: Path) -> Path:
+    # In the same folder: a move is at once only within a file system. No two that are being written have one name.
     return place.with_name(f".fmopt-{os.getpid()}-{next(_NUMBERS)}.part")
 
 
@@ -165,22 +168,26 @@ def _regular(place: Path, path: Path) -> os.stat_result | None:
     if not stat.S_ISREG(there.st_mode):
         kind = _KINDS.get(stat.S_IFMT(there.st_mode), "no regular file")
         raise ResourceError(f"{path}: is {kind}, and stays as it is", f"{_ADVICE}, or - for standard output")
+    # Moving a file over another asks for no right to that one: whoever protected it is heeded all the same.
     if not os.access(place, os.W_OK):
         raise ResourceError(f"{path}: is write-protected", f"{_ADVICE}, or allow to write to it")
     return there
 
 
 def _write(content: bytes, partial: Path, before: os.stat_result | None) -> None:
+    # O_EXCL: a link that somebody has put under this name is not followed.
     descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
     with os.fdopen(descriptor, "wb") as file:
         if before is not None:
             mine = os.fstat(descriptor)
+            # Only the superuser may give files away.
             if (mine.st_uid, mine.st_gid) != (before.st_uid, before.st_gid) and os.geteuid() == 0:
                 os.fchown(descriptor, before.st_uid, before.st_gid)
+            # After the owner, whose change drops bits of it; before the content, which may be for few to read.
             os.fchmod(descriptor, stat.S_IMODE(before.st_mode))
         file.write(content)
         file.flush()
-        os.fsync(descriptor)
+        os.fsync(descriptor)  # before it is moved: the name would else survive a crash that the content does not
 
 
 def _forget(partial: Path) -> None:

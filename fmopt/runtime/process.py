@@ -38,11 +38,11 @@ def run(command: Callable[[], int]) -> NoReturn:
     """Runs a command whose result is the exit code of this process, which ends with it."""
     # Read when NumPy is loaded: matrices are small, and threads that wait for each other take three times as long.
     os.environ.setdefault(_THREADS, "1")
-    _open_streams()
+    _open_streams()  # first: the pipe for signals would get the number of a closed stream
     try:
         _answer_signals()
         code = command()
-        sys.stdout.flush()
+        sys.stdout.flush()  # inside: a reader that has gone is noticed by the last lines at the latest
     except Interruption as interruption:
         code = 128 + interruption.number
         if interruption.number == signal.SIGPIPE:
@@ -58,7 +58,7 @@ def _end_by(number: signal.Signals) -> NoReturn:
     """Ends as a process does that does not answer a signal."""
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
-    os._exit(128 + number)
+    os._exit(128 + number)  # where the signal is blocked
 
 
 class _Stream(io.FileIO):
@@ -69,7 +69,7 @@ class _Stream(io.FileIO):
     """
 
     def __init__(self, number: int) -> None:
-        super().__init__(number, "w", closefd=False)
+        super().__init__(number, "w", closefd=False)  # a number that were closed would go to the next file
         self._gone = False
 
     def write(self, content: Any, /) -> int:
@@ -80,11 +80,11 @@ class _Stream(io.FileIO):
             ResourceError: standard output takes nothing more.
         """
         if self._gone:
-            return memoryview(content).nbytes
+            return memoryview(content).nbytes  # as if taken: of less the buffer would offer the rest again
         try:
             return super().write(content)
         except OSError as error:
-            self._gone = True
+            self._gone = True  # before it is raised: what is left in the buffer is offered again at the exit
             if self.fileno() == 2:
                 return memoryview(content).nbytes
             if isinstance(error, BrokenPipeError):
@@ -98,7 +98,7 @@ def _open_streams() -> None:
             os.fstat(number)
         except OSError:
             os.set_inheritable(os.open(os.devnull, way), True)  # it gets the lowest number that is free: this one
-    if sys.stdin is None:
+    if sys.stdin is None:  # as Python leaves it where it was closed
         sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115 (as long as the process lives)
     sys.stdout, sys.stderr = _text(1, sys.stdout), _text(2, sys.stderr)
 
@@ -112,10 +112,11 @@ def _text(number: int, before: Any) -> io.TextIOWrapper:
 
 def _answer_signals() -> None:
     """Takes the signals that end a process, but for those that who started it had ignored."""
-    if threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread():  # no other thread may answer signals
         return
     near, far = os.pipe()
     os.set_blocking(far, False)
+    # Inside a library no line of Python runs to answer a signal, but its number is written at once.
     signal.set_wakeup_fd(far, warn_on_full_buffer=False)
     for number in _ENDING:
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -152,7 +153,7 @@ def _watch(near: int) -> None:
 
 def _leave(number: int) -> NoReturn:
     output.abandon()
-    os._exit(128 + number)
+    os._exit(128 + number)  # sys.exit would end this thread alone, and leave the program where it is
 
 
 def _lost(unraisable: Any) -> None:

@@ -24,6 +24,7 @@ class _Room(ModuleType):
         return study(file, out, **options)
 
 
+# Importing anything from here makes `fmopt.study` this package: a function of that name would be lost.
 sys.modules[__name__].__class__ = _Room
 
 

@@ -45,6 +45,7 @@ class Axis:
     def at(self, quantile: float) -> Number:
         """The value of a quantile in [0, 1)."""
         if self.distribution is None:
+            # The product may be rounded up to the number of values.
             return self.values[min(int(quantile * len(self.values)), len(self.values) - 1)]
         return rounded(self.distribution.at(quantile))
 
@@ -68,6 +69,7 @@ def axes_of(
         faults += reader.faults
         if found is not None:
             axes.append(found)
+    # Links are numbers of axes, which are right only where no axis is missing.
     if not faults:
         faults += _faults_between(source, axes)
     return axes, faults
@@ -104,6 +106,7 @@ class _Reader:
             return None
         steps = axis.steps
         if values is None and self.file.sampling.method not in CUBES:
+            # `_distribution` has refused means and missing steps where points are not drawn.
             assert isinstance(distribution, Uniform)
             assert steps is not None
             values, distribution = tuple(stepped(distribution, steps)), None
@@ -119,6 +122,7 @@ class _Reader:
                 self._fault(key, "unknown-path", f"there is no parameter {path!r} to vary", goal)
             else:
                 found.append((goal, expression))
+        # Paths with arithmetic are judged by what it gives, in `_expression_faults`.
         kinds = {_kind(goal) for goal, expression in found if not expression}
         if len(kinds) > 1:
             words = " and ".join(sorted(kinds))
@@ -170,6 +174,7 @@ class _Reader:
             if not isinstance(raw, bool if truth else str):
                 what, advice = ("no truth", "write true or false") if truth else ("no word", "write one of the choices")
                 self._fault(("values", n), "wrong-type", f"{shown(raw)} is {what}", advice)
+        # Truths as TOML writes them; `assignments` makes truths of them again.
         return tuple(str(raw).lower() if isinstance(raw, bool) else str(raw) for raw in values)
 
     def _distribution(self, axis: files.Axis, dimension: Dimension | None) -> Uniform | Normal | None:
@@ -230,6 +235,7 @@ def _faults_between(source: Source, axes: Sequence[Axis]) -> list[Fault]:
     faults, seen = [], dict[Key, str]()
     names = {a.name: Quantity(1.0, a.dimension) for a in axes if a.dimension is not None}
     for axis in axes:
+        # `points_of` follows a single link.
         if axis.linked is not None and axes[axis.linked].linked is not None:
             place = source.place((*axis.place, "linked"))
             faults.append(
@@ -277,6 +283,7 @@ def points_of(axes: Sequence[Axis], sampling: files.Sampling) -> list[tuple[Numb
     """
     free = [i for i, axis in enumerate(axes) if axis.linked is None]
     row = {number: column for column, number in enumerate(free)}
+    # A linked axis reads the column of the one that it moves along with: the same quantile, or the same index.
     column = [row[i if axis.linked is None else axis.linked] for i, axis in enumerate(axes)]
     if sampling.method in CUBES:
         places = cube(sampling.method, len(free), sampling.runs or 0, sampling.seed or 0)
@@ -294,6 +301,7 @@ def count_of(axes: Sequence[Axis], sampling: files.Sampling) -> int:
     """
     free = [axis for axis in axes if axis.linked is None]
     if sampling.method == "grid":
+        # In Python's integers: a product that overflows could pass for a small one.
         return int(np.prod([len(axis.values) for axis in free], dtype=object))
     if sampling.method == "list":
         return len(free[0].values)
@@ -320,6 +328,7 @@ def assignments(axes: Sequence[Axis], point: Sequence[Number]) -> tuple[tuple[Ke
         for goal, expression in axis.sets:
             if expression:
                 result = evaluate(expression, names)
+                # What arithmetic leaves behind the twelfth digit would give runs of the same numbers different keys.
                 found.append((goal.key, in_file(replace(result, value=rounded(result.value)))))
             elif isinstance(value, str) or axis.dimension is None:
                 found.append((goal.key, value == "true" if goal.truth else value))

@@ -28,6 +28,7 @@ _ALLOCATION = "allocation.json"
 
 def processors() -> int:
     """How many processors this process may use."""
+    # Fewer than the machine has under taskset, or in a container that is given some of them.
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -73,6 +74,7 @@ def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally]
     else:
         options = Options(asked.jobs or processors(), asked.limit, asked.retry_failed)
         tally = run(work, folder, evaluate, options, progress)
+    # From the store, not from memory: it has what earlier starts did, too, and nothing that is not durable.
     output.save(csv_text(results(folder)).encode(), folder / "table.csv")
     return tally
 
@@ -149,6 +151,7 @@ def allocated(file: Path, folder: Path, progress: Callable[[str], None]) -> tupl
         answer = allocate(question, progress)
         record = answer.record()
         plan.write(answer.document, folder / "plan.json")
+        # Last, as `report` goes by it: where it is, the plan that it speaks of is there, too.
         output.save((json.dumps(record, indent=1) + "\n").encode(), folder / _ALLOCATION)
     return record, answer.words()
 
@@ -198,6 +201,7 @@ def forecast(file: Path, folder: Path, asked: Asked, progress: Callable[[str], N
     outcomes, known = dict[str, str](), list[float]()
     if (folder / NAME).is_file():
         outcomes = {r.run.key: r.row.outcome for r in recorded(folder)[1] if r.row is not None}
+        # The store may hold a design that this file had before: only runs of the present one count.
         outcomes = {key: outcomes[key] for key in keys if key in outcomes}
         known = [effort.seconds for key, effort in efforts(folder).items() if key in outcomes]
     again = {key for key, outcome in outcomes.items() if outcome != "done"} if asked.retry_failed else set()
@@ -224,7 +228,9 @@ def _workers(asked: Asked) -> int:
 
 def _trial(work: Work) -> tuple[float | None, str]:
     middle = work.runs[len(work.runs) // 2]
+    # In a worker under the study's limits: a trial that hangs or crashes ends as the run itself would.
     with Local(1) as local:
+        # Inputs go to a folder of this process's own, as a dry run writes nothing into that of the study.
         batch = Batch((middle,), evaluate, work.limits, work.inputs, laid_out(work.inputs, None))
         row, effort = local.submit(run_batch, batch).result().rows[0]
     if row.outcome == "done":

@@ -64,11 +64,13 @@ class Study:
     def runs(self) -> Iterator[Run]:
         """The runs, point by point."""
         question, code = self.question, program()
+        # Once for all runs, as it may be long; without the name of the problem's file, which changes nothing of them.
         common = canonical_digest(
             [code, self.base.content, question.quantities, question.keep, {"problem": self.base.problem.data}]
         )
         for point in self.points:
             given = assignments(self.axes, point)
+            # Sorted, as the order of axes in the file changes nothing of what is computed.
             key = canonical_digest([common, sorted((list(path), value) for path, value in given)])
             yield Run(key, given, question)
 
@@ -124,11 +126,13 @@ def load_study(path: Path) -> Study:
     if {"axes", "compute"} & set(read(problem).data):
         place, advice = source.place(("problem",)), "name the problem that it varies"
         raise InputError(*faults, place.fault("file-kind", f"{problem} is a study, not a problem", advice))
+    # Its faults are told by themselves, with places in its own file: what follows takes it for sound.
     load(problem)
     base = Base.read(problem)
     axes, more = axes_of(source, file, reading, base.targets())
     faults += [*more, *_quantity_faults(source, file), *_sampling_faults(source, file)]
     unusable(faults)
+    # Before the points are made, of which there may be too many by accident.
     unusable(_size_faults(source, file, axes))
     study = Study(source, file, base, tuple(axes), points_of(axes, file.sampling))
     unusable(_value_faults(study))
@@ -224,6 +228,7 @@ def _value_faults(study: Study) -> list[Fault]:
         for axis in study.axes
         for goal, _ in axis.sets
     }
+    # Not all runs: each is a problem to be read. What is missed here gets a row with the outcome "input".
     for number in sorted(chosen):
         try:
             given = assignments(study.axes, study.points[number])

@@ -83,6 +83,7 @@ class Solved:
         key = f"{self._inputs} {canonical_digest(data)}"
         if key not in _MOTIONS:
             done = _tried(lambda: certified_motion(self.problem))
+            # One is enough where axes over the specification come last, as the last one varies fastest.
             _MOTIONS.clear()
             _MOTIONS[key] = done
         return _MOTIONS[key]
@@ -119,6 +120,7 @@ def _tried(stage: Callable[[], T]) -> T | NoAnswer:
 
 def _given(found: T | NoAnswer) -> T:
     if isinstance(found, (InterferenceError, InfeasibleError, SearchError)):
+        # It is raised for each quantity that asks: its traceback would grow each time, and hold what the frames hold.
         raise found.with_traceback(None)
     return found
 
@@ -135,11 +137,13 @@ def evaluate(run: Run, folder: Path) -> Row:
         solved = Solved(source, problem_of(source), folder.name, "plan" in run.question.keep)
     except InputError as error:
         words = "; ".join(f"{fault.key}: {fault.message}" for fault in error.faults)
+        # The folder has another name on each host, and a row is the same on all of them.
         return Row(run.key, "input", words.replace(f"{folder}/", "")[:_LONGEST], {})
     answers: dict[str, Scalar] = {}
     reason = ""
     for name in run.question.quantities:
         quantity = QUANTITIES[name]
+        # Columns without an answer are there, and empty; what an earlier quantity answered stays.
         answers = {**dict.fromkeys(quantity.columns), **answers}
         try:
             answers |= quantity.answer(solved)
@@ -179,6 +183,7 @@ def _shortfall(error: FmoptError) -> float | None:
 
 def _clearance(solved: Solved) -> dict[str, Scalar]:
     x, y = (0.5 * float(width) for width in solved.clearance.play)
+    # Play is infinite where nothing stops the part, and the store takes finite numbers only.
     finite = [side if side < float("inf") else None for side in (x, y)]
     return {"clearance": solved.clearance.per_side, "clearance_x": finite[0], "clearance_y": finite[1]}
 
@@ -225,6 +230,7 @@ def _bias(solved: Solved) -> dict[str, Scalar]:
         strategies = [piece.strategy for piece in controlled(solved.problem, solved.motion).pieces]
     except InfeasibleError:
         return {"holds": False, "least_normal_force": 0.0}
+    # No number where no contact is held: 0 would say that one can hardly be held.
     least = min((force for strategy in strategies for force in strategy.normal_forces.tolist()), default=None)
     push = max(strategy.push for strategy in strategies)
     return {"holds": True, "least_normal_force": least, "greatest_push": push}
@@ -248,6 +254,7 @@ def _execution(solved: Solved) -> dict[str, Scalar]:
     }
 
 
+# Each has a verdict and a shortfall, which `evaluate` fills in where it has no answer.
 QUANTITIES: Mapping[str, Quantity] = {
     "clearance": Quantity(
         ("clearance", "clearance_x", "clearance_y", "verdict", "shortfall"),

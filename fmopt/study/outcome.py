@@ -65,6 +65,7 @@ class Outcome:
         Raises:
             ResourceError: a file cannot be written.
         """
+        # It loads all that computes; who only looks at results goes without.
         from fmopt.study.command import report
 
         return tuple(report(self.folder))

@@ -28,6 +28,7 @@ class Uniform:
         """The value of a quantile in [0, 1]."""
         if self.log:
             return float(math.exp((1.0 - quantile) * math.log(self.low) + quantile * math.log(self.high)))
+        # Both ends come out exactly, which low + quantile (high − low) does not promise.
         return (1.0 - quantile) * self.low + quantile * self.high
 
 
@@ -45,8 +46,10 @@ class Normal:
         from scipy.special import ndtr, ndtri
 
         below, above = (float(ndtr((bound - self.mean) / self.deviation)) for bound in (self.low, self.high))
+        # The inverse is infinite at 0 and 1.
         inside = min(max(below + quantile * (above - below), _EDGE), 1.0 - _EDGE)
         value = self.mean + self.deviation * float(ndtri(inside))
+        # Rounding may lead past a bound, and `_EDGE` does where a bound is far out in the tail.
         return min(max(value, self.low), self.high)
 
 
@@ -87,8 +90,10 @@ def cube(method: Method, dimensions: int, runs: int, seed: int) -> Array:
         case "latin-hypercube":
             return np.asarray(qmc.LatinHypercube(dimensions, rng=rng).random(runs), dtype=np.float64)
         case "sobol":
+            # The logarithm of a power of two, as the study's check has let nothing else pass.
             return np.asarray(qmc.Sobol(dimensions, rng=rng).random_base2(runs.bit_length() - 1), dtype=np.float64)
         case "saltelli":
+            # One sequence over 2d axes fills A and B evenly together; two sequences over d axes need not.
             both = np.asarray(qmc.Sobol(2 * dimensions, rng=rng).random_base2(runs.bit_length() - 1), dtype=np.float64)
             A, B = both[:, :dimensions], both[:, dimensions:]
             mixed = []

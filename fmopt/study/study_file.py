@@ -13,6 +13,7 @@ from fmopt.task.toml.problem_file import Units
 from fmopt.task.toml.schema import DIALECT
 from fmopt.task.toml.tables import Distance, Duration, File, Name, Ratio, Table, Title
 
+# Read later: whether it is a length, an angle or a word depends on the parameters that it is for.
 Value: TypeAlias = Annotated[
     Any, WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "minLength": 1, "maxLength": 200}]})
 ]

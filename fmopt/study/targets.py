@@ -24,7 +24,7 @@ from fmopt.task.toml.units import ANGLE, FORCE, LENGTH, RATIO, SPEED, TIME, TORQ
 SIDES = ("moving", "fixed")
 UNIT_NAMES = {LENGTH: "m", ANGLE: "rad", SPEED: "m/s", FORCE: "N", TORQUE: "N*m", TIME: "s"}
 _LETTERS = "xyz"  # what the entries of a vector are called
-_FIXED = {"title", "units", *SIDES}
+_FIXED = {"title", "units", *SIDES}  # units would change what all other numbers mean; models vary by their parameters
 
 
 @dataclass(frozen=True)
@@ -60,23 +60,26 @@ class Base:
             InputError: a file cannot be read.
         """
         source, _ = spelled_out(read(path))
+        # By place, so that a file that is named twice is laid out once.
         files = {Path(normpath(path.absolute())): path}
         models, said = {}, dict[str, Any]()
         for side in SIDES:
             model = Path(normpath(path.parent / source.data[side]["model"]))
             files[Path(normpath(model.absolute()))] = model
             if model.suffix.lower() in MESHES:
-                models[side] = Source(model, {}, {}, {})
+                models[side] = Source(model, {}, {}, {})  # a mesh has no parameters to vary
                 content = read_bytes(model, source.place((side, "model")), MAX_MESH_BYTES)
                 said[side] = hashlib.sha256(content).hexdigest()
                 continue
             models[side] = read(model, source.place((side, "model")))
+            # The tables and not the bytes: a comment or another layout makes no other runs.
             said[side] = models[side].data
             if "mesh" in models[side].data:
                 mesh = model.parent / models[side].data["mesh"]["file"]
                 files[Path(normpath(mesh.absolute()))] = mesh
                 content = read_bytes(mesh, models[side].place(("mesh", "file")), MAX_MESH_BYTES)
                 said[f"{side} mesh"] = hashlib.sha256(content).hexdigest()
+        # Laid out below the folder that they share, files find each other by the relative names that are in them.
         root = os.path.commonpath([file.parent for file in files])
         inputs = {
             os.path.relpath(file, root): read_bytes(given, source.place(()), MAX_MESH_BYTES)
@@ -131,6 +134,7 @@ def assigned(source: Source, values: Iterable[tuple[Key, Assigned]]) -> Source:
     for key, value in values:
         table: Any = data
         for part in key[:-1]:
+            # Tables that the base leaves out are made; arrays are there, as paths into them come from its own data.
             table = table[part] if isinstance(part, int) else table.setdefault(part, {})
         table[key[-1]] = value
     return replace(source, data=data)
@@ -162,6 +166,7 @@ def _fields(table: type[Table], above: Key, path: str, data: object) -> Iterator
     for name, field in table.model_fields.items():
         if above or name not in _FIXED:
             value = data.get(name) if isinstance(data, Mapping) else None
+            # Pydantic takes what annotates a field as a whole out of its annotation, into its metadata.
             kinds = (*field.metadata, *_parts(field.annotation))
             yield from _targets(kinds, (*above, name), f"{path}.{name}".removeprefix("."), value)
 

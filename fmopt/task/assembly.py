@@ -99,12 +99,13 @@ def _trees(source: Source, reading: Reading, file: files.AssemblyFile) -> tuple[
             found += more
             if model is not None and not found:
                 frame = Pose.from_vector([*table.at, *table.turn])
+                # Several objects may be of one model: they go by their names in this file.
                 trees.append(replace(build_tree(model.source, model.file), name=name, frame=frame))
         except InputError as error:
             found += error.faults
         faults += found
     if faults:
-        raise InputError(*dict.fromkeys(faults))
+        raise InputError(*dict.fromkeys(faults))  # faults of a model that several objects name are told once
     return tuple(trees)
 
 

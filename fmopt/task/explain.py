@@ -32,7 +32,7 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
         problem: checked.
         clearance: of its parts, as measured.
     """
-    play = [width if math.isfinite(width) else None for width in clearance.play]
+    play = [width if math.isfinite(width) else None for width in clearance.play]  # JSON has no infinity
     return {
         "valid": True,
         "title": problem.title,
@@ -229,6 +229,7 @@ def _pose(P: Array) -> str:
 
 def _sources(problem: Problem) -> Iterator[str]:
     """The budget: each source with what it adds across the axis and about it, and its part of both."""
+    # Along x and about y, as problems in the plane have these, too.
     across, angle = float(problem.start_box[0]), float(problem.start_box[4])
     for share in problem.budget:
         x, turn = float(share.box[0]), float(share.box[4])

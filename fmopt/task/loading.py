@@ -82,10 +82,10 @@ def problem_of(source: Source) -> Problem:
     if file is not None:
         named = {side: _table(file, side).feature or "" for side in models}
         if len(models) == 2 and all(named[side] in model.file.features for side, model in models.items()):
-            models = reaching(models, named)
+            models = reaching(models, named)  # before depths are held against the peg
         faults += _cross_checks(whole, file, models)
     if faults or file is None:
-        raise InputError(*dict.fromkeys(faults))
+        raise InputError(*dict.fromkeys(faults))  # of a file that both sides name they are there twice
     return _problem(source, whole, file, models)
 
 
@@ -188,7 +188,7 @@ def _plane_faults(source: Source, file: files.ProblemFile, models: Mapping[str, 
         return
     for key in _OUT_OF_PLANE if profiles and len(models) == 2 else ():
         table = file.clearance if key[0] == "clearance" else file.uncertainty.start
-        if table is not None and getattr(table, key[-1]):
+        if table is not None and getattr(table, key[-1]):  # a 0 stays in it
             message = f"{key[-1]!r} leaves the plane of a planar problem"
             yield source.place(key).fault("out-of-plane", message, "leave it out")
     box, above = file.uncertainty.start, ("uncertainty", "start")
@@ -338,7 +338,7 @@ def _start(file: files.ProblemFile, height: float, exchanged: bool) -> Pose:
     """P(0): pose of the peg's feature in the frame of the hole where the nominal trajectory begins."""
     if file.start.at is None:
         turn = exp(file.start.turn)
-        return Pose(np.array([0.0, 0.0, height]), turn.T if exchanged else turn)
+        return Pose(np.array([0.0, 0.0, height]), turn.T if exchanged else turn)  # in the file it is of what moves
     given = Pose.from_vector([*file.start.at, *file.start.turn])
     return given.inverse() if exchanged else given
 
@@ -381,10 +381,10 @@ def _budget(file: files.ProblemFile, sources: Sources, moving: Part, start: floa
     Where the part starts is for the planner to choose. The sources' box holds for all that it may choose: leaning by
     1.3 times the tilts, beside the axis by a few times the errors and what the lean shortens.
     """
-    lean = min(1.3 * math.sqrt(2.0) * file.settings.max_tilt, 0.5 * math.pi)
+    lean = min(1.3 * math.sqrt(2.0) * file.settings.max_tilt, 0.5 * math.pi)  # √2: about x and y at once
     radius = tip_radius(moving)
     height = start + radius * math.sin(lean)
-    upright = start_box(sources, height, 0.0, lean)
+    upright = start_box(sources, height, 0.0, lean)  # a first box, to say how far beside the axis it may be
     swing = radius * float(np.linalg.norm(upright[3:]))
     aside = 7.0 * float(upright[0]) + 3.0 * swing + radius * (1.0 - math.cos(lean))
     return budget(sources, height, aside, lean)
@@ -445,7 +445,7 @@ def _sha256(source: Source, models: Mapping[str, Model]) -> str:
     """Hash of what the files say: their data in one canonical form, meshes byte by byte."""
     content: dict[str, Any] = {"problem": source.data, "models": {}, "meshes": {}}
     for side, model in models.items():
-        if model.given:
+        if model.given:  # a mesh that is named itself is all in its bytes
             content["models"][side] = model.source.data
         if model.file.mesh is not None:
             path = model.source.path.parent / model.file.mesh.file

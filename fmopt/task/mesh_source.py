@@ -57,6 +57,7 @@ def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
     if mesh.unit is not None:
         return faults
     advice = "add 'unit' to [mesh]: m, cm, mm, um or in"
+    # The file may be damaged besides: both are told at once.
     try:
         from fmopt.geometry.mesh.mesh_import import extents
 
@@ -103,7 +104,7 @@ def imported(source: Source, mesh: Mesh) -> Imported:
             return load_step(path, mesh.deviation or DEVIATION, str(mesh.body or ""))
         from fmopt.geometry.mesh.mesh_import import load_mesh
 
-        return load_mesh(path, "m" if says_unit(mesh) else mesh.unit or "mm")
+        return load_mesh(path, "m" if says_unit(mesh) else mesh.unit or "mm")  # of such files the numbers come in m
     except SizeError as error:
         key = ("mesh", "file" if mesh.unit is None else "unit")
         raise InputError(implausible(source, key, mesh.unit, error)) from error
@@ -113,5 +114,6 @@ def imported(source: Source, mesh: Mesh) -> Imported:
 
 def _path(source: Source, mesh: Mesh) -> Path:
     path = source.path.parent / Path(mesh.file)
+    # For what it refuses, at this place: those who read meshes read the file themselves.
     read_bytes(path, source.place(("mesh", "file")), MAX_MESH_BYTES)
     return path

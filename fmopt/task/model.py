@@ -75,7 +75,7 @@ class Bare:
         table = source.data[side]
         unit, body = table.get("unit"), table.get("body")
         known = isinstance(unit, str) and unit in UNITS["length"][1]
-        named = isinstance(body, str | int) and not isinstance(body, bool)
+        named = isinstance(body, str | int) and not isinstance(body, bool)  # TOML's true is an int to Python
         places = {name: source.place((side, name), of_key=True) for name in ("unit", "body")}
         return Bare(unit if known else None, body if named else None, places)
 
@@ -116,7 +116,7 @@ def load_model(
     if file is not None:
         file = file if file.name else file.model_copy(update={"name": _called(path.stem)})
         faults += _cross_checks(source, file)
-        if file.mesh is None and not faults:
+        if file.mesh is None and not faults:  # the size of a mesh is looked at as it is read
             faults += _size_faults(source, file)
         if not faults:
             file = with_features(source, file)
@@ -142,7 +142,7 @@ def _bare_model(
     elif not own:
         table["unit"] = said.unit or USUAL_UNIT
     name = _called(said.body if isinstance(said.body, str) else path.stem)
-    source = Source(path, {"name": name, "mesh": table}, {}, {})
+    source = Source(path, {"name": name, "mesh": table}, {}, {})  # without places: nobody wrote it
     file, more = checked(ModelFile, source, Reading())
     if file is None or faults or more:
         return None, [*faults, *more]
@@ -213,7 +213,7 @@ def _parameters(source: Source, reading: Reading, overrides: Mapping[str, Overri
                 faults.append(given.place.fault("wrong-unit", message, advice))
                 broken.add(name)
             names[name] = given.value
-    for name in sorted(overrides.keys() - names.keys() - broken):
+    for name in sorted(overrides.keys() - names.keys() - broken):  # one at fault is there all the same
         advice = did_you_mean(name, names) or f"its parameters: {', '.join(names) or 'none'}"
         message = f"the model {source.path.name} has no parameter {name!r}"
         faults.append(overrides[name].place.fault("unknown-parameter", message, advice))
@@ -338,7 +338,7 @@ def _match(source: Source, name: str, stated: MatingFeature, found: Sequence[Fea
         return place.fault("not-found", message, "check its kind, or add at, turn and length")
     if stated.at is not None:
         near = [feature for feature in kind if _beside(feature, stated.at) <= _SAME]
-        if near:
+        if near:  # several may lie in one plane
             point = np.array(stated.at)
             return min(near, key=lambda feature: float(np.linalg.norm(feature.frame.p - point)))
         at = ", ".join(f"{1e3 * x + 0.0:.9g}" for x in stated.at)
@@ -374,9 +374,9 @@ def _table(found: Feature, stated: MatingFeature | None) -> MatingFeature:
     if stated is None:
         return MatingFeature.model_construct(None, **made)
     if stated.at is not None:
-        del made["turn"]
+        del made["turn"]  # it goes with at: as stated, or none
     if stated.length is not None:
-        del made["through"]
+        del made["through"]  # it goes with the length that was found
     given = {key: getattr(stated, key) for key in stated.model_fields_set if getattr(stated, key) is not None}
     return stated.model_copy(update={**made, **given})
 

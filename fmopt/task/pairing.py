@@ -81,6 +81,7 @@ def paired(
     missing = [side for side in SIDES if stated[side] is not None and stated[side] not in models[side].file.features]
     if missing:
         return file, {}, models
+    # Frames that are stated say how the peg is turned; only found ones leave that open.
     turning = "turn" not in file.goal.model_fields_set and is_found(models, stated)
     pairs = list(_pairs(source, file, parts, stated, turning))
     if not pairs:
@@ -95,12 +96,13 @@ def paired(
     seated = _seated(file, models)
     best = _best(source, pairs) if seated is None else _in_place(source, pairs, parts, seated)
     exchanged = parts["moving"].feature(best.names["moving"]).kind == "hollow"
-    if file.clearance is None:
+    if file.clearance is None:  # who states one means it, however wide
         _require_near(source, best, parts, exchanged)
     turn = best.fit.turn
     operands: dict[str, Any] = {
         side: _operand(file, side).model_copy(update={"feature": best.names[side]}) for side in SIDES
     }
+    # The file's turn is of what moves. One of 0 stays unsaid, by which a round peg keeps its angle free.
     update = {"turn": -turn if exchanged else turn} if turn else {}
     if best.depth is not None and "depth" not in file.goal.model_fields_set:
         update["depth"] = best.depth
@@ -223,7 +225,7 @@ def _matings(
         mating = {"moving": rebased(parts["moving"], a.frame), "fixed": rebased(parts["fixed"], b.frame)}
         peg, hole = ("fixed", "moving") if a.kind == "hollow" else ("moving", "fixed")
         depth = file.goal.depth or min(a.length, b.length)
-        depth = min(depth, a.length, b.length)
+        depth = min(depth, a.length, b.length)  # one that is too deep is told of once the pair is known
         yield {"moving": a.name, "fixed": b.name}, mating[peg], mating[hole], depth
 
 
@@ -246,7 +248,7 @@ def _best(source: Source, pairs: list[_Pair]) -> _Pair:
     """
     roomy = sorted((pair for pair in pairs if pair.fit.gap > 0.0), key=lambda pair: pair.fit.gap)
     if not roomy:
-        return max(pairs, key=lambda pair: pair.fit.gap)
+        return max(pairs, key=lambda pair: pair.fit.gap)  # how much it lacks is told as its clearance
     alike = [pair for pair in roomy if pair.fit.gap - roomy[0].fit.gap <= _ALIKE]
     for side in SIDES:
         names = list(dict.fromkeys(pair.names[side] for pair in alike))
@@ -289,10 +291,11 @@ def _in_place(source: Source, pairs: list[_Pair], parts: Mapping[str, Part], sea
     placed, aside = list[_Pair](), list[tuple[float, _Pair]]()
     for pair in pairs:
         frames = {side: parts[side].feature(pair.names[side]).frame for side in SIDES}
-        pose = frames["fixed"].inverse().compose(seated.compose(frames["moving"]))
+        pose = frames["fixed"].inverse().compose(seated.compose(frames["moving"]))  # T_fixed_moving, of the features
         exchanged = parts["moving"].feature(pair.names["moving"]).kind == "hollow"
         at = pose.inverse() if exchanged else pose
         off, lean, depth = float(np.hypot(*at.p[:2])), float(at.R[2, 2]), -float(at.p[2])
+        # Anywhere within its play a peg is seated; the cosine of its lean allows for 45 µrad.
         room = max(_ALIKE, pair.fit.gap)
         if lean > 1.0 - 1e-9 and off <= room and depth > _ALIKE:
             turn = turned_to(float(np.arctan2(at.R[1, 0], at.R[0, 0])))

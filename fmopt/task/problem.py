@@ -163,7 +163,9 @@ class Problem(Value):
     def under(self, share: float) -> Problem:
         """The problem with a share of its stated start errors."""
         own = tuple(replace(one, box=share * one.box) if one.stated else one for one in self.budget)
+        # Not added up anew: a box that the file gives outright has no budget.
         box = self.start_box - (1.0 - share) * self.stated_box
+        # What comes with the parts keeps its size, so that shares of the frames change.
         return replace(self, start_box=box, budget=own, framing=framing(own) if own else self.framing)
 
     @property

@@ -77,6 +77,7 @@ def refuse_reaching(source: Source, parts: Mapping[str, Part]) -> None:
     """
     faults = []
     for side, part in parts.items():
+        # By component, as the check of a plan takes coordinates; a ball reaches beyond its centre.
         far = float((np.abs(part.polyhedron.vertices) + part.polyhedron.radii[:, None]).max())
         if far > LARGEST:
             message = f"the part reaches {told(far)} from this feature, more than {told(LARGEST)}"
@@ -119,6 +120,7 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
     for axis, error in zip("xyz", box[:3].tolist(), strict=True):
         if error > size:
             stated = ("uncertainty", "start", axis)
+            # A component that `position` or the sources make has no key of its own.
             key = stated if holds(source.data.get("uncertainty", {}).get("start"), axis) else ("uncertainty",)
             message = (
                 f"the parts measure {in_words(float(f'{size:.3g}'), LENGTH)} at most from corner to corner, the start "
@@ -126,7 +128,7 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
             )
             advice = 'check [units], or write the unit beside the number, as in "0.4 mm"'
             raise InputError(source.place(key, of_key=len(key) == 1).fault("out-of-range", message, advice))
-    if np.max(box[:3]) > _LARGEST_ERROR:
+    if np.max(box[:3]) > _LARGEST_ERROR:  # the check takes no more, however large the parts are
         message = f"the start errors add up to {in_words(float(np.max(box[:3])), LENGTH)}"
         place = source.place(("uncertainty",), of_key=True)
         raise InputError(place.fault("out-of-range", message, f"keep them at most {at_most(_LARGEST_ERROR, LENGTH)}"))
@@ -174,6 +176,7 @@ def measured_clearance(problem: Problem) -> Clearance:
     _require_even((problem.moving, problem.fixed), found.per_side)
     for axis, declared, play in zip("xy", problem.declared_clearance or (0.0, 0.0), found.play, strict=True):
         side = 0.5 * play
+        # None may be declared, and in the plane none is along y, where nothing stops the part.
         if declared > 0.0 and math.isfinite(side) and not declared / _FAR <= side <= declared * _FAR:
             raise GeometryError(
                 f"along {axis} the parts leave {1e3 * side:.6g} mm a side, where [clearance] declares "
@@ -232,6 +235,7 @@ def brought_down(peg: Part, box: Array) -> float:
         peg: in the frame of its feature.
         box: half-widths (6,) of the errors, m and rad.
     """
+    # Tilts about both axes at once, each sine at most its angle.
     return float(box[2]) + tip_radius(peg) * math.hypot(float(box[3]), float(box[4]))
 
 
@@ -243,6 +247,7 @@ def start_height(peg: Part, box: Array) -> float:
         box: half-widths (6,) of the errors, m and rad.
     """
     down = brought_down(peg, box)
+    # Whole millimetres up, rounded first: a last digit too many would cost another one.
     return max(_LEAST_HEIGHT, math.ceil(round(_ROOM * down / _LEAST_HEIGHT, 6)) * _LEAST_HEIGHT)
 
 
@@ -265,4 +270,5 @@ def drift(problem: Problem, clearance: Clearance) -> Array:
     t, r = problem.velocity_error.translation, problem.velocity_error.rotation
     if problem.approach * max(t, r) <= clearance.per_side:
         return np.zeros(6)
+    # An error of rotation is stated on an arm of ρ: for each metre it turns the part by r/ρ.
     return problem.approach * np.array([t, t, t, *[r / characteristic_length(problem, clearance)] * 3])

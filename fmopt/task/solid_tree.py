@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from fmopt.geometry.part import Part
     from fmopt.task.object_model.tree import Chain, ObjectTree
 
-MAX_INSTANCES = 1000
+MAX_INSTANCES = 1000  # n solids, each naming the next one twice, make 2ⁿ
 _MERIDIANS = 16  # of the polyhedron that stands for a ball in the tree of features
 
 
@@ -43,7 +43,7 @@ def tree_faults(source: Source, file: files.ModelFile) -> list[Fault]:
         if target not in file.solids:
             advice = did_you_mean(target, dict(file.solids)) or f"solids: {', '.join(file.solids)}"
             faults.append(source.place(key).fault("unknown-solid", f"there is no solid {target!r}", advice))
-    if faults:
+    if faults:  # counting needs all that is named
         return faults
     order: dict[str, int] = {}
     for name in file.solids:
@@ -86,7 +86,7 @@ def _count(
             if cycle is not None:
                 return cycle
             total += counts[target]
-        counts[name] = min(total, 10**9)
+        counts[name] = min(total, 10**9)  # numbers that double for each name stay short
     return None
 
 
@@ -266,12 +266,12 @@ def _chain(source: Source, file: files.ModelFile, name: str) -> Chain:
             first = _chain(source, file, base)
             for target in minus:
                 first = without(first, _chain(source, file, target))
-        case files.Prism(holes=holes) if holes:
+        case files.Prism(holes=holes) if holes:  # a feature may be made of each hole alone
             outer, cuts = _prism(table)
             tools = tuple(Term("+", f"{name}-hole-{i}", cut) for i, cut in enumerate(cuts, 1))
             first = without((Term("+", name, outer),), tools)
         case _:
-            return (Term("+", name, _solid(source, file, name)),)
+            return (Term("+", name, _solid(source, file, name)),)  # placed by `at` and `turn` already
     return moved_chain(first, Pose.from_vector([*table.at, *table.turn]))
 
 
@@ -380,7 +380,7 @@ def bare_part(source: Source, file: files.ModelFile) -> Part:
 def _found(feature: Feature, kind: str) -> str:
     """A feature that the model file leaves to be found, as it would be written there."""
     x, y, z, *turn = feature.frame.vector().tolist()
-    at = ", ".join(f"{1e3 * value + 0.0:.9g}" for value in (x, y, z))
+    at = ", ".join(f"{1e3 * value + 0.0:.9g}" for value in (x, y, z))  # + 0.0: no −0
     about = ", ".join(f"{math.degrees(angle) + 0.0:.9g}" for angle in turn)
     through = ", through" if feature.through else ""
     return (

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Point: TypeAlias = tuple[float, float, float]
 Frame: TypeAlias = Literal["world", "hole", "hand"]
 """Where an error is fixed: in the world, or turning with the fixed part or with the moving one."""
-_QUARTER = 0.5 * math.pi
+_QUARTER = 0.5 * math.pi  # rad: the sine falls beyond; sums as large are refused anyway
 
 
 @dataclass(frozen=True)
@@ -175,11 +175,11 @@ class Contribution(Value):
 def framing(contributions: Sequence[Contribution]) -> Framing:
     """Which shares of the start box that contributions make are fixed where."""
     box = total(contributions)
-    safe = np.where(box > 0.0, box, 1.0)
+    safe = np.where(box > 0.0, box, 1.0)  # of no error any share is as good
     hole, hand = (
         np.minimum(total([c for c in contributions if c.frame == frame]) / safe, 1.0) for frame in ("hole", "hand")
     )
-    return Framing(hole, np.minimum(hand, 1.0 - hole))
+    return Framing(hole, np.minimum(hand, 1.0 - hole))  # rounding puts no share above what is left
 
 
 def start_box(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.0) -> Array:
@@ -196,6 +196,7 @@ def start_box(sources: Sources, height: float, aside: float = 0.0, lean: float =
 
 def total(contributions: Sequence[Contribution]) -> Array:
     """The box (6,) that contributions add up to, m and rad."""
+    # Rounded once, so that it is the same in whatever order sources are listed.
     return np.array([math.fsum(c.box[axis] for c in contributions) for axis in range(6)])
 
 
@@ -218,8 +219,10 @@ def budget(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.
     turn = min(math.fsum(share.angle for share in fixed), _QUARTER)
     turned, shortened = math.sin(turn), 1.0 - math.cos(turn)
     across, along = h * math.sin(tilted), h * (1.0 - math.cos(tilted))
+    # Along the axis of the part, which leans, becomes across that of the hole; cosines, at most 1, are left out.
     sideways, down = across + along * math.sin(lean), along + across * math.sin(lean)
     by_grasp = (sideways + down * turned, down + sideways * turned, tilted)
+    # Tilts move the height by their sine, turns about the hole's axis what is aside; either may be.
     by_fixed = (
         (height + aside) * turned + aside * shortened,
         aside * turned + height * shortened,
@@ -248,6 +251,7 @@ def _fixed_shares(sources: Sources) -> list[Share]:
 
 def _held_shares(sources: Sources) -> list[Share]:
     robot, slide = sources.robot, sources.slide
+    # At the grasping point, about which the turns of what is held are counted.
     before = configuration_shares(sources.feeder, (0.0, 0.0, sources.grasp_height))
     return [
         *_named("moving part before the grasp, ", before, "hand"),
@@ -302,12 +306,14 @@ def _handled(shares: list[Share], handlings: Sequence[Handling], at: Point) -> l
     """Shares at a point after each handling: the robot twice, the slide, and turns about the point where it grasped."""
     for number, handling in enumerate(handlings, start=1):
         robot, slide = handling.robot, handling.slide
+        # The robot is off as it grasps, and again as it puts the part down.
         shares = [
             *shares,
             Share(f"handling {number}, robot", "ε_pr, ε_φr", 2.0 * robot.position, 2.0 * robot.angle),
             Share(f"handling {number}, slide", "ε_td, ε_φd", slide.position, slide.angle),
         ]
         then = handlings[number].at if number < len(handlings) else at
+        # Positions hold at the point of the last grasp: to the next one all turns so far are a lever.
         lever = _chord(handling.at, then, math.fsum(share.angle for share in shares))
         if lever:
             shares.append(Share(f"handling {number}, turn about its grasp", "ε_φp", lever))
@@ -316,11 +322,13 @@ def _handled(shares: list[Share], handlings: Sequence[Handling], at: Point) -> l
 
 def _chord(about: ArrayLike, at: ArrayLike, angle: float) -> float:
     """How far a turn by up to `angle` about one point moves another, m."""
+    # No chord is longer than that of half a turn.
     return 2.0 * float(np.linalg.norm(np.subtract(at, about))) * math.sin(0.5 * min(angle, math.pi))
 
 
 def _turn(deviation: float, width: float) -> float:
     """The greatest turn (rad) of a body whose points, this width (m) apart, each move by up to the deviation (m)."""
+    # Points so near to each other may change places: no turn is ruled out.
     return 2.0 * math.asin(deviation / width) if deviation < width else math.pi
 
 
@@ -333,6 +341,7 @@ def least_altitude(points: ArrayLike) -> float:
 
 def body_width(vertices: ArrayLike) -> float:
     """The least altitude (m) of a wide triangle of a body's vertices (n, 3), a lower bound of its width."""
+    # Any triangle bounds the width from below, and too little of it only makes the turn larger.
     v = np.asarray(vertices, dtype=np.float64)
     first = v[int(np.argmax(np.linalg.norm(v - v.mean(axis=0), axis=1)))]
     second = v[int(np.argmax(np.linalg.norm(v - first, axis=1)))]

@@ -24,7 +24,7 @@ def task_command(problem: Problem) -> tuple[Workcell, Task]:
     The peg's feature has its mating frame, turned so that the goal's orientation is that of the hole.
     """
     moving, fixed = problem.trees
-    if moving.name == fixed.name:
+    if moving.name == fixed.name:  # both may be of one model
         moving, fixed = replace(moving, name=f"{moving.name}-moving"), replace(fixed, name=f"{fixed.name}-fixed")
     moving = _turned(moving, problem.moving_feature, problem.task.turn)
     peg, hole = moving.feature(problem.moving_feature), fixed.feature(problem.fixed_feature)
@@ -32,6 +32,7 @@ def task_command(problem: Problem) -> tuple[Workcell, Task]:
     base = start.inverse() if exchanged else Pose.identity()
     at_peg, at_hole = base.compose(start).compose(peg.frame.inverse()), base.compose(hole.frame.inverse())
     refs = Ref(moving.name, peg.name), Ref(fixed.name, hole.name)
+    # Where the peg stands it is the hole that moves, by the inverse pose.
     depth = -float(problem.goal[2]) if exchanged else float(problem.goal[2])
     z: Entry = FREE if problem.task.free_depth else depth
     turn: Entry = FREE if problem.task.free_turn else 0.0
@@ -74,7 +75,7 @@ def is_round(feature: Feature) -> bool:
     into = feature.frame.inverse()
     for leaf in feature.instances:
         own = into.compose(leaf.pose)
-        beside, leaning = np.hypot(*own.p[:2]) > 1e-9, np.hypot(*own.R[:2, 2]) > 1e-9
+        beside, leaning = np.hypot(*own.p[:2]) > 1e-9, np.hypot(*own.R[:2, 2]) > 1e-9  # m, and the sine of an angle
         if beside or not (leaf.key == "sphere" or (leaf.key in _TURNED and not leaning)):
             return False
     return True

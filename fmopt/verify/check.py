@@ -80,6 +80,7 @@ def judge(plan: Plan, expected_sha256: str | None = None, overdue: Callable[[], 
     """
     try:
         assembly = Assembly(plan)
+    # What arithmetic refuses of the parts leaves nothing to judge: the document is at fault, not a claim of it.
     except ArithmeticRefusal as error:
         raise PlanError("parts", str(error)) from error
     notes = Notes(None)
@@ -97,6 +98,7 @@ def judge(plan: Plan, expected_sha256: str | None = None, overdue: Callable[[], 
     findings, margins, witness = _segments(plan, assembly, overdue)
     found = (*notes.found, *findings)
     verdict = REFUTED if witness is not None else NOT_PROVED if found else CERTIFIED
+    # The least margin of some segments only would look like that of the plan.
     least = min(margins) if len(margins) == len(plan.segments) else None
     return Verdict(verdict, found, witness, len(plan.segments), least, plan.not_covered, plan.verdict)
 
@@ -114,7 +116,9 @@ def _segments(
         if overdue():
             notes.add("time", "there was no time left to check this segment and those after it")
             return findings + notes.found, margins, witness
+        # Before the segment is followed: that leaves the errors at its end in the link.
         start = chain.link.errors
+        # Where the chain breaks no pair is known to be apart, so that all are looked at for a collision.
         failed: Failed = tuple(everything)
         try:
             stage = chain.follow(segment, notes)
@@ -123,6 +127,7 @@ def _segments(
             failed = outcome.failed
             if outcome.margin is not None:
                 margins.append(number(outcome.margin))
+            # Corners of the start box are errors that occur; later sets hold those that do, and more.
             errors = _corners(stage, failed) if k == 0 else []
             broken = False
         except (Broken, ArithmeticRefusal) as error:
@@ -198,15 +203,18 @@ def overlap(M: Shape, F: Shape, X: Pose, least: float) -> float:
         x: Vector = (fixed(candidate[0]), fixed(candidate[1]), fixed(candidate[2]))
         body = turned(back, sub(x, X.p))
         height = max(max(face.plane.height(x) for face in F.faces), max(face.plane.height(body) for face in M.faces))
+        # 2⁻¹⁰⁰ m is more than heights are off by rounding: what is left of the depth is certain.
         best = max(best, -number(height + (ONE >> 100)))
     return best if best > least else 0.0
 
 
 def _sunk_in(M: Shape, F: Shape, X: Pose) -> float:
     """A depth (m) to which a ball is certainly inside a piece; not positive when none was found."""
+    # Radii were rounded up so that a ball stays apart; to be inside of something it must not be larger than it is.
     centre, radius = X.apply(M.vertices[0]), M.radii[0] - (ONE >> 100)
     nearest = max(F.faces, key=lambda face: face.plane.height(centre)).plane
     height = nearest.height(centre)
+    # Halfway between the face and the lowest point of the ball.
     x = sub(centre, scaled((height + radius) >> 1, nearest.normal))
     inside = min(-face.plane.height(x) for face in F.faces)
     return number(min(inside, radius - length(sub(x, centre))) - (ONE >> 100))

@@ -93,6 +93,7 @@ class Verdict:
         if not differences:
             return self
         found = (*self.findings, *(Finding(None, "problem", 0.0, text) for text in differences))
+        # A collision stays one, whatever problem the plan is of.
         return replace(self, verdict=self.verdict if self.verdict == REFUTED else NOT_PROVED, findings=found)
 
     def lines(self) -> list[str]:
@@ -148,6 +149,7 @@ class Notes:
             derived: lower bound, in fixed point.
         """
         value = number(derived)
+        # Without any tolerance: the planner states margins a tenth of a picometre below what it has.
         if fixed(stated) > derived:
             self.add(what, f"{micrometres(stated)} are stated, only {micrometres(value)} follow", stated - value)
         elif value - stated > RELATIVE * abs(value) + MARGIN_FLOOR:

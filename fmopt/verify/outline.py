@@ -58,6 +58,7 @@ def _nominal(nominal: Nominal, plan: Plan, notes: Notes) -> None:
     if len(nodes) != len(times) or times[0] != 0.0 or any(a >= b for a, b in pairwise(times)):
         notes.add("nominal", "its nodes need increasing times from zero")
         return
+    # Walls that seat the part hold it off the axis, on which the nominal way ends: x and y are not compared.
     if _apart(nodes[-1][2:], plan.goal[2:]) > _SEATED:
         notes.add("nominal", "does not end at the goal's depth and orientation")
     _cover("nominal.intervals", nominal.intervals, times[-1], notes)
@@ -147,6 +148,7 @@ def _search(search: Search, plan: Plan, notes: Notes) -> None:
         return
     for move, name in enumerate(search.moves):
         try:
+            # A word such as "approach" names no axis to hold the motion against.
             agrees = name[0] not in "+-" or _along(name, search.heading, moves[move])
         except ArithmeticRefusal as error:
             notes.add(f"search.moves[{move}]", str(error))
@@ -164,7 +166,7 @@ def _along(name: str, heading: float, pieces: Sequence[Segment]) -> bool:
         way = [x + y for x, y in zip(way, doubles(step), strict=True)]
     c, s = math.cos(heading), math.sin(heading)
     axis = {"x": (c, s, 0.0), "y": (-s, c, 0.0), "z": (0.0, 0.0, 1.0)}[name[-1]]
-    return dot(way, axis) * (1.0 if name[0] == "+" else -1.0) > 0.5 * math.hypot(*way)
+    return dot(way, axis) * (1.0 if name[0] == "+" else -1.0) > 0.5 * math.hypot(*way)  # within 60°
 
 
 def _apart(a: Sequence[float], b: Sequence[float]) -> float:
@@ -210,8 +212,10 @@ def _sequence(visits: Sequence[Visit], plan: Plan, notes: Notes) -> None:
     if any(a.segment > b.segment for a, b in pairwise(visits)) or visits[-1].segment >= len(segments):
         notes.add(what, "does not follow the segments")
         return
+    # Moves that end by their travel are not felt to end, and make no contact.
     ends = [k for k, s in enumerate(segments) if s.progress[1] == 1.0 and s.hybrid.felt]
     made = [visit.segment for visit in visits if visit.change == "made"]
+    # A contact made is told as unexplained where no critical point holds the states before and after it.
     told = {visit.segment for visit in visits if visit.change in ("made", "unexplained")}
     if len(set(made)) != len(made) or not set(made) <= set(ends) <= told:
         notes.add(what, "does not tell of each contact that ends a move, and of these alone, that it is made")

@@ -71,6 +71,7 @@ class DrakeEngine:
         rows = np.zeros((len(found), max(map(len, found)), FIELDS))
         for row, every in zip(rows, found, strict=True):
             for k, one in enumerate(every):
+                # The library states the force on the second body of the pair, which may be either.
                 force = one.contact_force() if one.bodyB_index() == self._part.index() else -one.contact_force()
                 row[k] = 1.0, *force, -one.point_pair().depth, *one.contact_point()
         return rows
@@ -79,6 +80,7 @@ class DrakeEngine:
         """As `Engine`; the library has rotations first, and turning in axes of the world."""
         R = from_quaternions(self.qpos[:, 3:])
         turning = np.einsum("nij,nj->ni", R, self.qvel[:, 3:])
+        # Anew in each period: who owns the arrays may have written to them.
         states = np.hstack([self.qpos[:, 3:], self.qpos[:, :3], turning, self.qvel[:, :3]])
         for k, context in enumerate(self._contexts):
             self._plant.SetPositionsAndVelocities(context, states[k])
@@ -119,6 +121,7 @@ class DrakeEngine:
                 reason = str(error)
                 continue
             deepest = max((float(one.point_pair().depth) for one in _contacts(results)), default=0.0)
+            # What is as deep at every one of the places is taken for true.
             if deepest <= self._deepest[k] + THROWN:
                 break
         if results is None:
@@ -162,11 +165,11 @@ def _put(setup: Setup) -> Put:
         time_step=physics.time_step,
         contact_model="point",
         discrete_contact_approximation="sap",
-        use_sampled_output_ports=False,
+        use_sampled_output_ports=False,  # or contacts would be those of the last time step, not of poses that are set
     )
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(config, builder)
-    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))  # the robot bears the weight
     inertia = UnitInertia.TriaxiallySymmetric(robot.gyration**2)
     part = plant.AddRigidBody("part", SpatialInertia(robot.mass, np.zeros(3), inertia))
     material = _material(setup, physics.contact[0])
@@ -229,6 +232,7 @@ def _lengthwise(hull: Any) -> list[tuple[int, int]]:
     for i, j in combinations(sorted(int(k) for k in hull.vertices), 2):
         along = points[j] - points[i]
         shared = planes[on[i] & on[j], :3]
+        # By rank, not by number: the hull is in triangles, and has the plane of a face several times.
         if abs(along[2]) >= _LENGTHWISE * np.linalg.norm(along) and np.linalg.matrix_rank(shared, tol=1e-6) > 1:
             pairs.append((i, j))
     return pairs

@@ -28,10 +28,12 @@ class MujocoEngine:
         from mujoco.batch import Batch
 
         n = len(starts[0])
-        self._batch: Any = Batch(model, n, 1)
+        self._batch: Any = Batch(model, n, 1)  # one thread: cores are taken by processes, a chunk each
+        # Views of the batch's own memory: what is written to them is the state of the next time step.
         self.qpos, self.qvel, self._applied, self._constraint, self._sensor = (
             self._batch.bind(name) for name in ("qpos", "qvel", "qfrc_applied", "qfrc_constraint", "sensordata")
         )
+        # With the warm start, too: a time step that is taken back leaves no trace in the next one.
         self._fields = [self.qpos, self.qvel, self._batch.bind("qacc_warmstart")]
         self.qpos[:, :3], self.qpos[:, 3:] = starts
         self._time_step = float(model.opt.timestep)

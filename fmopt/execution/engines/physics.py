@@ -11,7 +11,7 @@ from math import ceil
 
 from fmopt.errors import SettingsError
 
-TIME_STEP = 0.0005
+TIME_STEP = 0.0005  # s; contacts have to relax over two of them at least
 HARD = 0.001  # s, time constant of contacts
 SLOWEST = 10.0  # s of that a metre of clearance
 
@@ -53,6 +53,7 @@ class Physics:
             time_step: s; none for half the time constant of the contacts, or less.
         """
         hard = min(HARD, SLOWEST * clearance)
+        # A whole number in a period; what is taken off keeps rounding from making it one more.
         step = period / ceil(2.0 * period / hard - 1e-9) if time_step is None else time_step
         return Physics(step, (max(2.0 * step, hard), 1.0))
 

@@ -77,7 +77,7 @@ def scene(plan: Plan, physics: Physics, mass: float, inertia: float, friction: f
         solimp=_numbers(physics.solimp),
         friction=friction,
         meshes="\n".join(meshes),
-        fixed=_geoms("fixed", len(found["fixed"]), "0.6 0.65 0.7 0.35"),
+        fixed=_geoms("fixed", len(found["fixed"]), "0.6 0.65 0.7 0.35"),  # see-through, for what goes on in the hole
         moving=_geoms("moving", len(found["moving"]), _COLOUR) + _spheres(plan.moving.body),
         mass=mass,
         inertia=inertia,
@@ -106,6 +106,7 @@ def engine() -> Any:
     Raises:
         ResourceError: the extra is missing.
     """
+    # What the library would choose by itself needs a display.
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("MUJOCO_GL", "egl")  # read once, as the library is imported
     try:
@@ -143,4 +144,5 @@ def _spheres(body: Body) -> str:
 
 
 def _numbers(values: Sequence[float]) -> str:
+    # Numbers that read back exactly: vertices are rounded by the engine's single precision alone.
     return " ".join(repr(value) for value in values)

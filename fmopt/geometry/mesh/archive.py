@@ -22,9 +22,10 @@ from fmopt.spatial.values import Array
 
 METRES = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
 _DEEPEST = 32  # levels of solids that are made of solids
-_JSON, _BINARY = 0x4E4F534A, 0x004E4942
+_JSON, _BINARY = 0x4E4F534A, 0x004E4942  # kinds of chunks: the letters "JSON" and "BIN" as numbers
 _KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 
+# What the standard library raises on archives that are damaged, encrypted or packed in a way that it does not know.
 _UNREADABLE = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
     *(EOFError, NotImplementedError, RuntimeError, OSError, ValueError, LookupError),
@@ -52,7 +53,8 @@ def three_mf(data: bytes, most: int) -> tuple[str, list[Shell]]:
             if len(names) != 1:
                 raise Broken(f"the archive holds {len(names)} models; only one is read")
             with archive.open(names[0]) as model:
-                text = model.read(most + 1)
+                text = model.read(most + 1)  # a small archive may unpack to any size
+    # It is a ValueError, which the next branch would take for damage of the archive.
     except Broken:
         raise
     except _UNREADABLE as error:
@@ -83,6 +85,7 @@ class _Model:
         """
         parser = expat.ParserCreate()
         parser.StartElementHandler = self._start
+        # With a document type come entities, which a few lines can make to expand without end.
         parser.StartDoctypeDeclHandler = self._refuse
         try:
             parser.Parse(text, True)
@@ -117,6 +120,7 @@ class _Model:
         raise Broken("its model declares a document type")
 
     def _start(self, name: str, of: Mapping[str, str]) -> None:
+        # Programs differ in the prefixes that they give to namespaces.
         match name.rpartition(":")[2]:
             case "model":
                 self.unit = of.get("unit", "millimeter")
@@ -200,8 +204,10 @@ def _node(scene: Any, block: bytes, number: int, above: tuple[Array, int]) -> It
 def _node_matrix(node: Mapping[str, Any]) -> Array:
     """The matrix (4, 4) that rows of points are multiplied by."""
     if "matrix" in node:
+        # glTF lists matrices by columns, so that these rows make the transposed one, as rows of points need.
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4)
     x, y, z, w = (float(part) for part in node.get("rotation", (0.0, 0.0, 0.0, 1.0)))
+    # Transposed likewise; the scale below comes before the turn, as glTF has it.
     turn = np.array(
         [
             [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + z * w), 2.0 * (x * z - y * w)],
@@ -217,6 +223,7 @@ def _node_matrix(node: Mapping[str, Any]) -> Array:
 
 def _primitives(scene: Any, block: bytes, mesh: Any, place: Array) -> Iterator[Shell]:
     for part in mesh["primitives"]:
+        # Mode 4 is triangles one by one; extensions may keep numbers packed.
         if part.get("mode", 4) != 4 or "extensions" in part:
             raise Broken("a mesh is not of plain triangles")
         points = _accessor(scene, block, part["attributes"]["POSITION"]).astype(np.float64).reshape(-1, 3)

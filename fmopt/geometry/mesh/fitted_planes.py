@@ -20,7 +20,7 @@ _STRAY = 100.0  # times how far facets are off their planes: corners may move so
 _ROUNDS = 20  # of Newton's method
 _TURNS = (
     4,
-    24,
+    24,  # with it thirds, sixths, eighths and twelfths
     5,
     7,
     9,
@@ -54,11 +54,13 @@ def aligned(normals: Array, areas: Array, slack: Array, wide: Array) -> tuple[Ar
         wide: the same where a whole ring of faces is turned, which then belong together (k,), rad.
     """
     z = _axis(normals, areas, slack)
+    # Narrow facets may have a slack of a radian; nothing beyond 0.1 rad counts as along or across.
     parallel = np.abs(normals @ z) > np.cos(np.minimum(slack, 0.1))
     square = np.abs(normals @ z) < np.sin(np.minimum(slack, 0.1))
     sides = np.flatnonzero(square)
     first = normals[sides[np.argmax(areas[sides])]] if len(sides) else plane_basis(z)[:, 0]
     x = first - (first @ z) * z
+    # By the least slack: the best known face must not be turned by more than it allows.
     turn = _near_axes(np.column_stack([x / np.linalg.norm(x), np.cross(z, x / np.linalg.norm(x)), z]), slack.min())
     inside = normals @ turn
     if len(sides):
@@ -88,8 +90,10 @@ def _axis(normals: Array, areas: Array, slack: Array) -> Array:
     for axis in choices:
         lean = np.abs(normals @ axis)
         along, across = lean > np.cos(np.minimum(3.0 * slack, 0.1)), lean < np.sin(np.minimum(3.0 * slack, 0.1))
+        # Of axes that hold the same area the one that more of it is square to.
         score = float(areas[along | across].sum() + 1e-6 * areas[along].sum())
         if score > best * (1.0 + 1e-9):
+            # Least squares of n·z for sides and of the sine to z for ends, weighted by how well each normal is known.
             weight = areas / slack**2
             spread = np.einsum("k,ki,kj->ij", weight * across, normals, normals)
             spread += (weight * along).sum() * np.eye(3) - np.einsum("k,ki,kj->ij", weight * along, normals, normals)
@@ -134,14 +138,17 @@ def _families(angle: Array, areas: Array, slacks: tuple[Array, Array]) -> Array:
     slack, wide = slacks
     for ring, step, spread in rings(angle, wide):
         off = angle[ring] - step * np.round(angle[ring] / step)
+        # A mean on the circle of one step: what is off by nearly half a step either way lies together there.
         phase = math.atan2(float(np.sin(off * (math.tau / step)).mean()), float(np.cos(off * (math.tau / step)).mean()))
         phase *= step / math.tau
+        # Three standard errors of the mean.
         phase = _whole_part(phase, 3.0 * spread / math.sqrt(len(ring)), (round(math.tau / step), *_TURNS))
         made[ring] = phase + step * np.round((angle[ring] - phase) / step)
         left = [k for k in left if k not in set(ring.tolist())]
     while left:
         parts = {k: _whole_part(float(angle[k]) - base, float(slack[k]), turns) for k in left}
         own = [k for k in left if abs(float(angle[k]) - base - parts[k]) <= slack[k] and _is_whole(parts[k], turns)]
+        # x is the mean of its family already, by `_common_turn`.
         if base != 0.0:
             weight = areas[own] / slack[own] ** 2
             base += float(weight @ np.array([float(angle[k]) - base - parts[k] for k in own]) / weight.sum())
@@ -252,8 +259,10 @@ def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, o
         if lean[2] < _LEAST_LEAN:
             message = f"the faces at {place(frame @ points[vertex])} are {1e6 * off:.3g} µm off planes that meet there"
             raise GeometryError(message, "export the mesh with more digits")
+        # Once more for what rounding left.
         for _ in range(2):
             moved[vertex] += np.linalg.lstsq(rows, wanted - rows @ moved[vertex], rcond=None)[0]
+        # Across an axis the coordinate is the offset to the bit, not but for the rounding of a solution.
         for normal, offset in zip(rows, wanted, strict=True):
             for axis in np.flatnonzero(np.abs(normal) == 1.0):
                 moved[vertex, axis] = normal[axis] * offset
@@ -287,6 +296,7 @@ def _met(points: Array, around: dict[int, list[int]], planes: Planes, free: NDAr
     moved = points[vertices]
     size = float(np.linalg.norm(np.ptp(moved, axis=0)))
     first = 3 * len(vertices)
+    # As variances: planes give way a tenth of what corners do, normals by what moves a point `size` away as much.
     weights = np.concatenate([np.ones(first), np.full(len(offsets), 0.1), np.repeat(0.1 / size**2 * free, 3)])
     weigh = diags_array(weights)
     for _ in range(_ROUNDS):
@@ -303,6 +313,7 @@ def _met(points: Array, around: dict[int, list[int]], planes: Planes, free: NDAr
         slope = coo_array(
             (np.concatenate(values), (np.tile(row, 7), np.concatenate(columns))), shape=(len(at), len(weights))
         ).tocsr()
+        # The small multiple of the identity keeps it regular where rows depend on each other.
         square = (slope @ weigh @ slope.T + 1e-12 * eye_array(len(at))).tocsc()
         step = -(weigh @ (slope.T @ splu(square).solve(missed)))
         moved = moved + step[:first].reshape(-1, 3)

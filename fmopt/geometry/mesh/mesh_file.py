@@ -44,7 +44,7 @@ def read_triangles(path: Path) -> tuple[Array, Indices]:
         raise GeometryError(f"{path}: {path.suffix or 'a name without suffix'} is no mesh format", advice)
     try:
         with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
+            data = file.read(MAX_BYTES + 1)  # one byte more tells that a file is too large, without reading all of it
     except OSError as error:
         raise ResourceError(f"cannot read mesh {path}: {error.strerror}", "check the path") from error
     readers: dict[str, Callable[[bytes], Surface]] = {"stl": _stl, "obj": _obj, "ply": read_ply}
@@ -91,6 +91,7 @@ def _packed(points: Array, triangles: Indices) -> Surface:
 def _stl(data: bytes) -> Surface:
     """An STL file: binary if its size is what its count of triangles makes it, else text."""
     count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else -1
+    # The size first: headers of binary files may begin with 'solid', too.
     if len(data) == 84 + 50 * count:
         return _binary_stl(data, count)
     if data[:200].lstrip()[:5].lower() == b"solid":
@@ -108,6 +109,7 @@ def _binary_stl(data: bytes, count: int) -> Surface:
     for number in range(count):
         at = 84 + 50 * number
         where = f"triangle {number}"
+        # A normal before the corners and two bytes behind them are passed over: the order of corners tells the side.
         for values in struct.iter_unpack("<3f", data[at + 12 : at + 48]):
             surface.point(values, where)
         surface.face((3 * number, 3 * number + 1, 3 * number + 2), where)

@@ -136,7 +136,9 @@ def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0) ->
     closed = _best(points, triangles, span)
     flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + rounding)
     off = flat.off + closed.moved
+    # It is looked for before facets are made plane, where each of two may be `off` from its face.
     crossing = first_crossing(closed.points, closed.triangles, max(_FLAT * span, 2.0 * off))
+    # A patch that crosses closes nothing: flattened without patches, the mesh is refused as open, with the place.
     if crossing is not None and _MENDED in closed.numbers[list(crossing[:2])]:
         whole = closed.numbers != _MENDED
         flattened(closed.points, closed.triangles[whole], closed.numbers[whole])
@@ -215,6 +217,8 @@ def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin
         corners, numbers = corners[high], numbers[high]
     corners, numbers, closer = joined(merged, corners, numbers, beside)
     notes += [f"{doubled} triangles stand twice in the file and count once"] if doubled else []
+    # Turned before, as the two sides of an edge are known by their opposite directions; and once more after, as
+    # splits join what had no common edge.
     corners, numbers = sewn(merged, turned_alike(merged, corners), numbers, beside)
     corners = turned_alike(merged, corners)
     mended = tuple(
@@ -318,6 +322,7 @@ def _require_simple(points: Array, triangles: Indices, crossing: Crossing | None
     from manifold3d import Manifold, Mesh64, OpType
 
     body = Manifold(Mesh64(vert_properties=points, tri_verts=triangles.astype(np.uint64)))
+    # Shells of cavities have negative volumes.
     shells = [shell for shell in body.decompose() if shell.volume() > 0.0]
     apart = sum(shell.volume() for shell in shells)
     together = Manifold.batch_boolean(shells, OpType.Add).volume()

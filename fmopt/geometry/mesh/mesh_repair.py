@@ -91,6 +91,7 @@ def turned_outward(points: Array, triangles: Indices) -> Indices:
     high = np.array([points[triangles[shell == n]].max(axis=(0, 1)) for n in names])
     turned = np.zeros(len(triangles), dtype=bool)
     for k, name in enumerate(names):
+        # Seen from a corner of its own box: far from 0 the volumes that add up would cancel.
         a, b, c = (points[triangles[shell == name][:, i]] - low[k] for i in range(3))
         inside = np.all(low <= low[k], axis=1) & np.all(high >= high[k], axis=1) & (names != name)
         if float(np.einsum("ij,ij->", a, np.cross(b, c))) < 0.0 and not inside.any():
@@ -130,6 +131,7 @@ def _near(corners: Array) -> tuple[Indices, Indices]:
     from shapely import STRtree, box
 
     low, high = corners.min(axis=1), corners.max(axis=1)
+    # The tree knows x and y only; heights are compared for what it finds.
     flat = box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     tree, pairs, seen = STRtree(flat), [np.zeros((2, 0), dtype=np.int64)], 0
     for start in range(0, len(flat), _ROWS):
@@ -141,6 +143,7 @@ def _near(corners: Array) -> tuple[Indices, Indices]:
         if seen > _MOST_PAIRS:
             raise GeometryError(f"too many of the {len(flat)} triangles lie over each other", "export the mesh coarser")
     one, other = np.hstack(pairs)
+    # In the order of the file, so that the same crossing is named whatever the tree does.
     order = np.lexsort((other, one))
     return one[order], other[order]
 

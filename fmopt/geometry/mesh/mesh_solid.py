@@ -30,6 +30,7 @@ def come_apart(mesh: Imported) -> tuple[Solid, Polyhedron]:
             raise mesh.fault("the solid does not come apart into convex bodies", error.advice) from error
         uneven, where = _flattest_edge(body)
         if uneven > _UNEVEN * body.diameter:
+            # No face is that close to the plane of its neighbour: unevenness is not why.
             raise
         raise GeometryError(
             f"the facets around {place(where)} are {1e6 * uneven:.3g} µm off one plane, and the mesh does not come "

@@ -111,6 +111,7 @@ def sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> t
         splits: dict[int, tuple[int, list[int]]] = {}
         for a, b in loose:
             if between := _between(points, a, b, rim, reach):
+                # One side of a triangle at a time: what lies on another one is for the next round.
                 splits.setdefault(sides[a, b][0], (sides[a, b][1], between))
         if not 0 < sum(len(between) for _, between in splits.values()) <= MOST_OPEN:
             break
@@ -148,6 +149,7 @@ def patches(points: Array, triangles: Indices, tol: float) -> tuple[Patch, ...]:
     made = []
     while gaps:
         first = gaps.pop(0)
+        # Bands before caps: each of two rims that run along each other is often flat by itself.
         twin = next((gap for gap in gaps if _along(points, first, gap, tol)), None)
         if twin is not None:
             gaps.remove(twin)
@@ -171,6 +173,8 @@ def _gaps(triangles: Indices) -> list[_Gap]:
             if sides.setdefault((triangle[k], triangle[(k + 1) % 3]), number) != number:
                 return []
     missing = {(b, a): number for (a, b), number in sides.items() if (b, a) not in sides}
+    # Each key is (from, to), so that the keys make a dictionary from a vertex to the next; fewer entries than keys
+    # tell that rims meet in a vertex.
     following = dict(missing.keys())
     if len(following) != len(missing):
         return []

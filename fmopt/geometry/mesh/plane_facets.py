@@ -67,6 +67,7 @@ def flattened(points: Array, triangles: Indices, numbers: Indices, noise: float 
             its faces do not meet in corners near those of the file, naming the place.
     """
     span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    # Any number of regions here: `MAX_FACES` counts once they are joined.
     parts = patchwork(points, triangles, 0.5 * _NOISE * span, numbers, len(triangles))
     order = _joined(parts, min(MOST_OFF, _SHARE * span))
     faults: list[GeometryError] = []
@@ -75,6 +76,7 @@ def flattened(points: Array, triangles: Indices, numbers: Indices, noise: float 
             return _made_plane(parts, _labels(parts, order[:count]), noise)
         except GeometryError as error:
             faults.append(error)
+    # Of the widest gap, which most likely is what was meant.
     raise faults[0]
 
 
@@ -98,6 +100,7 @@ class _Heap:
     """Regions and how far pairs of neighbours lie off one plane, kept by the sums of their corners and of products."""
 
     def __init__(self, parts: Patchwork, most: float) -> None:
+        # About the middle: spreads are differences of squares, which would cancel far from it.
         corners = parts.vertices[parts.triangles] - parts.vertices.mean(axis=0)
         count = len(parts.members)
         self.size, self.sums, self.products, self.areas = (
@@ -122,6 +125,7 @@ class _Heap:
         """The pair closest to one plane."""
         while self.heap:
             cost, a, b, age_a, age_b = heappop(self.heap)
+            # Entries of regions that have changed since stay in the heap; their ages no longer agree.
             if (self.age[a], self.age[b]) == (age_a, age_b):
                 return cost, a, b
         return None
@@ -149,6 +153,7 @@ class _Heap:
             :, None
         ]
         off = 2.0 * np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, 0], 0.0))
+        # What looks opposite ways are two faces of a wall, unless one is so thin that its normal says nothing.
         opposed = np.einsum("ij,ij->i", self.areas[one], self.areas[other]) <= 0.0
         thin = np.minimum(self._thickness(one), self._thickness(other)) <= self.most
         return np.where(opposed & ~thin, np.inf, off)

@@ -59,6 +59,7 @@ class _Element:
 
 def read_ply(data: bytes) -> Surface:
     """The elements `vertex` and `face` of a PLY file."""
+    # Only in the beginning, so that no large file is searched for what it does not have.
     ending = re.search(rb"(?m)^end_header[ \t]*(\r\n|\r|\n)", data[:LONGEST_LINE])
     if not data.startswith(b"ply") or ending is None:
         raise Damage("the file has no header from 'ply' to 'end_header'")
@@ -77,6 +78,7 @@ def read_ply(data: bytes) -> Surface:
                 where, values = rows.row(element, number)
                 surface.face([_corner(value, where) for value in values[corners]], where)
         else:
+            # Lists give each row a length of its own, so that rows cannot be skipped unread.
             for number in range(element.count):
                 rows.row(element, number)
     rows.end()
@@ -111,6 +113,7 @@ def _header(head: bytes) -> tuple[str, list[_Element]]:
                 elements[-1].properties.append(_Property(name, _TYPES[kind], _WHOLE[length]))
             case _:
                 raise Damage(f"the header is not understood at {quoted(b' '.join(words))}", where)
+    # Rows without properties would have no bytes, and their count no bound in the file.
     if order is None or any(not element.properties for element in elements):
         raise Damage("the header names no format, or an element without properties")
     return order, elements
@@ -128,6 +131,7 @@ class _TextRows:
         values: list[Sequence[float]] = []
         at = 0
         for each in element.properties:
+            # Where the length itself is missing, `at` goes past the end and the row is refused below.
             count = 1 if each.length is None else index_of(words[at], where) if at < len(words) else 0
             at += each.length is not None
             if not 0 <= count <= len(words) - at:
@@ -161,6 +165,7 @@ class _BinaryRows:
         return where, values
 
     def _take(self, count: int, kind: str, where: str) -> tuple[float, ...]:
+        # Before `struct` sees it: the count is the file's, and each value has a byte at least.
         if count < 0 or count > len(self._data) - self._at:
             raise Damage(
                 f"a list of {count} values stands where the file has {len(self._data) - self._at} bytes", where

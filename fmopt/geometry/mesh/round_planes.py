@@ -34,6 +34,7 @@ def rings(angle: Array, slack: Array) -> Iterator[tuple[NDArray[np.intp], float,
     """
     if len(angle) > _MANY:
         ahead = np.sort(angle)
+        # The median turn, which a flat among the facets does not change; at least 1e-3 rad where most are parallel.
         parts = round(math.tau / max(float(np.median(np.diff(ahead, append=ahead[0] + math.tau))), 1e-3))
         step = math.tau / parts
         phase = math.atan2(float(np.sin(parts * angle).mean()), float(np.cos(parts * angle).mean())) / parts
@@ -58,6 +59,7 @@ def evenly_out(normals: Array, offsets: Array, slack: float) -> Array:
         offsets: of the planes, m.
         slack: by how much offsets may be moved, m.
     """
+    # Facets of one slope have it in common by now, but for rounding.
     made, alike = np.array(offsets), np.round(normals[:, 2], 9)
     rings = [np.flatnonzero(alike == rise) for rise in np.unique(alike[np.abs(alike) < 1.0])]
     rings = [own for ring in rings if len(own := _around_axis(normals, offsets, ring, slack)) > _MANY]
@@ -88,6 +90,7 @@ def _evened(normals: Array, offsets: Array, rings: Sequence[NDArray[np.intp]]) -
     if not len(which):
         return np.zeros(0), 0.0
     own = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+    # offset = n·c + r: unknown are c, where the axis is in x and y, and the r of each ring.
     rows = np.column_stack([normals[which, :2], own[:, None] == np.arange(len(rings))])
     level = rows @ np.linalg.lstsq(rows, offsets[which], rcond=1e-9)[0]
     return level, float(np.abs(level - offsets[which]).max())
@@ -118,6 +121,7 @@ def through_columns(points: Array, faces: Sequence[Sequence[Loop]], planes: Plan
             sides.setdefault(number, []).append(points[vertices, :2].mean(axis=0))
     normals, offsets = np.array(planes[0]), np.array(planes[1])
     for number, places in sides.items():
+        # From fewer columns a facet has no direction, and more need not be in one plane.
         if len(places) == 2:
             along = places[1] - places[0]
             normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)

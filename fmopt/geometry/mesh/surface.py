@@ -21,6 +21,7 @@ COARSER = "export it coarser: the planner takes parts of some hundred faces"
 LONGEST_LINE = 200_000  # bytes, comments aside: a face of ten thousand corners
 _LARGEST = 1e9  # coordinates in the file's own unit: 1 km in µm
 _LINE = re.compile(rb"([^\r\n]*)(\r\n|\r|\n|\Z)")
+# Narrower than float(), which also takes 'nan', 'inf' and underscores.
 _NUMBER = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
 _INDEX = re.compile(rb"[+-]?[0-9]{1,9}")
 
@@ -43,6 +44,7 @@ class Surface:
     def point(self, numbers: Sequence[float], where: str) -> None:
         """Takes a point."""
         x, y, z = numbers
+        # Written so that nan, which binary files may hold, is refused as well.
         if not (abs(x) <= _LARGEST and abs(y) <= _LARGEST and abs(z) <= _LARGEST):
             raise Damage(f"a coordinate is not a number of at most {_LARGEST:g}", where)
         if len(self.points) >= MAX_POINTS:
@@ -105,4 +107,5 @@ def index_of(word: bytes, where: str) -> int:
 
 def quoted(word: bytes) -> str:
     """The beginning of a word as it may be shown."""
+    # Latin-1 reads any byte, and ascii() leaves none that a terminal would obey.
     return ascii(word[:40].decode("latin-1"))

@@ -70,7 +70,7 @@ def arrange(curves: Sequence[Curve], operands: Sequence[int], tolerance: float) 
             owners.append(operand)
     parts, part_owners = _split(pieces, owners, tolerance)
     vertices, ends = _joined(parts, tolerance)
-    kept = [k for k in range(len(parts)) if ends[k, 0] != ends[k, 1]]
+    kept = [k for k in range(len(parts)) if ends[k, 0] != ends[k, 1]]  # no simple piece is closed: others are points
     parts = [_snapped(parts[k], vertices, ends[k]) for k in kept]
     count = max(operands, default=0) + 1
     edges, edge_ends, passes = _merged(parts, ends[kept], np.array(part_owners)[kept], count, 4.0 * tolerance)
@@ -111,7 +111,7 @@ def linked(i: Integers, j: Integers, size: int) -> tuple[Integers, Integers]:
         while before[b] != b:
             before[b] = before[before[b]]
             b = before[b]
-        before[max(a, b)] = min(a, b)
+        before[max(a, b)] = min(a, b)  # chains lead downward only, which the second loop relies on
     for k in range(size):
         if before[k] == k:
             label[k], first[count] = count, k
@@ -260,7 +260,7 @@ def _windings(edges: list[Curve], vertices: Array, ends: Integers, passes: Integ
     # Along the ray the own edge is not counted: what was counted is the side that the ray sets out to.
     leaves_left = np.array([_leaves_left(edges[k], flat[row]) for row, k in enumerate(asked)])
     found -= np.where(leaves_left[:, None], passes[asked], 0)
-    return found[chain]
+    return found[chain]  # along a chain nothing branches off, so that winding numbers stay the same
 
 
 def _leaves_left(edge: Curve, flat: bool) -> bool:

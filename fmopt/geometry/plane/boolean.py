@@ -60,6 +60,7 @@ def positive(curves: Sequence[Curve]) -> Region:
 
 def _groups(boxes: Array) -> list[Integers]:
     """Rows whose boxes touch, directly or through others, in groups."""
+    # A hundred times the tolerance: a box too many costs time, one too few would leave an overlap.
     i, j = touching_boxes(boxes, boxes, 1e-9 * float(np.max(np.abs(boxes))))
     label, _ = linked(i, j, len(boxes))
     order = np.argsort(label, kind="stable")

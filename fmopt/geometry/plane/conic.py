@@ -218,6 +218,7 @@ class ConicArc(Value):
     def implicit(self) -> Array:
         """The symmetric matrix (3, 3) of the conic: (x, y, 1) M (x, y, 1)ᵀ = 0, from 4 w² τ₀ τ₂ = τ₁²."""
         inverse = np.linalg.inv(np.stack([np.append(p, 1.0) for p in (self.first, self.shoulder, self.last)]).T)
+        # Rows of the inverse take (x, y, 1) to τ₀, τ₁, τ₂, its barycentric coordinates in the control triangle.
         a, b, c = inverse
         return np.asarray(2.0 * self.weight**2 * (np.outer(a, c) + np.outer(c, a)) - np.outer(b, b))
 
@@ -234,6 +235,7 @@ def ellipse_arcs(centre: ArrayLike, major: ArrayLike, minor: ArrayLike, start: f
     """
     centre = np.asarray(centre, dtype=np.float64)
     axes = np.stack([np.asarray(major, dtype=np.float64), np.asarray(minor, dtype=np.float64)])
+    # Less 1e-9, so that a quarter turn with its rounding stays one piece.
     count = max(math.ceil(abs(sweep) / (0.5 * math.pi) - 1e-9), 1)
     # The shoulder lies on the two end tangents: farther out by 1 / cos of half the opening.
     half = 0.5 * sweep / count
@@ -277,6 +279,7 @@ def unit_roots(coefficients: Sequence[float], touch: float) -> list[float]:
     for a, b, fa, fb in zip(stops, stops[1:], values, values[1:], strict=False):
         if abs(fa) > touch and abs(fb) > touch and (fa < 0.0) != (fb < 0.0):
             found.append(_bracketed(coefficients, a, b, fa))
+    # A turning point at 0 or 1 is a stop twice.
     return sorted(set(found))
 
 
@@ -308,6 +311,7 @@ def _bracketed(coefficients: Sequence[float], a: float, b: float, fa: float) -> 
         # Newton's step left the bracket, or would divide by nothing: the middle halves it at least.
         if not a < following < b:
             following = 0.5 * (a + b)
+        # Less than the spacing of doubles; the absolute part ends it at roots near 0 as well.
         if abs(following - t) <= 1e-17 + 1e-16 * abs(t):
             return following
         t = following

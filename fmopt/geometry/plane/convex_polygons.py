@@ -65,9 +65,11 @@ class Convex:
                 corners.append(p)
                 sides.append(side)
             if h * g < 0:
+                # The signs may be known from floats alone; where the cut lies is to be exact.
                 h, g = _left(a, b, p), _left(a, b, q)
                 share = h / (h - g)
                 corners.append((p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1])))
+                # On the way out the cut goes on from here, on the way in the rest of side k does.
                 sides.append(side if g < 0 else self.sides[k])
         return Convex(tuple(corners), tuple(sides)) if len(corners) > 2 else None
 
@@ -149,6 +151,7 @@ def _pieces(points: tuple[Point, ...]) -> tuple[Convex, ...]:
     found: tuple[Convex, ...] = (hull,)
     whole = hull.area
     for tool in tools:
+        # Parts of pockets have no area in common, so that what is left adds up exactly.
         whole -= tool.area
         found = _largest([slab for piece in found for slab in _slabs(piece, tool)])
         if len(found) > _MANY:
@@ -171,6 +174,7 @@ def _grown(piece: Convex, hull: Convex, tools: Sequence[Convex]) -> Convex:
             body = None if body is None else body.beyond(a, b, side)
         for tool in tools:
             body = None if body is None else _clear(body, tool, piece)
+        # Larger by `_SLIVER` at least, in integers as areas are fractions.
         if body is not None and body.area * 10**9 > piece.area * (10**9 + 1):
             return _grown(body, hull, tools)
     return piece
@@ -200,6 +204,7 @@ def _pockets(points: tuple[Point, ...]) -> tuple[Convex, list[Convex]]:
                 chain.pop()
             chain.append(k)
         halves.append(chain[:-1])
+    # A simple polygon passes the corners of its hull in the order of the hull.
     corners = sorted(halves[0] + halves[1])
     numbers: list[int | None] = []
     pockets: list[Convex] = []
@@ -301,6 +306,7 @@ def _slabs(piece: Convex, tool: Convex) -> Iterator[Convex]:
     """What is left of a convex piece without a convex tool: one polygon for each side of the tool that bounds both."""
     ends = list(zip(tool.corners, tool.corners[1:] + tool.corners[:1], tool.sides, strict=True))
     common: Convex | None = piece
+    # Sides that the tool cuts get numbers below `_LID`, which no side of an outline has.
     for number, (a, b, _) in enumerate(ends):
         common = None if common is None else common.beyond(a, b, _LID - 1 - number)
     if common is None or common.area == 0:
@@ -336,6 +342,7 @@ def _few(bodies: Sequence[Convex], whole: float) -> tuple[Convex, ...]:
     union = Polygon()
     while union.area < (1.0 - _NOISE) * whole:
         gains = [shape.difference(union).area for shape in shapes]
+        # Rounded, so that among equal gains size chooses, not rounding.
         best = max(range(len(shapes)), key=lambda k: (round(gains[k] / whole, 9), round(shapes[k].area / whole, 9)))
         if best in kept or gains[best] <= _SLIVER * shapes[best].area:
             break

@@ -36,9 +36,9 @@ from fmopt.geometry.plane.region import Region
 from fmopt.spatial.values import Array
 
 _CUSP = 1e-6  # rad: nearer to a half turn the side is read off the curves, not the tangents
-_FLAT = 1e-14
-_EQUAL = 1e-12
-_PROBES = 33
+_FLAT = 1e-14  # sine between the legs of a conic arc, below which it counts as its chord
+_EQUAL = 1e-12  # of an area: a hole has to be larger than the other operand by more than rounding
+_PROBES = 33  # directions, between neighbours of which the sum of two radii is taken to change its sign once at most
 
 _Row: TypeAlias = tuple[Array, float, float, float, float, ConicArc | None]
 
@@ -46,8 +46,8 @@ _INSIDE = 0.4142135623730951  # a parameter at which hardly any curve touches an
 
 Support: TypeAlias = Callable[[Array], Array]
 
-_INNER = np.linspace(0.0, 1.0, 17)[1:-1]
-_MARGIN = 0.5
+_INNER = np.linspace(0.0, 1.0, 17)[1:-1]  # shares of a range of directions, its ends aside
+_MARGIN = 0.5  # of the spread of the weights that were seen, for those between the points
 _LEAST_TURN = 1e-4  # rad
 
 
@@ -290,7 +290,7 @@ def _directions(curve: Curve) -> list[float]:
         return [_direction(curve.end - curve.start)]
     if isinstance(curve, ConicArc):
         return [_direction(curve.shoulder - curve.first), _direction(curve.last - curve.shoulder)]
-    count = max(math.ceil(abs(curve.sweep) / (0.5 * math.pi) - 1e-9), 1)
+    count = max(math.ceil(abs(curve.sweep) / (0.5 * math.pi) - 1e-9), 1)  # so much longer is rounding
     begin = curve.start + math.copysign(0.5 * math.pi, curve.sweep)
     return [_reduced(begin + curve.sweep * k / count) for k in range(count + 1)]
 
@@ -382,7 +382,7 @@ def fitted(points: Support, low: float, high: float, ahead: bool, tolerance: flo
     if least > 0.0 and height * (most / (1.0 + most) - least / (1.0 + least)) * (1.0 + 2.0 * _MARGIN) <= tolerance:
         spread = _MARGIN * (most - least)
         # On the safe side of every weight that was seen, by some of their spread.
-        weight = most + spread if ahead else max(least - spread, 0.5 * least)
+        weight = most + spread if ahead else max(least - spread, 0.5 * least)  # it has to stay positive
         return [ConicArc(p0, p1, p2, weight) if ahead else ConicArc(p2, p1, p0, weight)]
     middle = 0.5 * (low + high)
     halves = [fitted(points, low, middle, ahead, tolerance), fitted(points, middle, high, ahead, tolerance)]

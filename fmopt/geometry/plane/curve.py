@@ -255,6 +255,7 @@ class Arc(Value):
         # Chords lie inside by r (1 − cos), tangents outside by r (1 / cos − 1): each has a step of its own for one
         # tolerance.
         widest = 2.0 * math.acos(1.0 / (1.0 + share) if outside else 1.0 - share)
+        # A tolerance that rounds away beside the radius makes `widest` 0; 1e-6 rad is off by 2e-13 radii at most.
         count = max(math.ceil(abs(self.sweep) / max(widest, 1e-6)), 1, math.ceil(abs(self.sweep) / (0.5 * math.pi)))
         if not outside:
             return self.point(np.linspace(0.0, 1.0, count + 1))
@@ -281,6 +282,7 @@ Curve: TypeAlias = Segment | Arc | ConicArc
 
 def boxes_of(curves: Sequence[Curve]) -> Array:
     """Bounding boxes (n, 4) in m: lower x, lower y, upper x, upper y."""
+    # The ends of a segment do for its box: they are put in order below, and no box is made and kept for each.
     corners = [(curve.start, curve.end) if isinstance(curve, Segment) else curve.box for curve in curves]
     pairs = np.array(corners).reshape(-1, 2, 2)
     return np.concatenate([pairs.min(axis=1), pairs.max(axis=1)], axis=1)

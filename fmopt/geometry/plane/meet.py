@@ -107,6 +107,7 @@ def _circles(a: Arc, b: Arc, tolerance: float) -> list[tuple[float, float]]:
     if apart > a.radius + b.radius + tolerance or apart < abs(a.radius - b.radius) - tolerance:
         return []
     touching = min(a.radius + b.radius - apart, apart - abs(a.radius - b.radius)) <= tolerance
+    # Written as a product: a difference of squares cancels where the radii nearly agree.
     foot = 0.5 * (apart + (a.radius - b.radius) * (a.radius + b.radius) / apart)
     height = 0.0 if touching else math.sqrt(max(a.radius**2 - foot**2, 0.0))
     # At a tangency the foot is on the line of centres, at the radius itself: the height is noise.
@@ -127,6 +128,7 @@ def _along(a: Curve, b: Curve, pairs: list[tuple[float, float]], tolerance: floa
     """Whether the curves run along each other between the outermost of the meetings `pairs`."""
     shares = [s for s, _ in pairs]
     probes = a.point(min(shares) + (max(shares) - min(shares)) * _PROBES)
+    # A run shorter than that is one point within the tolerance, where any two curves agree.
     return bool(np.max(np.linalg.norm(probes - probes[0], axis=1)) > 4.0 * tolerance) and bool(
         np.max(b.distance(probes)) <= 2.0 * tolerance
     )
@@ -171,6 +173,7 @@ def _equation(b: Curve, own: Array) -> list[float] | None:
         square = np.convolve(x, x) + np.convolve(y, y) - b.radius**2 * np.convolve(w, w)
         # Divided by 2r, the equation reads as a distance near the circle.
         return [float(c) for c in 0.5 * square / b.radius]
+    # Seen from a point of the arc, since far from 0 its three corners make a matrix next to singular.
     origin = b.point(0.5)
     local = ConicArc(b.first - origin, b.shoulder - origin, b.last - origin, b.weight)
     matrix = local.implicit()

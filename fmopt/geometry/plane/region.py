@@ -143,6 +143,7 @@ class Region(Value):
         slack = tolerance / curve.length if curve.length > 0.0 else 0.0
         kept: list[float] = []
         for t in sorted(found):
+            # Two curves that share an end both report it.
             if not kept or t - kept[-1] > 2.0 * slack:
                 kept.append(t)
         return np.array(kept)

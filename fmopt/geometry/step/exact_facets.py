@@ -167,6 +167,7 @@ class _Work:
             turns = 1.0
         if np.diff(angles).min() <= 0.0:
             raise OtherSurfaceError("an edge that turns back")
+        # Unwrapped, angles of an edge may be off the stops by whole turns.
         rounds = 2.0 * np.pi * np.arange(-2, 3)
         wanted = np.sort((turns * cuts.stops[:, None] + rounds).ravel())
         slack = _SLIVER
@@ -240,6 +241,7 @@ class _Work:
                 tips.append(curve.at(curve.first))
             elif not self._grid.seam(edge, number) and self._grid.cuts(edge) is cuts:
                 for k, a, b in self._crossed(edge, curve, cuts):
+                    # Twice the height of the middle, as only the order counts; so is that of a tip below.
                     height = float((a + b - 2.0 * surface.origin) @ surface.axes[:, 2])
                     if curve.circle is None or (k, round(height, 5)) not in seen:  # arcs that meet at a seam share one
                         across.setdefault(k, []).append((height, a, b))

@@ -69,8 +69,10 @@ def _from_surfaces(solid: TopoDS_Shape, deviation: float) -> Facets | None:
     volume, surface = GProp_GProps(), GProp_GProps()
     BRepGProp.VolumeProperties_s(solid, volume)
     BRepGProp.SurfaceProperties_s(solid, surface)
+    # About their middle, where the volumes that add up cancel least.
     corners = found.points[found.triangles] - found.points.mean(axis=0)
     held = float(np.linalg.det(corners).sum()) / 6.0
+    # What a layer of that thickness all over the surface would hold.
     spare = surface.Mass() * ((found.off or 0.0) + found.around) + _ROUNDING * abs(volume.Mass())
     return found if abs(held - volume.Mass()) <= spare and _closes(found) else None
 
@@ -97,6 +99,7 @@ def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, floa
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
+    # Without the flags: the deviation is in mm, not relative to edges, and no threads are started.
     BRepMesh_IncrementalMesh(shape, deviation, False, _COARSEST, False)
     points: list[Array] = []
     triangles: list[Indices] = []

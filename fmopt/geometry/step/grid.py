@@ -183,10 +183,12 @@ class Grid:
         step = 2.0 * np.pi / _sides(radius, self._deviation)
         if fillet:
             ring = all(_whole(self.surfaces[number]) for _, number in nodes)
+            # Tangents lie r/cos − r outside of the round, which is the deviation at this step.
             step = max(2.0 * float(np.arccos(radius / (radius + self._deviation))), _COARSE if ring else 0.0)
         count = max(1, int(np.ceil(sweep / step - _SPARE)))
         half = 0.5 * sweep / count
         if fillet and not hollow.pop():
+            # It begins and ends on the surface, where its neighbours do; between are the corners of its tangents.
             stops = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])
             stretch = np.concatenate([[1.0], np.full(count, 1.0 / np.cos(half)), [1.0]])
             return Cuts(None, stops, stretch, 0.0, radius * (1.0 / float(np.cos(half)) - 1.0))

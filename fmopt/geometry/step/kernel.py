@@ -85,17 +85,20 @@ def _limit() -> None:
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        # The soft limit ends it by SIGXCPU, by which the owner knows that it was time.
         resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no image of its memory on the disk
 
 
 def _die_with(owner: int, life: int) -> None:
     """Makes this process end with its owner."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
+    # The owner may have ended before the signal was asked for.
     if os.getppid() != owner:
         os._exit(0)
 
+    # For systems without such a signal: reading comes to an end when the owner, however it ends, lets go of the pipe.
     def watch() -> None:
         os.read(life, 1)
         os._exit(0)

@@ -80,6 +80,7 @@ def solids(path: str) -> list[PlacedSolid]:
     found = [body for label in whole for body in _bodies(label, "", np.eye(4))]
     if not found:
         raise GeometryError(*_without_solids([XCAFDoc_ShapeTool.GetShape_s(label) for label in whole]))
+    # Without one the kernel reads on in a unit of its own choice.
     if b"LENGTH_UNIT" not in Path(path).read_bytes():
         raise GeometryError("it does not say the unit of its lengths", AGAIN)
     return _told_apart(found)
@@ -139,6 +140,7 @@ def whole(solid: TopoDS_Shape) -> TopoDS_Shape:
     """The solid with faces and edges united that are one surface or one curve, such as the halves of a cylinder."""
     from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 
+    # Edges and faces are united; the last flag, for free forms that join smoothly, is off.
     united = ShapeUpgrade_UnifySameDomain(solid, True, True, False)
     united.Build()
     found = list(inside(united.Shape(), "SOLID"))
@@ -201,6 +203,7 @@ def _told_apart(found: list[PlacedSolid]) -> list[PlacedSolid]:
     told = []
     for body in found:
         name = body.name
+        # Names are all taken from the beginning: each body of several gets a number, and none the name of another one.
         while name and often[body.name] > 1 and name in taken:
             count[body.name] += 1
             name = f"{body.name}_{count[body.name]}"
@@ -217,6 +220,7 @@ def openings(shapes: list[TopoDS_Shape]) -> str:
     count: Counter[Same] = Counter()
     for shape in shapes:
         for face in inside(shape, "FACE"):
+            # The edge at the pole of a sphere has one face, and is no opening.
             count.update(Same(edge) for edge in inside(face, "EDGE") if not BRep_Tool.Degenerated_s(edge))
     loose = [edge for edge, times in count.items() if times == 1]
     if not loose:
@@ -265,6 +269,7 @@ def write(path: Path, shapes: list[TopoDS_Shape], scale: float = 1.0) -> None:
     try:
         writer = STEPControl_Writer()
         for shape in shapes:
+            # A copy, as the shape is the user's.
             scaled = shape if scale == 1.0 else BRepBuilderAPI_Transform(shape, move, True).Shape()
             writer.Transfer(scaled, STEPControl_StepModelType.STEPControl_AsIs)
         done = writer.Write(str(path))

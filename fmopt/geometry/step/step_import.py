@@ -152,11 +152,13 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
     try:
         points, triangles, off = _facets(one)
         require_plausible(points)
+    # It is a GeometryError, but would lose its size as one.
     except SizeError:
         raise
     except GeometryError as error:
         raise GeometryError(f"{path}{called}: {error.message}", error.advice) from error
     try:
+        # Facets of its own surfaces are known to close: nothing is to be mended, and no plane to be fitted.
         if one["own"]:
             mesh = Imported(from_triangles(points, triangles), off or 0.0)
         else:
@@ -200,6 +202,7 @@ def _answer(path: Path, deviation: float, body: str) -> dict[str, Any]:
                 told, said = process.communicate(timeout=_SECONDS)
             except subprocess.TimeoutExpired:
                 raise GeometryError(f"the CAD kernel has not read it in {_SECONDS:g} s", SIMPLER) from None
+            # Ctrl-C, too, ends it from here: the process does not listen to that itself.
             finally:
                 process.kill()
     finally:

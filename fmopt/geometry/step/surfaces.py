@@ -170,6 +170,7 @@ def _ring(wire: Any, face: Any) -> Iterator[tuple[Same, bool]]:
         yield Same(edge), edge.Orientation() == TopAbs_Orientation.TopAbs_FORWARD
         found += 1
         explorer.Next()
+    # The explorer leaves out what it cannot reach from where it is, without a word.
     if found != sum(1 for _ in inside(wire, "EDGE")):
         raise OtherSurfaceError("a wire that is not one loop")
 
@@ -186,6 +187,7 @@ def _surface(face: Any, rings: Any, own: frozenset[Same]) -> Surface:
     frame = shape.Position()
     sign = -1.0 if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
     if kind is None:
+        # The plane that the kernel finds looks to a side of its own choice.
         kind, sign = "Plane", sign * _agreement(adaptor, _columns(frame))
     radius = {"Cylinder": "Radius", "Cone": "RefRadius", "Torus": "MajorRadius"}.get(kind)
     tube = {"Sphere": "Radius", "Torus": "MinorRadius"}.get(kind)
@@ -238,6 +240,7 @@ def _curve(edge: Any, face: Any) -> Curve:
     from OCP.BRepAdaptor import BRepAdaptor_Curve
 
     if BRep_Tool.Degenerated_s(edge):
+        # It has no curve in space, only one in the parameters of its face.
         curve = BRepAdaptor_Curve(edge, face)
         return Curve(curve, curve.FirstParameter(), curve.LastParameter(), None, False, True)
     curve = BRepAdaptor_Curve(edge)

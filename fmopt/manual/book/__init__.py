@@ -92,15 +92,18 @@ def _made(name: str) -> tuple[str, str]:
     """A page's lines of the contents, and the page, both in HTML."""
     from markdown_it import MarkdownIt
 
+    # Without HTML of its own a page cannot break the one that it becomes part of.
     reader = MarkdownIt("commonmark", {"html": False, "xhtmlOut": False}).enable("table")
     tokens = reader.parse(text_of(name))
     for token in tokens:
         for child in token.children or ():
             _turned(child, name)
+    # Before rendering, as it is the tokens that get the names.
     heads = list(_named(tokens, name))
     inner = "".join(f'\n<li><a href="#{at}">{escape(said)}</a></li>' for at, said, level in heads if level == 2)
     title = f'<a href="#{heads[0][0]}">{escape(heads[0][1])}</a>'
     written = reader.renderer.render(tokens, reader.options, {})
+    # What a page writes is escaped: these can only be tags of its tables.
     html = written.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
     return f"{title}\n<ul>{inner}\n</ul>" if inner else title, html
 

@@ -14,7 +14,7 @@ from fmopt.spatial.values import Array
 
 _FARTHEST = 10.0  # m; no robot that inserts parts reaches as far
 _MOST = 1e6  # samples in one file
-_UPRIGHT = math.cos(math.radians(30.0))
+_UPRIGHT = math.cos(math.radians(30.0))  # least |z| of a unit direction that counts as vertical
 
 
 def check_rate(rate: float, seconds: float) -> None:
@@ -27,6 +27,7 @@ def check_rate(rate: float, seconds: float) -> None:
     Raises:
         PlanFormatError: it is such a rate.
     """
+    # Put so that NaN is refused as well, here and below.
     if not 0.0 < rate < math.inf:
         raise PlanFormatError(f"{rate:g} samples a second are none", "give a positive --rate, in Hz")
     if rate * seconds > _MOST:
@@ -57,7 +58,7 @@ def insertion_words(base: Pose) -> str:
     """Which way the part goes in, the base's z pointing up; z of the hole's frame points out of the hole."""
     x, y, z = (-base.R[:, 2]).tolist()
     way = "down" if z <= -_UPRIGHT else "up" if z >= _UPRIGHT else "sideways"
-    along = ", ".join(f"{round(value, 3) + 0.0:g}" for value in (x, y, z))
+    along = ", ".join(f"{round(value, 3) + 0.0:g}" for value in (x, y, z))  # + 0.0: no minus zero
     return f"insertion goes {way} in the base frame, along [{along}]"
 
 

@@ -49,7 +49,7 @@ def task_frame(move: Move, rho: float) -> TaskFrame:
     rows = move.force_axes / np.array([1.0, 1.0, 1.0, rho, rho, rho])
     torques, forces, linked = _split(rows)
     turned = _common_axes(torques, forces)
-    shift = None if turned is None else _origin(torques, forces, linked * rho)
+    shift = None if turned is None else _origin(torques, forces, linked * rho)  # torques per force, m
     if turned is None or shift is None:
         raise PlanFormatError(
             f"segment {move.segment}: its {len(rows)} force axes are not orthogonal in any one frame",
@@ -62,8 +62,10 @@ def task_frame(move: Move, rho: float) -> TaskFrame:
     stray = np.abs(np.where(np.array(selection) == 1, 0.0, wrench)) / np.array([1.0, 1.0, 1.0, rho, rho, rho])
     if float(stray.max()) > _PRESSES:
         raise PlanFormatError(f"segment {move.segment}: its bias presses on a stiff axis by {float(stray.max()):.3g} N")
+    # Shifted as the part is from the goal, where the frame is stated, but not turned.
     begin = Pose(pose.p + move.start.p - move.goal.p, pose.R)
     wrench = to_frame(begin, move.hold_start, move.start.p)
+    # With other arms a little may fall on stiff axes here, which are servoed in position, whatever presses.
     return TaskFrame(begin, selection, np.where(np.array(selection) == 1, wrench, 0.0))
 
 
@@ -72,6 +74,7 @@ def _split(rows: Array) -> tuple[Array, Array, Array]:
     if not len(rows):
         return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3))
     left, size, right = np.linalg.svd(rows[:, :3])
+    # Axes as they are planned are orthonormal once scaled: sizes lie between 0 and 1, and the bound needs no scale.
     b = int(np.sum(size > _ALIGNED))
     pure = left[:, b:].T @ rows[:, 3:]
     _, extent, basis = np.linalg.svd(pure, full_matrices=False)
@@ -85,11 +88,14 @@ def _common_axes(torques: Array, forces: Array) -> Array | None:
     if float(np.abs(P @ Q - Q @ P).max()) > _ALIGNED:
         return None
     eye = np.eye(3)
+    # Projectors that commute: their products project onto the four intersections, which make up the whole space.
     parts = [A @ B for A in (P, eye - P) for B in (Q, eye - Q)]
+    # A frame that fits is kept: eigenvectors of a plane are any pair in it.
     if all(float(np.abs(part - np.diag(np.diag(part))).max()) <= _ALIGNED for part in parts):
         return eye
     columns: list[Array] = []
     for part in parts:
+        # The product is symmetric to within `_ALIGNED` only, and `eigh` would read one triangle of it.
         values, vectors = np.linalg.eigh(0.5 * (part + part.T))
         columns += _toward_axes(vectors[:, values > 0.5])
     return _ordered(columns)
@@ -116,8 +122,9 @@ def _ordered(columns: list[Array]) -> Array:
                 x, y = a * columns[i], b * columns[j]
                 R = np.column_stack([x, y, np.cross(x, y)])
                 angle = float(np.linalg.norm(log(R)))
-                if angle < least - 1e-9:
+                if angle < least - 1e-9:  # of equals the first, whatever rounding
                     best, least = R, angle
+    # Orthonormal to the last bit, which columns of different spaces are only nearly.
     return exp(log(best))
 
 

@@ -64,12 +64,13 @@ def export(plan: Plan, base: Pose, rate: float, folder: Path, caution: str = "")
     """
     rows = moves(plan)
     check_rate(rate, sum(move.duration for move in rows))
-    frames = [task_frame(move, plan.rho) for move in rows]
+    frames = [task_frame(move, plan.rho) for move in rows]  # where none fits, no file is written
     notes = ((f"WARNING: {one_line(caution)}",) if caution else ()) + _NOTES
     output.prepare(folder)
     bag, controllers, segments = folder / "bag", folder / "controllers.yaml", folder / "segments.yaml"
     with output.fresh(bag) as partial:
         _write_bag(list(_samples(rows, base, rate)), partial, notes)
+        # Before the bag comes to its place: a folder that holds one is refused, so that it stands for all three.
         output.save(_controllers(frames[0], notes).encode(), controllers)
         listed = [_segment(*pair, base, plan.rho) for pair in zip(rows, frames, strict=True)]
         output.save(_segments(plan, rows, listed, base, notes).encode(), segments)
@@ -81,6 +82,7 @@ def _samples(rows: tuple[Move, ...], base: Pose, rate: float) -> Iterator[_Sampl
     for move in rows:
         wrench = np.concatenate([base.R @ move.hold[:3], base.R @ move.hold[3:]])
         along = move.start.local(move.goal)
+        # Counted anew for each segment, so that its first pose and wrench are sent when it begins, whatever the rate.
         for k in range(int(np.floor(move.duration * rate)) + 1):
             share = min(k / (rate * move.duration), 1.0)
             yield _Sample(begun + k / rate, base.compose(move.start.moved(share * along)), wrench)
@@ -109,6 +111,7 @@ def _write_bag(samples: list[_Sample], path: Path, notes: tuple[str, ...]) -> No
 
 
 def _messages(types: Mapping[str, Any], sample: _Sample) -> dict[str, Any]:
+    # Rounded once, as a whole: nanoseconds rounded by themselves could come to a full second.
     nanoseconds = round(1e9 * sample.time)
     stamp = types["builtin_interfaces/msg/Time"](nanoseconds // 10**9, nanoseconds % 10**9)
     header = types["std_msgs/msg/Header"](stamp, BASE_LINK)
@@ -251,6 +254,7 @@ def _scalar(value: float | str | Sequence[Any] | None) -> str:
         return f"[{', '.join(map(_scalar, value))}]"
     if value is None or isinstance(value, bool):
         return "null" if value is None else str(value).lower()
+    # Floats are Python's own: those of NumPy would be written with the name of their type.
     text = repr(value)
     if not math.isfinite(value):
         raise PlanFormatError(f"a number of the motion is {text}", "give a plan.json that fmopt solve wrote")

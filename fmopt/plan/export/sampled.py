@@ -62,6 +62,7 @@ def samples(plan: Plan, rate: float) -> Samples:
     first, last = rows[0].interval.start, rows[-1].interval.end
     starts = np.array([row.interval.start for row in rows])
     check_rate(rate, last - first)
+    # A little less, that rounding does not bring the end twice: it is added by itself.
     count = int(np.floor((last - first) * rate * (1.0 - 1e-12))) + 1
     t = np.append(first + np.arange(count) / rate, last)
     inside = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, len(rows) - 1)

@@ -235,7 +235,7 @@ def _beginning(start: Pose, speed: float, settings: Settings) -> list[str]:
         "  halt",
         "end",
         f"movel({pose}, {_number(settings.acceleration)}, {_number(speed)}, 0, 0)",
-        "sleep(0.5)",
+        "sleep(0.5)",  # s in which the arm comes to rest, before the sensor is zeroed
         "zero_ftsensor()",
         f"force_mode_set_damping({_number(settings.damping)})",
         f"force_mode_set_gain_scaling({_number(settings.gain)})",
@@ -282,6 +282,7 @@ def _guard(
     stop = move.stop
     assert stop is not None
     speed, twist = pace * _speed(move, rho), pace * move.twist
+    # ⟨V, v⟩/|V|² in the metric of ρ: the share of the commanded speed in the measured one.
     along = twist * np.array([1.0, 1.0, 1.0, rho, rho, rho]) ** 2 / speed**2
     travel, timeout = (stop.max_travel, stop.timeout / pace) if move.last else (move.length, move.length / speed)
     ahead = [row for row in rows[index:] if row.number == move.number]
@@ -289,7 +290,9 @@ def _guard(
     due = sum(row.length for row in ahead) - settings.early * bound
     force = stop.threshold + settings.alert * (stop.force - stop.threshold)
     lists = (_turned(base, six) for six in (twist, along, stop.gain))
+    # What the gain reads of the holding wrench, the part of e that is known beforehand, at both ends of the way.
     held = stop.gain @ np.column_stack([move.hold_start, move.hold])
+    # The program counts time: the way is as commanded until something is touched.
     times = (travel / speed, timeout, max(due, 0.0) / speed)
     return (*map(_list, lists), _number(force), _list(held), *map(_number, times))
 
@@ -302,6 +305,7 @@ def _pace(move: Move, settings: Settings) -> float:
 
 def _turned(base: Pose, six: Array) -> Array:
     """A twist or wrench (6,) in axes of B, in axes of the base."""
+    # About the TCP, which is the moving frame's origin, before and after: no arm comes in.
     return np.concatenate([base.R @ six[:3], base.R @ six[3:]])
 
 

@@ -40,6 +40,7 @@ class Form:
         if self.to not in FORMATS:
             raise ValueError(f"{self.to!r} is no format; choose from {', '.join(FORMATS)}")
         if self.for_robots:
+            # Asked for here: a base that is missing or in other units is refused before any work is done.
             assert self.frame is not None
 
     @property
@@ -83,6 +84,7 @@ def place(file: Path, to: str, out: Path | None) -> Path:
         ValueError: `out` is the plan itself.
     """
     target = out if out is not None else (Path() if file == STDIO else file.parent) / _NAMES[to]
+    # Resolved, as the plan can be reached by links and detours, too.
     if target != STDIO and target.resolve() == file.resolve():
         raise ValueError(f"--out is {file}, the plan itself, which would be lost")
     return target
@@ -114,6 +116,7 @@ def _turning(plan: Plan, to: str) -> str:
     from fmopt.plan.export.urscript import commanded
 
     rows = moves(plan)
+    # A program runs guarded moves more slowly than the plan; bags keep the plan's speeds.
     return turning_words(commanded(rows) if to == "urscript" else [m.twist for m in rows], [m.number for m in rows])
 
 

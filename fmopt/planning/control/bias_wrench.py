@@ -304,9 +304,9 @@ def _program(
     basis, scale = move.space(rho), twist_scale(rho)
     spread = basis @ (W / scale).T
     slid = slides(W, move.points - move.reference.p, V)
-    drag = mu * np.linalg.norm(slid, axis=1) * (n > 0)
+    drag = mu * np.linalg.norm(slid, axis=1) * (n > 0)  # what meets nothing has no push
     F = specification.contact_force
-    unit = np.eye(2 * m + n + m * (rubbed > 0.0) + 3)
+    unit = np.eye(2 * m + n + m * (rubbed > 0.0) + 3)  # rows that pick one variable each
     f, g, k, r = unit[:m], unit[m : 2 * m], unit[2 * m : 2 * m + n], unit[2 * m + n : -3]
     greatest, b, t = unit[-3:]
     torque = -W[:, 3:].T @ f + np.outer(push.wrench[3:], b)
@@ -335,7 +335,7 @@ def _with_reserve(move: GuardedMove, program: Program, rho: float) -> tuple[Prog
 
     def solved(reserve: float) -> tuple[Program, Array] | None:
         limits = program.b.copy()
-        limits[3 * m] -= reserve
+        limits[3 * m] -= reserve  # the row of the push
         asked = program._replace(b=limits)
         x = _best(asked)
         return (asked, x) if x is not None and x[-1] > least else None
@@ -392,6 +392,6 @@ def _best(program: Program) -> Array | None:
     """The best x; None where there is none."""
     A, b, C, d = program
     cost, lower, upper = np.zeros(A.shape[1]), np.zeros(A.shape[1]), np.full(A.shape[1], np.inf)
-    cost[-3:] = 1e-4, 1e-3, -1.0
-    lower[-1], upper[-1] = -np.inf, b.max()
+    cost[-3:] = 1e-4, 1e-3, -1.0  # a newton of t is worth 1000 of push, 10000 of the greatest force
+    lower[-1], upper[-1] = -np.inf, b.max()  # without held contacts nothing else bounds t
     return least_vertex(cost, (A, b), (C, d), (lower, upper))

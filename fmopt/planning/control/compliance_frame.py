@@ -78,7 +78,7 @@ def axes(wrenches: Array, rho: float) -> Axes:
     """
     basis = row_space(wrenches, rho)
     projector = basis.T @ basis
-    aligned, held = _along_axes(projector), np.diag(projector) > 0.5
+    aligned, held = _along_axes(projector), np.diag(projector) > 0.5  # 1 or 0 for aligned ones
     forced, free, rest = np.flatnonzero(aligned & held), np.flatnonzero(aligned & ~held), np.flatnonzero(~aligned)
     inner = projector[np.ix_(rest, rest)]
     scale = twist_scale(rho)
@@ -160,7 +160,7 @@ def _orientations(wrenches: Array, body: Array) -> Iterator[Array]:
         for other in [*normals, *np.eye(3)]:
             second = other - (other @ first) * first
             size = length(second)
-            if size > 1e-3:
+            if size > 1e-3:  # next to parallel directions fix no frame
                 yield _near_axes(first, second / size)
 
 
@@ -171,7 +171,7 @@ def _near_axes(first: Array, second: Array) -> Array:
     R = np.empty((3, 3))
     R[:, k] = first * math.copysign(1.0, first[k])
     R[:, j] = second * math.copysign(1.0, second[j])
-    R[:, 3 - k - j] = cross(R[:, k], R[:, j]) * (1.0 if (j - k) % 3 == 1 else -1.0)
+    R[:, 3 - k - j] = cross(R[:, k], R[:, j]) * (1.0 if (j - k) % 3 == 1 else -1.0)  # right-handed
     return R
 
 
@@ -180,7 +180,7 @@ def _sparse(projector: Array) -> Array:
     if not projector.size:
         return projector
     values, vectors = np.linalg.eigh(projector)
-    rows = vectors[:, values > 0.5].T.copy()
+    rows = vectors[:, values > 0.5].T.copy()  # a projector's are 0 and 1
     for k in range(len(rows)):
         i, j = divmod(int(np.argmax(np.abs(rows[k:]))), rows.shape[1])
         rows[[k, k + i]] = rows[[k + i, k]]
@@ -189,7 +189,7 @@ def _sparse(projector: Array) -> Array:
         taken[k] = 0.0
         rows -= np.outer(taken, rows[k])
     q, r = np.linalg.qr(rows.T)
-    signed = (q * np.sign(np.diag(r))).T
+    signed = (q * np.sign(np.diag(r))).T  # qr leaves signs open: those of the echelon rows are kept
     return np.where(np.abs(signed) < 1e-15, 0.0, signed)
 
 

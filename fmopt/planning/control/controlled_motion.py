@@ -203,7 +203,7 @@ def _guarded(
     touching = _touching(problem, tuple(dict.fromkeys((*piece.held, *piece.making))), piece.goal)
     held, made = (tuple(c for c in contacts if c in touching) for contacts in (piece.held, piece.making))
     begun, done = piece.progress
-    rest = (1.0 - done) / (done - begun) * claim.advance.length
+    rest = (1.0 - done) / (done - begun) * claim.advance.length  # to the goal of the move, m in the metric of ρ
     points, wrenches = _pushes(problem, held, piece.goal)
     move = GuardedMove(
         piece.goal,
@@ -248,7 +248,7 @@ def _resisting(assembly: Assembly, held: Sequence[PrimitiveContact], claim: Clai
     """How much work (J) normal forces of contacts may take from a piece of motion as errors at its goal turn them."""
     ends = claim.advance.ends
 
-    @cache
+    @cache  # forces are tried in rounds, for all of which it is the same
     def power() -> Array:
         rows = contact_rows(assembly, held, (), ends.goal)
         turned = Curvature.of(rows, rows, ends.extent.twist).power()

@@ -35,12 +35,12 @@ from fmopt.spatial.values import Array, Value, frozen
 Places = NDArray[np.intp]
 
 _RAYS = 8  # of each cone, to begin with
-_STEPS = 400
+_STEPS = 400  # in which rows join, at most
 _EXACT = 5e-10  # of the wrench, by which the answer may open contacts too little
 _BROKEN = 1e-12  # of it, by which rows may be broken
 _ALONG = 1e-10  # of a row: the part that is free of others is none
 
-_ROUNDS = 50
+_ROUNDS = 50  # of cuts, and of twists each of which goes further, at most
 _SAME = 1e-9  # relative change that settles an iteration
 _NOTHING = 1e-3  # of the wrench: a smaller rest is none
 _OPEN = 1e-4  # of unit twists: contacts that none opens by more may wedge
@@ -61,7 +61,7 @@ def nearest_opening(wrench: Array, normal: Array, tangent: Array, least: float) 
         least: by how much contacts open.
     """
     m, count = len(normal), len(normal) * _RAYS
-    rows = np.empty((count + m * _ROUNDS, 6))
+    rows = np.empty((count + m * _ROUNDS, 6))  # a round adds one to each contact at most
     for k in range(count):
         angle = 2.0 * math.pi * (k % _RAYS) / _RAYS
         _ray(normal, tangent, k // _RAYS, math.cos(angle), math.sin(angle), rows[k])
@@ -118,7 +118,7 @@ def nearest(point: Array, rows: Array, least: float, twist: Array, held: Places,
                 whole = max(least - _dot(rows[worst], twist), 0.0) / size
                 for x in range(6):
                     twist[x] += min(step, whole) * free[x]
-            elif leaving < 0:
+            elif leaving < 0:  # no held row gives way: together they contradict this one
                 return False
             push += min(step, whole)
             for j in range(number):
@@ -218,6 +218,7 @@ class FrictionCones(Value):
         """
         twist, settled = nearest_opening(wrench, self.normal, self.tangent, 0.0)
         if not settled:
+            # The nearest twist of K* lies along the unit one with the most power, and is as long as that.
             unit = self._opened(wrench / length(wrench), 1.0, 0.0)[:6]
             twist = float(unit @ wrench) * unit
         return twist if length(twist) > _NOTHING * length(wrench) else np.zeros(6)
@@ -284,6 +285,7 @@ class FrictionCones(Value):
                 lost = max(-float(further @ a), _NOTHING * length(further))
                 return np.asarray(best + (1.0 - NEARLY) * float(best @ a) / lost * further)
             best = further
+        # A little of the first twist keeps power on a itself, without which `plane_angle` grants nothing.
         return np.asarray(best / length(best) + 0.1 * NEARLY * first / length(first))
 
     def freeing(self, held: Array, along: Array) -> Array | None:

@@ -33,7 +33,7 @@ from fmopt.task.problem import Problem, Specification
 
 _FAR = 4.0  # times what is asked: contacts that are held by more are no row
 _MET = 1e-7  # N: rows that are nearer than this to their limits are met
-_RANK = 1e-9
+_RANK = 1e-9  # of the largest singular value: smaller ones are zero
 
 
 def holds(
@@ -79,6 +79,7 @@ def move_derivatives(
     turn = claim.piece.start.local(claim.piece.goal)[3:]
     displacement = np.zeros((12, 6))
     displacement[:6, :3], displacement[6:, :3] = -np.eye(6, 3), np.eye(6, 3)
+    # log(exp(δ) R) changes by J⁻¹ δ, J the left Jacobian; at the start the right one counts, which is that of −ω.
     displacement[3:6, 3:], displacement[9:, 3:] = (
         -np.linalg.inv(left_jacobian(-turn)).T,
         np.linalg.inv(left_jacobian(turn)).T,
@@ -115,7 +116,7 @@ def _arms(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose, 
             case Kind.VERTEX_FACE | Kind.BALL_FACE:
                 found[3:, i] = cross(axes, corners[0])
             case Kind.FACE_VERTEX:
-                found[:3, i] = -axes
+                found[:3, i] = -axes  # the corner stays, the reference point moves
             case Kind.EDGE_EDGE:
                 found[:, i] = _along_edge(corners, (w[i, :3], w[i, 3:]), (dw[:, i, :3], dw[:, i, 3:]))
             case _:
@@ -129,6 +130,7 @@ def _along_edge(corners: Array, wrench: tuple[Array, Array], changes: tuple[Arra
     da, dalong = np.zeros((6, 3)), np.zeros((6, 3))
     da[3:], dalong[3:] = cross(np.eye(3), a), cross(np.eye(3), along)
     (n, torque), (dn, dtorque) = wrench, changes
+    # The point a + s·along has the wrench's torque: s (along × n) = τ − a × n.
     across, dacross = cross(along, n), cross(dalong, n) + cross(along, dn)
     beside, dbeside = torque - cross(a, n), dtorque - cross(da, n) - cross(a, dn)
     size = float(across @ across)
@@ -201,7 +203,7 @@ class _Change:
         """Of a move."""
         scale, V, basis = twist_scale(rho), move.direction(rho), move.space(rho)
         dV = changing.displacement / move.length(rho)
-        dV = dV - np.outer(dV @ (V * scale**2), V)
+        dV = dV - np.outer(dV @ (V * scale**2), V)  # V stays of length 1 in the metric of ρ
         projector = basis.T @ basis
         inverse = np.linalg.pinv(move.held / scale, rcond=_RANK)
         half = inverse @ (changing.held / scale) @ (np.eye(6) - projector)
@@ -257,7 +259,7 @@ class _Change:
         dfelt = felt * (changing.made.mean(axis=1) @ self.V + self.dV @ move.reaction)
         pressed = spec.friction * self.drag @ f - b * dpower + SURE * spec.termination_force * dfelt
         torque = -np.einsum("nmi,m->ni", changing.held[..., 3:], f) + b * dpush[:, 3:]
-        first = 3 * m
+        first = 3 * m  # the push comes after 3 m rows of forces, torques after two sums
         taken = rows[first] * pressed + torque @ (rows[first + 3 : first + 6] - rows[first + 6 : first + 9])
         if found.push.hold is Pressed.PUSH:
             met = changing.made @ self.V + self.dV @ move.made.T
@@ -286,10 +288,11 @@ def _prices(found: Balance) -> tuple[Array, Array]:
     A, b, C, _ = found.program
     met = b - A @ found.x < _MET
     none = found.x < _MET
-    none[-1] = False
+    none[-1] = False  # t alone may be negative
     K = np.vstack([A[met], C, np.eye(len(found.x))[none]])
     asked = np.zeros(len(found.x))
     asked[found.which] = 1.0
+    # More rows may meet than there are forces: then least squares share the price among them.
     y = np.asarray(np.linalg.lstsq(K.T, asked, rcond=_RANK)[0], dtype=np.float64)
     rows: Array = np.zeros(len(b))
     rows[met] = y[: int(met.sum())]

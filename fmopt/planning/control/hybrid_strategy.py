@@ -275,7 +275,7 @@ def _directions(strategy: HybridStrategy, along: Array, reference: Pose, rho: fl
     A position axis is a twist; the wrench along it is the one that does the most power on it.
     """
     frame, scale = Pose.from_vector(strategy.frame), twist_scale(rho)
-    arm = hat(frame.p - reference.p)
+    arm = hat(frame.p - reference.p)  # from the frame's origin to the reference point
     found = [("push", along)]
     for k, axis in enumerate(strategy.position_axes):
         v, w = frame.R @ axis[:3], frame.R @ axis[3:]

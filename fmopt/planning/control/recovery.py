@@ -133,6 +133,7 @@ def underside(fixed: Polyhedron) -> float:
     for face in fixed.faces:
         levels = fixed.vertices[list(face.vertices), 2]
         leaning = -float(face.normal[2])
+        # A hundredth below what the check admits: rounding must not leave out a face that it counts.
         vertical = leaning <= 0.99 * _UPRIGHT and leaning * float(np.ptp(levels)) <= 0.99 * _FLAT
         if leaning > 0.0 and not vertical:
             heights.append(float(levels.max()))
@@ -159,9 +160,10 @@ def lowest(body: Polyhedron, segment: Mapping[str, Any], rho: float) -> float:
     reach = np.linalg.norm(body.vertices, axis=1)
     ends = np.stack([start.apply(body.vertices)[:, 2], goal.apply(body.vertices)[:, 2]])
     fall = -(shift[2] + cross(turn, body.vertices @ goal.R.T)[:, 2])
+    # A turn by θ takes a point off the chord between its ends by r θ²/8 at most, off the tangent beyond by r θ²/2.
     after = surplus * np.maximum(0.0, fall) + 0.5 * reach * (surplus * angle) ** 2
     tube = segment["tube"]
-    errors = np.array([0.0, 0.0, tube["offset_box"][2], *tube["angle_box"]])
+    errors = np.array([0.0, 0.0, tube["offset_box"][2], *tube["angle_box"]])  # errors sideways lower nothing
     sunk = np.maximum(_sunk(body, start, errors), _sunk(body, goal, errors))
     return float((np.minimum(ends.min(axis=0) - reach * angle**2 / 8.0, ends[1] - after) - sunk - body.radii).min())
 
@@ -218,6 +220,7 @@ def covered(box: Array) -> list[float]:
     """Half-widths (6,) of what the shifts of `offsets` cover: `SHARE` in x and y, rounded down."""
     wider = [SHARE * float(a) for a in box[:2]]
     exact = [SHARE * Fraction(float(a)) for a in box[:2]]
+    # The check compares exactly, so that no rounding upwards is let through.
     sure = [math.nextafter(w, 0.0) if Fraction(w) > e else w for w, e in zip(wider, exact, strict=True)]
     return [*sure, *map(float, box[2:])]
 
@@ -254,13 +257,14 @@ def order(
     """
     piece = claims[-1].piece
     images = images_of(claims[-1].advance.ends.start_set, np.flatnonzero(box))
-    sure = np.where(box > 0.0, box, 1.0)
+    sure = np.where(box > 0.0, box, 1.0)  # axes without error have no shift
     rows = [one.row / one.gap for one in found]
     made = np.zeros(6)
     if piece.made is not None:
         made = contact_rows(assembly, [piece.made], piece.making, piece.goal).N[0] @ images
         rows.append(made / max(float(np.abs(made).sum()), 1e-30))
     errors = [-np.asarray(offset) / sure for offset in retries]
+    # Rounded, so that shifts that say the same keep their order. The same start once more comes last.
     late = [(not e.any(), -round(float(made @ e), 12)) for e in errors]
     early = [(not e.any(), round(min((float(row @ e) for row in rows), default=0.0), 9)) for e in errors]
     return {felt: sorted(range(len(errors)), key=told.__getitem__) for felt, told in (("late", late), ("early", early))}

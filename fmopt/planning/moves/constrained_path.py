@@ -17,7 +17,7 @@ from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.kernels import vector
 from fmopt.spatial.values import Array
 
-_ROUNDS = 12
+_ROUNDS = 12  # of Newton's method, which doubles the digits in each once it is near
 _ZERO, _KEPT = 1e-16, 1e-12  # m or rad, what is no more than rounding, and what still counts as kept
 _ROOT_ROUNDS = 50
 KEPT, SINGULAR, LOST = 0, 1, 2
@@ -28,10 +28,10 @@ def _turn(w: Array, R: Array, found: Array) -> None:
     """Puts exp([w]×) R, for a rotation vector w (3,), rad, into `found`, which may be R."""
     square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     angle = math.sqrt(square)
-    if angle < 1e-4:
+    if angle < 1e-4:  # the terms left out, of fourth order, are below rounding
         a, b = 1.0 - square / 6.0, 0.5 - square / 24.0
     else:
-        a, b = math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2
+        a, b = math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2  # (1 − cos)/θ², not cancelling
     T = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -44,7 +44,7 @@ def _turn(w: Array, R: Array, found: Array) -> None:
     T[1, 2] -= a * w[0]
     T[2, 1] += a * w[0]
     for j in range(3):
-        x, y, z = R[0, j], R[1, j], R[2, j]
+        x, y, z = R[0, j], R[1, j], R[2, j]  # read before written, as `found` may be R
         for i in range(3):
             found[i, j] = T[i, 0] * x + T[i, 1] * y + T[i, 2] * z
 
@@ -123,7 +123,7 @@ def onto(table: Table, C: Array, p: Array, R: Array) -> int:
                 for i in range(r):
                     X[k] -= C[i, k] * f[i]
                 size = max(size, abs(X[k]))
-            if not size < 0.1:
+            if not size < 0.1:  # m or rad: beyond what gradients say anything of, or not a number
                 break
             for k in range(3):
                 p[n, k] += X[k]
@@ -251,6 +251,7 @@ def roots(
             if f * fb < 0.0:
                 a, fa = b, fb
             else:
+                # An end that stays counts for less: else chords would come near the root from one side only, slowly.
                 fa *= short if short > 0.0 else 0.5
             settled = abs(c - b) <= 1e-16 + 1e-14 * abs(c) or f == 0.0
             b, fb = c, f

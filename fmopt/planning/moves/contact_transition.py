@@ -140,7 +140,7 @@ def _wall(assembly: Assembly, number: int, flush: bool, own: tuple[int, ...]) ->
 def _run(part: Polyhedron, edges: Sequence[int]) -> tuple[Array, Array]:
     """Directions (e, 3) of edges, and sums (e, 3) of the normals of their faces."""
     of_edges = [part.edges[i] for i in edges]
-    ends = part.vertices[[edge.vertices for edge in of_edges]].reshape(-1, 2, 3)
+    ends = part.vertices[[edge.vertices for edge in of_edges]].reshape(-1, 2, 3)  # also of no edges at all
     ahead = ends[:, 1] - ends[:, 0]
     return ahead / lengths(ahead)[:, None], part.normals[[edge.faces for edge in of_edges]].reshape(-1, 2, 3).sum(
         axis=1
@@ -186,7 +186,7 @@ def _pattern(wall: _Wall, p: Array, R: Array, errors: ErrorSet) -> bytes:
     doubt = DOUBTED * errors.support(rows) + DOUBT
     found = np.empty(len(wall.vertices) + len(wall.numbers) * len(wall.convex), dtype=np.uint8)
     pattern(wall.vertices, wall.rims, wall.edges, (p[0], R[0]), (depth, doubt), found)
-    return found.tobytes()
+    return found.tobytes()  # bytes can be a key of what is remembered, arrays cannot
 
 
 @remembered(_MEMORY)
@@ -214,7 +214,7 @@ def _in_one_plane(assembly: Assembly, wall: _Wall, other: _Wall) -> bool:
 def _touching(assembly: Assembly, wall: _Wall, found: bytes) -> list[PrimitiveContact]:
     """Contacts between what lies in a wall and the wall."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    own = sorted(wall.own)
+    own = sorted(wall.own)  # the order in which the kernel has them
     contacts = [vertex_face(fixed, i, wall.number) for i, listed in zip(own, found, strict=False) if listed]
     crossings = ((i, rim) for i in wall.numbers for rim in wall.convex)
     for (i, rim), way in zip(crossings, found[len(own) :], strict=True):

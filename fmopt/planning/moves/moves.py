@@ -28,11 +28,11 @@ from fmopt.spatial.se3 import Pose, length
 from fmopt.spatial.values import Array, remembered
 
 _DIGITS = 9  # decimals of poses, m and rad, that tell one move from another
-_LATEST = 2
-_SHOTS = 16
-_AIMED = 2e-15
-_RANK = 1e-6
-_CONDITION = 1e8
+_LATEST = 2  # results that are kept with a move
+_SHOTS = 16  # times that a twist is aimed, at most
+_AIMED = 2e-15  # m and rad beside the goal, as near as rounding lets poses come
+_RANK = 1e-6  # singular values of contact rows that are smaller are zero
+_CONDITION = 1e8  # of contact rows along the basis's twists: where it is larger, these do not give way to the contact
 
 
 class Care(IntFlag):
@@ -212,7 +212,7 @@ def unroll(
         OverdueError: there is no time left.
     """
     turn = length(se3.log(move.goal.R @ move.start.R.T))
-    count = max(math.ceil(turn / step - 1e-9), 1)
+    count = max(math.ceil(turn / step - 1e-9), 1)  # a whole number of steps, but for rounding, is no more
     failures: list[InfeasibleError] = []
     # Shorter pieces leave smaller remainders; but the last one must be longer than what errors make the touch differ.
     # Most of the moves that a search tries fail in every way: there two of them say enough.
@@ -223,9 +223,9 @@ def unroll(
             return _unroll(assembly, move, reached, tolerance, pieces, care)
         except InfeasibleError as error:
             failures.append(error.with_traceback(None))  # which would hold on to this frame, and all that is in it
-            if turn == 0.0:
+            if turn == 0.0:  # pieces are cut for their turns, and there is none
                 break
-    raise failures.pop(0)
+    raise failures.pop(0)  # what was wrong with as many pieces as the turn asks for
 
 
 def _unroll(assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, care: Care) -> Reached:
@@ -298,6 +298,7 @@ def _replacement(
         if any(contact == k.contact for k in rest) or not _same_wall(assembly, gone, contact):
             continue
         now = _rows(assembly, [*(k.contact for k in rest), contact], held, pose)
+        # Both sets of rows span the same where together they have no more rank than the new ones alone.
         rank = np.linalg.matrix_rank(np.vstack([before, now]), _RANK)
         regular = np.linalg.cond((now / assembly.units) @ C) < _CONDITION
         if rank == len(now) == np.linalg.matrix_rank(now, _RANK) and regular:
@@ -342,13 +343,14 @@ def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:
     contacts = (*move.held, *move.making)
     if not contacts:
         return pose
-    units = assembly.units * assembly.freedoms
+    units = assembly.units * assembly.freedoms  # in the plane no step leads out of it
     for _ in range(20):
         rows = contact_rows(assembly, contacts, contacts, pose)
         if np.abs(rows.f).max() < 1e-16:
             return pose
         step = np.linalg.pinv(rows.N * units, rcond=1e-6) @ rows.f * units
         pose = pose.moved(-step)
+    # Rounding may keep values from coming below 0.1 fm: with 0.1 pm a pose is on the surfaces.
     if np.abs(contact_rows(assembly, contacts, contacts, pose).f).max() > 1e-13:
         raise InfeasibleError("a goal pose left the true surfaces of its contact state")
     return pose

@@ -14,7 +14,7 @@ from fmopt.spatial.kernels import Vector, dot, row, size
 from fmopt.spatial.values import Array
 
 SHARES = 9  # planes tried through an edge in each pass
-_PASSES = 3
+_PASSES = 3  # after the first each looks between the neighbours of the best plane, four times as finely
 _REFINED = 6  # edges of a pair that are looked at more closely
 
 
@@ -94,6 +94,7 @@ def _hopeful(edges: Edges, reached: Reached, heights: Array) -> NDArray[np.bool_
                 for s in range(SHARES):
                     if rooms[which[k, s]] - offsets[k, s] > room:
                         widest, room = which[k, s], rooms[which[k, s]] - offsets[k, s]
+            # The margin of the roomiest plane, as rooms[widest] − room is how far out that is: less room is no use.
             enough = lower_bound(row(edges.normals, widest), reached, n, heights) - (rooms[widest] - room)
             for k in range(cuts[m], cuts[m + 1]):
                 for s in range(SHARES):
@@ -107,6 +108,7 @@ def _roomiest(room: Array, first: int, last: int, found: Places) -> None:
     left = np.ones(len(room), dtype=np.bool_)
     for j in range(len(found)):
         found[j] = -1
+        # There is always one left: a convex piece has six edges at least.
         for k in range(first, last):
             if left[k] and (found[j] < 0 or room[k] > room[found[j]]):
                 found[j] = k
@@ -245,7 +247,8 @@ def _refine_tightest(edges: Edges, reached: Reached, kept: Kept, asked: tuple[fl
             room = nominal(normal, reached.vertices, n)[0] - _offset(normal, edges.corners, m)[0]
             clearances[m] = min(clearances[m], room)
     refined = np.zeros(pairs, dtype=np.bool_)
-    for m in np.argsort(margins, kind="mergesort"):
+    for m in np.argsort(margins, kind="mergesort"):  # stable: equal ones keep their order
+        # A pair that the planes so far do not keep apart even nominally may still come to one that does.
         if margins[m] < enough or clearances[m] < -grazing:
             refined[m] = True
             for k in range(1, _PASSES):

@@ -26,7 +26,7 @@ from fmopt.planning.moves.plane_arcs import SHARES, Edges, best
 from fmopt.spatial.se3 import lengths
 from fmopt.spatial.values import Array, remembered
 
-_GRAZING = 2e-6
+_GRAZING = 2e-6  # m by which pieces may overlap nominally and still have a plane, of negative margin
 _MEMORY = 2048
 
 _SPREAD = np.linspace(0.0, 1.0, SHARES)
@@ -101,6 +101,7 @@ def _choice(assembly: Assembly, facing: Facing, course: Course, enough: float) -
             if found.margin > least[n, places[m]]:
                 choice.take(n, places[m], found.of(touched.table.witnesses))
     known = least[:, [m for m, (_, _, pair) in enumerate(facing.listed) if pair.touched]]
+    # No pair that keeps more than one in touch is the tightest. Where all are asked for, nan stays nan.
     enough = float(known.min(initial=enough, where=known > -np.inf))
     for _, free in facing.apart:
         planes = _fans(facing, free).best(course, enough)
@@ -334,6 +335,7 @@ class Fans:
         """
         p, R, columns, cuts, twist, half, coupling, form = course.motion
         motion = p, R, columns, cuts, twist, half, coupling
+        # Kernels know of no radii, gaps and tolerances of form: what is asked is raised, what is found lowered by them.
         near = self.radius + BEHIND
         asked = _GRAZING - near, enough + near + form
         normals, offsets, margins, clearances, final = best(self.edges, self.body, motion, *asked)
@@ -358,6 +360,7 @@ def fans(moving: Polyhedron, pieces: tuple[Polyhedron, ...]) -> Fans:
     fan = (1.0 - w) * arcs[:, None, 0] + w * arcs[:, None, 1]
     fan = fan / lengths(fan)[..., None]
     offsets = (fan @ np.swapaxes(corners[owner], -1, -2)).max(axis=-1)
+    # Normals that pieces share are told by their bytes, so that −0 has to become 0.
     numbers: dict[bytes, int] = {}
     which = np.array([numbers.setdefault(normal.tobytes(), len(numbers)) for normal in fan.reshape(-1, 3) + 0.0])
     normals = np.frombuffer(b"".join(numbers)).reshape(-1, 3).copy()

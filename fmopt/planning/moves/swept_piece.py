@@ -77,6 +77,8 @@ def reached_by(body: Array, motion: Moving) -> Reached:
             swept = size(cross(turn, start))
             swing = max(swung(start, box, size(box)), swung(goal, box, size(box))) + 0.5 * size(box) * swept
             tilted[n, v] = 0.5 * (min(swing, size(box) * size(start)) + swept)
+            # Heights along the turn have the second derivative n·(ω × (ω × x)), and |ω × x| is the same all along it:
+            # they miss their chord by an eighth of |ω × n||ω × x| at most.
             arc[n, v] = 0.125 * swept
             linked[n, v] = coupling[n, 0] + coupling[n, 1] * size(row(body, v))
             turned_most = size(box) * tilted[n, v] + size(turn) * arc[n, v]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 _OCTAVE = 64  # steps from one power of two to the next
-_MOST = 6 * _OCTAVE
+_MOST = 6 * _OCTAVE  # up to a factor of 64
 _LEAST = -7 * _OCTAVE  # nothing at all
 _PATIENCE = 3  # guesses in a row that leave more than half of what there was
 
@@ -61,7 +61,7 @@ def largest(tried: Callable[[float], Trial], likely: Callable[[float], bool]) ->
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (middle, high) if likely(factor(middle)) else (low, middle)
-    if low > 0 and not found.holds(low):
+    if low > 0 and not found.holds(low):  # step 0 is known to hold
         low, high = found.between(0, low)
     elif high <= _MOST and found.holds(high):
         low, high = found.between(*_doubled(high, found.holds))
@@ -108,7 +108,7 @@ class _Tried:
         at = factor(high)
         near = min(others, key=lambda step: abs(factor(step) - at))
         slope = (self.trials[near].margins[move] - margins[move]) / (factor(near) - at)
-        if slope >= 0.0:
+        if slope >= 0.0:  # of margins that rise with errors no end can be foreseen
             return middle
         there = at - margins[move] / slope
         guesses = (step for step in range(high - 1, low, -1) if factor(step) <= there)

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-FEASIBLE = 2e-9
-OPTIMAL = 1e-7
+FEASIBLE = 2e-9  # scaled units by which a point may break rows: twice what Clarabel is asked for
+OPTIMAL = 1e-7  # by which bound and value may be apart, of the size of the objective
 
 
 def left_out() -> Array:
@@ -160,7 +160,7 @@ class ConeProgram(Value):
             upper=self.upper / units,
             units=np.ones_like(units),
         )
-        scaled.__dict__["stacked"] = Stack(F, g, stack.begins, stack.widths)
+        scaled.__dict__["stacked"] = Stack(F, g, stack.begins, stack.widths)  # of which its norms are slices already
         return scaled
 
     def relaxed(self) -> ConeProgram:
@@ -287,7 +287,7 @@ def certify(program: ConeProgram, x: ArrayLike, duals: Duals | None = None, tol:
     if duals is not None:
         bound, residual = dual_bound(program, duals, x)
         gap, tolerance = (bound - value) / size.objective, OPTIMAL * (1.0 + abs(value) / size.objective)
-        if not (residual <= tolerance and abs(gap) <= tolerance):
+        if not (residual <= tolerance and abs(gap) <= tolerance):  # so that nan does not pass
             raise SolverError(
                 f"the proposed multipliers leave a gap of {gap:.3g} and a dual residual of {residual:.3g} (scaled)"
             )

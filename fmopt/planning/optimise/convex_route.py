@@ -165,6 +165,7 @@ def shortest_route(sets: ConvexSets, start: int, goal: int, gap: float = 0.03, s
     if first is None:
         raise _unreachable(start, goal)
     best = _route(sets, first.arcs)
+    # Against the whole way, or not at all: whichever bounds more to begin with.
     dual, lengths, there = max(
         (
             _first(sets, start, goal, _unit(against))
@@ -173,6 +174,7 @@ def shortest_route(sets: ConvexSets, start: int, goal: int, gap: float = 0.03, s
         key=lambda found: float(found[2][goal]),
     )
     onward, _ = sets.outward.distances(lengths, goal)
+    # A route by an arc that is left out costs `enough` at least: of these no more needs to be known.
     enough = (1.0 - gap) * best.cost
     arcs = np.flatnonzero(there[tails] + lengths + onward[heads] < enough)
     if not len(arcs):
@@ -255,7 +257,7 @@ def _route(sets: ConvexSets, arcs: Indices) -> Route:
         W=np.eye(lengths),
         norms=tuple(norms),
         lower=np.append(np.zeros(shares), np.full(lengths, -np.inf)),
-        units=np.append(np.ones(shares), np.full(lengths, size or 1.0)),
+        units=np.append(np.ones(shares), np.full(lengths, size or 1.0)),  # all sets may be one point
     )
     weights = np.maximum(_SOLVER.proposed(program)[:shares].reshape(k, m), 0.0)
     points = frozen(np.einsum("km,kmd->kd", weights / weights.sum(axis=1, keepdims=True), corners))
@@ -314,6 +316,7 @@ class _Dual:
         )
         visited = np.zeros(len(self.visits))
         visited[heads] = 1.0
+        # The bound of a path has −Σμ in it, so that what μ there is off the path counts against it; a cycle has none.
         if not path.cycle:
             visited = np.where(self.visits > 0.0, visited - 1.0, 0.0)
         gaping = np.zeros_like(self._along)
@@ -325,9 +328,10 @@ class _Dual:
             return
         step = _FAR * missing / float(square)
         longer = self._across[path.arcs] + step * (end - begin)
-        self._across[path.arcs] = longer / np.maximum(1.0, np.linalg.norm(longer, axis=1, keepdims=True))
+        self._across[path.arcs] = longer / np.maximum(1.0, np.linalg.norm(longer, axis=1, keepdims=True))  # |a| ≤ 1
         self._along += step * gaping
         self.visits = np.maximum(self.visits + step * self._weight * visited, 0.0)
+        # With the λ of a set all arcs that begin or end in it change their lengths.
         changed = [self.sets.around[at] for at in {*tails.tolist(), *heads.tolist()} if self._inner[at]]
         self._measure(np.unique(np.concatenate([path.arcs, *changed])))
 

@@ -58,7 +58,7 @@ class Ends:
         tails, ordered = self.tails[self.order], lengths[self.order]
         far, arcs = np.full(self.count, np.inf), np.full(self.count, -1, dtype=np.intp)
         far[source] = 0.0
-        for done in range(1, self.count + 1):
+        for done in range(1, self.count + 1):  # after as many rounds only a cycle still brings places nearer
             through = far[tails] + ordered
             least = np.minimum.reduceat(through, self.begins)
             nearer = least < far[self.ends]
@@ -75,6 +75,8 @@ class Ends:
     def ring(self, arcs: Indices) -> int | None:
         """A place on a cycle of the arcs by which places are nearest, None without."""
         back = np.append(np.where(arcs >= 0, self.tails[arcs], self.count), self.count)
+        # Each round doubles the steps: after as many as there are places, only those that lead onto a cycle go on, and
+        # `back` points into the cycle itself.
         for _ in range(self.count.bit_length()):
             back = back[back]
         rings = back[back < self.count]
@@ -105,7 +107,7 @@ def shortest_path(inward: Ends, lengths: Array, start: int, goal: int) -> Path |
         return None
     at, until = (goal, start) if ring is None else (ring, ring)
     arcs: list[int] = []
-    while not arcs or at != until:
+    while not arcs or at != until:  # a cycle ends where it began
         arcs.append(int(last[at]))
         at = int(inward.tails[arcs[-1]])
     found = np.array(arcs[::-1])

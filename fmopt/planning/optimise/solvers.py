@@ -22,9 +22,9 @@ from fmopt.errors import InfeasibleError, SolverError
 from fmopt.planning.optimise.cone_program import FEASIBLE, ConeProgram, Duals, Solution, certify
 from fmopt.spatial.values import Array
 
-_REMEMBERED = 64
+_REMEMBERED = 64  # patterns of which a thread keeps the solver
 _LOOSER = 100.0  # times the tolerance
-_local = threading.local()
+_local = threading.local()  # solvers hold the numbers of one program: threads must not share them
 
 Indices = NDArray[np.intp]
 
@@ -46,8 +46,8 @@ _CHECK = 1e-7  # by which a solver's answer may break rows, or miss the bound th
 _ROUNDING = 1e-15  # of numbers of order 1
 _SETTINGS = {"primal_tol": 1e-11, "dual_tol": 1e-12, "eps_prox": -1.0, "iter_limit": 1000}
 
-_EQUALITY = 5
-_NONE = 1e30
+_EQUALITY = 5  # how daqp marks equalities
+_NONE = 1e30  # daqp's infinity
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,7 @@ class ClarabelSolver:
                 return certify(program, x * program.units, duals(program, kept, z))
             except SolverError as error:
                 failure = failure or (error if status == "Solved" else SolverError(*_said(status)))
+            # Rows that contradict each other by little are solved, as it seems, by a point that breaks them.
             if status == "PrimalInfeasible" or (status == "Solved" and _short(scaled, x)):
                 failure = self._infeasible(program)
                 if isinstance(failure, InfeasibleError):
@@ -105,7 +106,7 @@ class ClarabelSolver:
         x, z, status = self._run(relaxed.scaled(), none)
         if status != "Solved":
             return SolverError(f"infeasible as it seems, but the shortfall is unknown: Clarabel stopped with {status}")
-        proven = -certify(relaxed, x, duals(relaxed, none, z)).bound
+        proven = -certify(relaxed, x, duals(relaxed, none, z)).bound  # by weak duality no point is short by less
         if proven <= FEASIBLE:
             return SolverError(f"infeasible as it seems, but only a shortfall of {proven:.3g} scaled units is proven")
         shortfall = proven * program.size.objective
@@ -197,6 +198,7 @@ def duals(program: ConeProgram, kept: Indices, z: Array) -> Duals:
 def _solver(settings: ClarabelSolver, M: Array, widths: tuple[int, ...], rhs: Array, q: Array) -> Any:
     """This thread's solver for the pattern of M, with the new numbers in it."""
     kept: OrderedDict[Any, Any] = _local.__dict__.setdefault("solvers", OrderedDict())
+    # Transposed, since Clarabel has its numbers column by column.
     mask = np.ascontiguousarray((M != 0.0).T)
     key = (settings, M.shape, widths, mask.tobytes())
     if key in kept:
@@ -215,7 +217,7 @@ def _build(settings: ClarabelSolver, M: Array, widths: tuple[int, ...], rhs: Arr
 
     options = clarabel.DefaultSettings()
     options.verbose = False
-    options.presolve_enable = False
+    options.presolve_enable = False  # what presolve reduced takes no new numbers
     options.equilibrate_enable = False
     options.max_threads = 1
     options.direct_solve_method = "qdldl"
@@ -280,6 +282,7 @@ def _daqp(
     if not np.isfinite(x).all() or not np.isfinite(lam).all():
         return None
     reached = np.concatenate([x, M @ x])
+    # daqp's multipliers are positive at upper limits, negative at lower ones: the gap of weak duality is theirs, too.
     at = np.where(lam > 0.0, upper, np.where(lam < 0.0, lower, 0.0))
     apart = max(np.abs(cost + lam[:n] + lam[n:] @ M).max(), abs(cost @ x + lam @ at))
     short = max((reached - upper).max(), (lower - reached).max())

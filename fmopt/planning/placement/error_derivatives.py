@@ -98,6 +98,7 @@ def sensitivities(
         displaced = np.zeros((6, n))
         displaced[:, 6 * number : 6 * number + 6] = -share * np.eye(6)
         displaced[:, 6 * number + 6 : 6 * number + 12] = share * np.eye(6)
+        # Thickness comes last among generators: what is not carried on is cut off, what has come anew does not change.
         before = np.zeros((len(core), 6, n))
         before[: len(changed)] = changed[: len(core)]
         moved = _Moved.of(piece, linearisation_of(assembly, piece, tolerance), turned, displaced)
@@ -110,6 +111,7 @@ def sensitivities(
             brought = np.concatenate([onward, np.eye(6)[None]])
             longer = np.vstack([longer, _longer(begun, piece.goal, number, n, tolerance.rho)])
         if piece.last and piece.made is not None:
+            # Later bases carry this very direction along: its bytes tell whose derivative they need.
             turned[claim.advance.basis[-1].direction.tobytes()] = moved.direction(ellipsoid.metric(tolerance.rho))
     return tuple(found)
 
@@ -171,7 +173,7 @@ def _between(
         gives = np.linalg.lstsq(way.directions.T, way.twist / share - first, rcond=_RANK)[0]
         still.append(way.hold @ (onward @ still[-1] + twisted @ np.tensordot(gives, compliant, 1)))
         driven.append(way.hold @ (onward @ driven[-1] + twisted))
-    aimed = np.linalg.lstsq(driven[-1], goal - still[-1], rcond=_RANK)[0]
+    aimed = np.linalg.lstsq(driven[-1], goal - still[-1], rcond=_RANK)[0]  # nothing is driven against held contacts
     return [at + by @ aimed for at, by in zip(still, driven, strict=True)]
 
 

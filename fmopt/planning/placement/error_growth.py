@@ -69,8 +69,10 @@ class _Grown:
     def of(cls, share: float, aim: Aim, placed: Placed, near: float) -> _Grown:
         """A certified sequence, with its rows within `near` (m) of binding."""
         rows = sequence_rows(aim.assembly, placed.reached, aim.tolerance, near, drifting=True, felt=share == 1.0)
+        # Of a row errors take λ a + λ² b, its reach and rest: per λ that is a + 2 λ b, or (reach + 2 rest) / λ.
         taken = np.maximum(rows.reach + 2.0 * rows.rest, _LITTLE * near) / share
         unit = float(taken.max(initial=_LITTLE * near))
+        # Rows that only have to hold count like others here: all of what is left to them, not what a step may take.
         values = np.where(rows.counted > 0.0, rows.values, rows.values / KEPT - DOUBT * (rows.drifts > 0.0))
         return cls(share, aim, placed, replace(rows, values=values, counted=taken / unit), unit)
 

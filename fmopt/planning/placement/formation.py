@@ -27,8 +27,8 @@ from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
 
-_SERIES = 13
-_SMOOTH = 1e-12
+_SERIES = 13  # terms of the series of a rotation
+_SMOOTH = 1e-12  # added under the root of a travel, which has no derivative where it begins
 
 Counts = tuple[int, ...]
 
@@ -53,6 +53,7 @@ class Derivatives:
         self._arguments = [np.zeros(6), np.zeros(parameters), np.zeros(rows)]
         self._results = [np.zeros(rows), np.zeros(6 * rows), np.zeros(36)]
         self._buffer, self._evaluate = function.buffer()
+        # CasADi keeps the addresses of these arrays: they are filled in place, never replaced.
         for i, array in enumerate(self._arguments):
             self._buffer.set_arg(i, array.data)
         for i, array in enumerate(self._results):
@@ -70,7 +71,7 @@ class Derivatives:
             array[:] = values
         self._evaluate()
         g, J, H = self._results
-        return g.copy(), J.reshape(6, -1).T.copy(), H.reshape(6, 6).copy()
+        return g.copy(), J.reshape(6, -1).T.copy(), H.reshape(6, 6).copy()  # by columns; the next call overwrites them
 
 
 @lru_cache(maxsize=64)
@@ -101,6 +102,7 @@ def formation_solver(contacts: Counts, obstacles: Counts) -> Any:
 
     x, rows, parameters = _symbols(ca, contacts, obstacles)
     t, total = ca.SX.sym("t"), rows.shape[0]
+    # The last parameters are four numbers a row, of which the second is its weight.
     weights = ca.reshape(parameters[parameters.shape[0] - 4 * total :], 4, total)[1, :].T
     p = sum(contacts)
     options: dict[str, Any] = {
@@ -111,8 +113,8 @@ def formation_solver(contacts: Counts, obstacles: Counts) -> Any:
             "max_iter": 100,
             "tol": 1e-9,
             "constr_viol_tol": 1e-9,
-            "acceptable_iter": 0,
-            "bound_relax_factor": 0.0,
+            "acceptable_iter": 0,  # none: what is only acceptable is not solved
+            "bound_relax_factor": 0.0,  # bounds are checked as they are stated
             "mu_strategy": "adaptive",
         },
     }
@@ -287,6 +289,7 @@ class Table:
         """
         pose, f, N = reference.moved(X), np.zeros(self.count), np.zeros((self.count, 6))
         own, wrenches = np.empty((1, len(self.contacts))), np.empty((1, len(self.contacts), 6))
+        # Copies, since kernels are compiled for arrays that can be written to, and poses cannot.
         over(self.tables, pose.p[None].copy(), pose.R[None].copy(), own, wrenches)
         f[self.contacts], N[self.contacts] = own[0], wrenches[0]
         f[self.flat], N[self.flat] = self.planes[:, :6] @ X - self.planes[:, 6], self.planes[:, :6]

@@ -34,12 +34,12 @@ from fmopt.planning.placement.sequence_rows import pairs_of
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.values import Array
 
-_WALL = 1e-3
-_INTERIOR = 1e-6
+_WALL = 1e-3  # factor of rows that must hold and of bounds in the cost
+_INTERIOR = 1e-6  # scaled units: a pose on a bound, or so little beyond, has a finite cost still
 
 _GAIN = 1e-3  # of the clearance, the least gain that counts
 _NEAR = 1.5  # of the radius, how far from binding rows count
-_SHORTER = 0.3
+_SHORTER = 0.3  # of the radius, for a second try where the first gains nothing
 _IDLE = 0.1  # of the clearance; a pose with that much more margin than the sequence has no say in it
 
 Method = Literal["nlp", "descent"]
@@ -196,7 +196,7 @@ def refine_goals(
     best = placed
     for _ in range(turns.rounds):
         before = best.margin
-        for k in range(len(best.moves) - 1):
+        for k in range(len(best.moves) - 1):  # the seated pose stays
             for reach in (turns.radius, _SHORTER * turns.radius):
                 metric = Metric(aim.tolerance.rho, clearance)
                 try:

@@ -16,7 +16,7 @@ from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solution, So
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.spatial.values import Array, Value, frozen
 
-_BINDING = 1e-6
+_BINDING = 1e-6  # share in the price of t, which is 1 in all, from which a row binds
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class Placement(Room):
     def clearances(self, x: Array) -> Array:
         """Clearance of every counted row and end at x, shape (ends, k), in m; rows of weight 0 have inf."""
         program = self.program()
-        slacks = program.slacks(np.append(x[:-1], 0.0)).reshape(-1, len(self.D))
+        slacks = program.slacks(np.append(x[:-1], 0.0)).reshape(-1, len(self.D))  # at t = 0
         return per_weight(slacks, self.weights)
 
     def at(self, poses: Array) -> Solution:
@@ -232,7 +232,7 @@ def lexicographic(problem: Placement, solver: Solver | None = None) -> Solution:
     original = problem.program()
     first = checked(original, solver)
     program, latest = original, first
-    for _ in range(len(original.h)):
+    for _ in range(len(original.h)):  # each round holds at least one row more
         held = _held(program, latest)
         if held is None:
             break
@@ -240,7 +240,7 @@ def lexicographic(problem: Placement, solver: Solver | None = None) -> Solution:
         latest = checked(program, solver)
     x = np.append(latest.x[:-1], first.value)
     x[-1] = min(first.value, float(problem.clearances(x).min(initial=np.inf)))
-    return certify(original, x, first.duals)
+    return certify(original, x, first.duals)  # later multipliers are of other programs
 
 
 def _held(program: ConeProgram, solution: Solution) -> ConeProgram | None:
@@ -250,7 +250,7 @@ def _held(program: ConeProgram, solution: Solution) -> ConeProgram | None:
     binding = counted & (-program.G[:, -1] * duals > _BINDING)
     if not binding.any() or (counted == binding).all() or solution.value >= program.upper[-1]:
         return None
-    for k in np.flatnonzero((program.W[binding] > 0.0).any(axis=0))[::-1]:
+    for k in np.flatnonzero((program.W[binding] > 0.0).any(axis=0))[::-1]:  # from the last: others keep their places
         program = _straightened(program, int(k), solution.x)
     level = program.h[binding] + program.G[binding, -1] * solution.value
     held = program.G[binding].copy()

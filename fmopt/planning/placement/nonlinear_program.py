@@ -40,20 +40,20 @@ from fmopt.planning.placement.largest_clearance import Room, per_weight
 from fmopt.spatial.se3 import Pose, left_jacobian
 from fmopt.spatial.values import Array, frozen
 
-ON_SURFACE = 1e-7
+ON_SURFACE = 1e-7  # clearances by which a pose may miss contacts and bounds
 _lock = threading.Lock()
 
 _ORDER = {kind: i for i, kind in enumerate(RowKind)}
 
-_EQUALITY = 5
-_NONE = 1e30
+_EQUALITY = 5  # how daqp marks equalities
+_NONE = 1e30  # daqp's infinity
 _ROUNDS = 60
 _RADIUS = 2.0  # scaled units of the first step, at most
-_LEAST = 1e-9
+_LEAST = 1e-9  # radius at which steps are given up
 _FLAT = 1e-5  # least curvature that a quadratic program gets
 _SETTLED = 1e-10  # of the merit, scaled units
 _EXACT = 1e-10  # of equalities
-_GAIN = 1e-4
+_GAIN = 1e-4  # of what a step promises, the least that it has to bring
 _SETTINGS = {"primal_tol": 1e-11, "dual_tol": 1e-11, "iter_limit": 300}
 
 
@@ -157,7 +157,7 @@ def _scaled_contacts(problem: SurfacePlacement, X: Array) -> tuple[Array, Array]
     f, N = problem.tables[0].at(problem.reference, X)
     turned = N.copy()
     places = problem.tables[0].contacts
-    turned[places, 3:] = N[places, 3:] @ left_jacobian(X[3:])
+    turned[places, 3:] = N[places, 3:] @ left_jacobian(X[3:])  # from turns of the pose to changes of X
     size = problem.metric.clearance * problem.metric.dual_norm(turned)
     free = problem.upper > problem.lower
     return turned * problem.metric.units * free / size[:, None], f / size
@@ -215,7 +215,7 @@ def _optimum(problem: SurfacePlacement, kept: list[int], X: Array) -> Array:
     scale[0] = 1.0 / (unit * sizes)
     scale[1:, p:] = problem.weights[order] / sizes[p:], problem.allowance[order], problem.growth[order]
     start = np.zeros(6) if problem.start is None else problem.start
-    fixed = [units, problem.reference.p, problem.reference.R.ravel(order="F"), start, [unit]]
+    fixed = [units, problem.reference.p, problem.reference.R.ravel(order="F"), start, [unit]]  # by columns, as CasADi's
     parameters = np.concatenate([*fixed, *(row.numbers for row in rows), scale.ravel(order="F")])
     t = min(problem.cap, float(problem.clearances(X).min(initial=np.inf))) / unit
     begin = np.append(X / units, t)
@@ -326,7 +326,7 @@ def largest(
                 return None
             continue
         d, multipliers = step
-        price = max(price, 2.0 * float(np.abs(multipliers).max(initial=0.0)))
+        price = max(price, 2.0 * float(np.abs(multipliers).max(initial=0.0)))  # above all multipliers: exact
         now = price * program.short(at.g) - program.best(at.g)
         merit = _Merit(now, price)
         gain = merit.gained(program, at.g + at.J @ d)
@@ -375,7 +375,7 @@ def _step(program: _Program, at: _Point, g: Array, radius: float) -> _Step | Non
     p, k = program.equalities, len(g)
     w, V = np.linalg.eigh(-0.5 * (at.H + at.H.T))
     quadratic = np.zeros((7, 7))
-    quadratic[6, 6] = 1e-7
+    quadratic[6, 6] = 1e-7  # t is linear, and daqp wants curvature
     rows = np.empty((k, 7))
     rows[:, :6], rows[:, 6] = at.J, -program.weights
     lower, upper = np.empty(7 + k), np.full(7 + k, _NONE)

@@ -32,7 +32,7 @@ from fmopt.spatial.se3 import Pose, length
 from fmopt.spatial.values import Array
 
 COARSE = 0.03  # rad, the greatest turn of a piece while errors grow
-_RANK = 1e-7
+_RANK = 1e-7  # of the largest singular value: smaller ones are zero
 _FINE = 5e-3  # times the trust radius: what changes a row by less does not count
 SHORTER = 0.35  # times the trust radius after a step that was none
 _SLIDE = 1e-3  # rad; moves that turn by less are slides, and stay so where the start may be displaced
@@ -179,7 +179,7 @@ def refine(
             except (InfeasibleError, SolverError):
                 radius *= SHORTER
                 continue
-            if solution.value <= best.margin + settings.least_gain:
+            if solution.value <= best.margin + settings.least_gain:  # and a smaller region promises less
                 break
             candidate = _moved(aim, best, solution.x[:-1].reshape(-1, 6), settings.least_gain)
             if candidate is None:
@@ -203,7 +203,7 @@ def surer(aim: Aim, placed: Placed, solver: Solver, settings: Refinement) -> Pla
         settings: rounds and trust region.
     """
     best, radius = placed, settings.radius
-    least, aimed = (min(left * placed.margin, placed.margin) for left in (_LEFT, _AIMED))
+    least, aimed = (min(left * placed.margin, placed.margin) for left in (_LEFT, _AIMED))  # none below zero falls
     holds = aim.holds(best.reached.claims)
     for _ in range(settings.rounds):
         held = _surest(holds)
@@ -311,7 +311,7 @@ def program_of(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> C
         elif own.any():
             norms.append(Norm(F, way))
             W.append(own)
-            h += own * far
+            h += own * far  # drift of the way as it is has been taken off
     for number, at, slope in zip(*linear.kinks, strict=True):
         norms.append(Norm(np.append(slope, 0.0)[None], np.array([at])))
         W.append((np.arange(len(h)) == number).astype(np.float64))

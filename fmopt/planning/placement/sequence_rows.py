@@ -118,11 +118,12 @@ class SequenceRows:
         # What a kink takes at most more than it does where nothing is displaced.
         lost = np.where(bent, spread, 0.0).sum(axis=1)
         counts = self.counted > 0.0
+        # No t within the region is larger than this: rows that stay above it everywhere cannot bind.
         top = float(((self.values + far + lost)[counts] / self.counted[counts]).min(initial=np.inf))
         used = self.values - far - lost < np.where(counts, self.counted * top, 0.0)
         rounded = np.column_stack([self.values / fine, slopes / _ALIKE, lost / fine]).round()
         _, first = np.unique(rounded[used], axis=0, return_index=True)
-        kept = np.flatnonzero(used)[np.sort(first)]
+        kept = np.flatnonzero(used)[np.sort(first)]  # in their own order, which np.unique does not keep
         rows, columns = np.nonzero(bent[kept])
         kinks = (
             rows.tolist(),

@@ -45,7 +45,7 @@ RESIDUAL = 1e-10  # clearances; a contact this close to touching touches
 APART = 1e-3  # clearances; a contact further than this is apart
 _ROOMS = (0.1, 0.01)  # clearances of room that are asked for, first and then
 _NEIGHBOURS = 2  # how many neighbours of either dimension a state is searched from
-_ROUNDS = 3
+_ROUNDS = 3  # of further starts: a neighbour found in one leads on in the next
 _OUTSIDE = -1e-6  # scaled units
 
 
@@ -292,11 +292,12 @@ class _Best:
         at = near.measured(on, met.poses)
         inside = at.limits.min(axis=1, initial=np.inf) > _OUTSIDE
         found = (at.residual <= RESIDUAL) & (at.slack > APART) & inside
-        return _Best(found, met.poses, np.where(found, -1.0, met.short), met.settled)
+        return _Best(found, met.poses, np.where(found, -1.0, met.short), met.settled)  # nothing beats what was found
 
     def improved(self, near: Neighbourhood, on: Bits, which: NDArray[np.intp], met: Met) -> _Best:
         """With further searches for states `which` (m,), several for each."""
         new = _Best.of(near, on[which], met)
+        # By states, and within each by what is short: the first of each is its best.
         order = np.lexsort((new.short, which))
         first = order[np.unique(which[order], return_index=True)[1]]
         first = first[new.short[first] < self.short[which[first]]]

@@ -27,7 +27,7 @@ from fmopt.planning.placement.sequence_program import Placed, certified
 from fmopt.planning.search.symmetry import Searched
 from fmopt.spatial.values import IN_THE_WORLD, Array, Framing, Value, frozen
 
-_SHARE = 0.02
+_SHARE = 0.02  # of a tolerance, by which it is widened
 
 
 @dataclass(frozen=True)
@@ -256,7 +256,7 @@ def factors(motion: Motion) -> tuple[float, Motion | None]:
     """
     pieces = [len(claims) for claims in claims_of_moves(motion.begun.reached.claims)]
 
-    @cache
+    @cache  # a motion keeps what is certified of it, and that with which the factor ends is asked for again
     def under(share: float) -> Motion:
         return motion if share == 1.0 else motion.under(share * motion.box)
 

@@ -139,9 +139,11 @@ def unplanned_contacts(
     best: dict[PrimitiveContact, _Met] = {}
     for claim, place in _places(claims, np.flatnonzero(box)):
         for contact, gap, row in _near(assembly, claim, place):
+            # Only a few are told: once there are so many, others have to come before the worst of these.
             factors = sorted(met.factor for met in best.values())
             limit = min([LARGEST, *factors[_MOST - 1 : _MOST], *([best[contact].factor] if contact in best else [])])
             r = row @ place.images
+            # Bounds can only ask for more: by its distance alone a contact needs λ ≥ gap / Σ|rₖ|.
             if gap / max(float(np.abs(r).sum()), 1e-30) >= limit or _comes_along(assembly, claim, contact):
                 continue
             rows = _bounding(assembly, contact, place)
@@ -194,6 +196,7 @@ def _bounding(assembly: Assembly, contact: PrimitiveContact, place: _Place) -> l
     g, B = signs * f, signs[:, None] * (N @ place.images)
     usable = np.isfinite(g)
     found = []
+    # With further alternatives left out, a factor can only be found too large.
     for chosen in islice(product(*clauses), _ALTERNATIVES):
         places = sorted({listed.index(bound) for group in chosen for bound in group})
         kept = [k for k in places if usable[k]]
@@ -204,6 +207,7 @@ def _bounding(assembly: Assembly, contact: PrimitiveContact, place: _Place) -> l
 def _factor(gap: float, r: Array, rows: Sequence[tuple[Array, Array]]) -> float:
     """The least λ of this module's program; infinite where no λ up to the largest does."""
     least = gap / float(np.abs(r).sum())
+    # The errors that close the gap soonest: where they are within the bounds there is nothing to be solved.
     corner = -least * np.sign(r)
     if any(bool((g + B @ corner <= _OPEN).all()) for g, B in rows):
         return least
@@ -212,7 +216,7 @@ def _factor(gap: float, r: Array, rows: Sequence[tuple[Array, Array]]) -> float:
 
 def _least(gap: float, r: Array, g: Array, B: Array) -> float:
     """The same where the rows (g, B) bound the contact."""
-    n, scale = len(r), 1.0 / gap
+    n, scale = len(r), 1.0 / gap  # in gaps, numbers are of order 1 as the solver wants them
     beside = np.hstack([np.vstack([np.eye(n), -np.eye(n)]), -np.ones((2 * n, 1))])
     inside = np.hstack([scale * B, np.zeros((len(g), 1))])
     rows = np.vstack([beside, inside]), np.concatenate([np.zeros(2 * n), -scale * g])

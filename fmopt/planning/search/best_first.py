@@ -32,7 +32,7 @@ from fmopt.runtime.compiled import clock
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
-_LOOKS = 4
+_LOOKS = 4  # sequences without a margin, of which the best is taken then
 _DIGITS, _PLACES = 9, 12  # of costs (1) and margins (m), decimals that tell one from another
 _SMALLER = "allow a larger tilt, lower the start errors"
 _BEGIN = _SMALLER + ", or begin at another start.height"
@@ -223,7 +223,7 @@ def search(
         return _sequence(ready, front, expanded)
     late = clock() > deadline
     names = " ".join(closest.names).replace(ASKEW, "") if closest else ""
-    advice = _SMALLER if expanded else _BEGIN
+    advice = _SMALLER if expanded else _BEGIN  # without a state nothing could begin
     farthest = closest or max(nodes, key=lambda node: node.reached.margin, default=None)
     raise SearchError(
         f"no sequence of contacts to the seated part was found among {expanded} states"
@@ -286,6 +286,7 @@ class _Frontier:
             held = frozenset(c.id for c in entry.node.place.held)
             state = held, entry.final
             cost, margin = round(entry.node.cost, _DIGITS), round(entry.node.reached.margin, _PLACES)
+            # Without contacts it is the pose that tells states apart, which is no part of the key.
             if held and any(c <= cost and (self._placed or m >= margin) for c, m in self._best.get(state, ())):
                 self._dropped = min(self._dropped, entry.bound)
                 continue

@@ -154,6 +154,7 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
     tilt = se3.exp([-sy * shape.about_x, 0.0, 0.0]) @ se3.exp([0.0, sx * shape.about_y, 0.0])
     R = axes @ tilt @ axes.T @ se3.exp([0.0, 0.0, shape.turn])
     hung = Pose(np.array([0.0, 0.0, -shape.depth]) - R @ corner, R)
+    # Walls that do not meet at the corner may have other points below the mouth nearer to them than it.
     low = np.zeros((1, 2)) if shape.between is None else reaching_below(moving, hung)
     place = mouth.beside(shape.room, low)
     inside = Pose(np.append(place, -shape.depth) - R @ corner, R)
@@ -253,6 +254,7 @@ def deeper(moving: Part, fixed: Part, pose: Pose, corner: Array, spread: Array) 
 
 def _levels(fixed: Part, reach: float) -> list[float]:
     """Heights of the fixed part's vertices down to so far below the mouth, the lowest first, m."""
+    # Rounded, so that corners of one chamfer make one level.
     return sorted({round(float(z), 9) for z in fixed.polyhedron.vertices[:, 2] if -reach < z <= 0.0})
 
 
@@ -341,6 +343,7 @@ class _Mouth:
             around = walls_around(moving)
             order = [*shape.between, *(n for n in range(len(around.offsets)) if n not in shape.between)]
             inward, offsets = around.inward[order], around.offsets[order]
+        # A part in the middle of the play is half of it away from the walls that its sides face.
         return _Mouth(inward, offsets - 0.5 * np.abs(inward) @ np.asarray(play))
 
     def beside(self, room: tuple[float, float], low: Array) -> Array:

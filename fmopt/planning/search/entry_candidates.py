@@ -152,7 +152,7 @@ def _shapes(
         if way.wall is not None:
             return obtuse_shapes(moving, play, start_box, max_tilt, funnel, way)
         tilted = tilted_shapes(moving, play, start_box, max_tilt, funnel[0], way.heading)
-        at_once, for_touching, for_flat = tee(tilted, 3)
+        at_once, for_touching, for_flat = tee(tilted, 3)  # made once for all three
         touching = touching_shapes(for_touching, moving, start_box, rate, funnel[1])
         flat = flat_shapes(for_flat, moving, play, start_box, rate, funnel)
         others = _in_turn((at_once, _AT_ONCE), (touching, 1))
@@ -322,6 +322,7 @@ def obtuse_shapes(
         touch = beyond, _RISE * (near + beyond)
         turn = askew * float(start_box[3:].max())
         depth = funnel[0] + deep * min(play)
+        # In a mirror x and y change places, and a share s of the turn between both levels becomes 1 − s.
         if way.wall:
             yield Shape(second, first, first * second + turn, depth, (far, near), touch, heading=way.heading)
         else:

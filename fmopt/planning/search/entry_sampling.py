@@ -83,7 +83,7 @@ class Drawing:
         pairs = list[_Towards]()
         for pair in around.pairs:
             x, y = -around.inward[list(pair)].sum(axis=0)
-            pairs.append((math.atan2(y, x) + 0.75 * math.pi, pair))
+            pairs.append((math.atan2(y, x) + 0.75 * math.pi, pair))  # outwards is −135° then
         return [ways for ways in (corners, pairs) if ways] or [[(0.0, None)]]
 
     def _tilted(self, way: _Towards, rng: np.random.Generator) -> Shape:

@@ -97,7 +97,7 @@ def _in_turn(tuning: _Tuning, gain: float) -> None:
 
 def _at_random(tuning: _Tuning) -> None:
     """Varies all numbers together, as long as there is next to no margin but one in sight."""
-    rng, (least, width, greatest) = np.random.default_rng(0), _WIDTH
+    rng, (least, width, greatest) = np.random.default_rng(0), _WIDTH  # a fixed seed: the same problem has the same plan
     while tuning.open and tuning.slight and not tuning.stuck:
         step = width * rng.normal(size=len(tuning.factors)) * tuning.factors
         gained = False

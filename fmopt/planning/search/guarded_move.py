@@ -25,12 +25,12 @@ from fmopt.planning.moves.moves import Move, held_by, kept
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array
 
-_TOUCH = 1e-9
+_TOUCH = 1e-9  # m; contacts that are apart by ten of it at most touch
 _BESIDE = 1e-6  # m; features that touch are no farther apart
 _ALIKE = 1e-12  # difference of unit normals that are parallel
-_SAMPLES = 24
+_SAMPLES = 24  # parts of a way: what closes and opens again within one of them is not met
 _HALVINGS = 4  # of the way, where held contacts cannot be kept all along
-_TOGETHER = 1e-11
+_TOGETHER = 1e-11  # of how far a move may go: contacts met within this are met at once
 _PARALLEL = 1e-7  # sine of the angle between edges, up to which rounding decides where they cross
 IN_PLANE = ("x", "z", "ry")
 _OPPOSITE = -0.9999  # cosine of the angle between the normals of faces that face each other
@@ -234,13 +234,15 @@ def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Nea
     amounts = np.append(np.linspace(0.0, freedom.limit, _SAMPLES + 1), freedom.limit + _TOUCH)
     values = near.distances(course.after(amounts))
     closed = values[1:] <= 0.0
+    # What touches to begin with is not met on the way: it has to be open first.
     closing = np.flatnonzero((values[0] > 10.0 * _TOUCH) & closed.any(axis=0))
     crossings = sorted(zip(closed[:, closing].argmax(axis=0).tolist(), closing.tolist(), strict=True))
     best: tuple[float, int, Pose] | None = None
+    # Distances may vanish beside the features: the first to vanish need not touch, and later ones are looked at then.
     for k, cell in groupby(crossings, lambda crossing: crossing[0]):
         if best is not None and amounts[k] > best[0]:
             break
-        met = np.array([i for _, i in cell if values[k, i] > 0.0], dtype=np.intp)
+        met = np.array([i for _, i in cell if values[k, i] > 0.0], dtype=np.intp)  # nan brackets no root
         found = course.meeting(near, met, amounts[k : k + 2], values[k : k + 2, met])
         there = course.after(found)
         for n in np.argsort(found, kind="stable").tolist():

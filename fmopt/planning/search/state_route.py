@@ -64,6 +64,7 @@ def state_route(
     for state in graph.states:
         held = on[:, np.isin(names, state.contacts)].all(axis=1)
         ends = corners[held & ~endless]
+        # What has no end is a unit direction, in which the facet goes on from its middle.
         facet = np.concatenate([ends, ends.mean(axis=0) + _REACH * corners[held & endless]])
         middle = state.point / graph.space.scale
         sets.append(middle + (1.0 - room) * (facet - middle))

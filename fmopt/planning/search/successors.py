@@ -107,7 +107,7 @@ class Task:
     @property
     def pinned_upright(self) -> int:
         """Freedoms that contacts have taken away when the part can only go up and down."""
-        return 2 if self.assembly.planar or self.rounded else 5
+        return 2 if self.assembly.planar or self.rounded else 5  # of 3 in the plane or of a ball, else of 6
 
     @cached_property
     def rounded(self) -> bool:
@@ -360,7 +360,7 @@ def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
     for n, heading in enumerate(_headings(task, node)):
         axes = turned_axes(heading)
         for freedom in freedoms(task.max_turn, depth, task.costs.reach, task.assembly.planar, axes):
-            if n == 0 or freedom.name[-1] != "z":
+            if n == 0 or freedom.name[-1] != "z":  # z is the same in all of them
                 found.append(replace(freedom, name=freedom.name + ASKEW * n))
     return tuple(found)
 

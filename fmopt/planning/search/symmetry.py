@@ -130,7 +130,7 @@ class Attitude:
 
     def of_widths(self, box: Array) -> Array:
         """The image of half-widths (6,), or of two, one for x and one for y (2,)."""
-        swap = np.abs(self.axes).argmax(axis=1)
+        swap = np.abs(self.axes).argmax(axis=1)  # widths have no sign
         return np.asarray(box[swap[:2]] if len(box) == 2 else box[np.append(swap, 3 + swap)])
 
     @property
@@ -214,6 +214,7 @@ class Image:
                 one, other = int(self.moving.edges[one]), int(self.fixed.edges[other])
                 along = tuple(self.moving.vertices[list(contact.moving)].tolist()) == body.edges[one].vertices
                 with_fixed = tuple(self.fixed.vertices[list(contact.fixed)].tolist()) == fixed.edges[other].vertices
+                # Each of these turns R a × b round: either edge run the other way, and a mirror.
                 return crossed(body, fixed, one, other, along ^ (not with_fixed) ^ self.attitude.mirrored)
             case _:
                 assert_never(contact.kind)
@@ -232,6 +233,7 @@ def images(own: Assembly, box: Array) -> Iterator[Image]:
         box: half-widths (6,) of the start error, which shape the image as well.
     """
     left: list[Attitude] = []
+    # Equal ones go first: all eight of a symmetric part would tie, and be put in order to be told apart.
     for attitude in all_attitudes(own.planar):
         if not any(_alike(own, box, attitude, other) for other in left):
             left.append(attitude)
@@ -240,6 +242,7 @@ def images(own: Assembly, box: Array) -> Iterator[Image]:
         first = left
         for n in range(len(ranks[first[0]])):
             most = max(ranks[attitude][n] for attitude in first)
+            # What is as large but for rounding stays: the next number tells these apart.
             first = [attitude for attitude in first if ranks[attitude][n] >= most - _SAME]
         found = max(first, key=partial(_whole, own)) if len(first) > 1 else first[0]
         left.remove(found)
@@ -307,9 +310,9 @@ def _turned(part: Part, attitude: Attitude) -> tuple[Part, _Numbers]:
 def _in_order(body: Polyhedron, attitude: Attitude) -> tuple[Polyhedron, _Numbers]:
     """The image of a polyhedron, vertices and faces in the order of their coordinates, and where each comes from."""
     points = body.vertices @ attitude.axes.T + 0.0
-    order = np.lexsort(points.round(_ORDERED).T[::-1])
+    order = np.lexsort(points.round(_ORDERED).T[::-1])  # the last key is the first to count: x
     place = np.argsort(order)
-    way = -1 if attitude.mirrored else 1
+    way = -1 if attitude.mirrored else 1  # a mirror turns loops round, which tell outside from inside
     loops = []
     for face in body.faces:
         outer, *holes = (_from_least(place[list(loop)].tolist()[::way]) for loop in face.loops)

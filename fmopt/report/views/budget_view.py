@@ -88,6 +88,7 @@ def _bars(plan: Plan) -> list[tuple[str, Array, list[str]]]:
         column = boxes[:, axis]
         if not column.any():
             continue
+        # Alike to the last bit, as a bar says one sum for all of its axes.
         twin = next((g for g in groups if (g[0][0] < 3) == (axis < 3) and np.array_equal(g[1], column)), None)
         if twin is None:
             groups.append(([axis], column))

@@ -46,7 +46,7 @@ class End:
     @property
     def lean(self) -> float:
         """The angle between the part's axis and that of the hole, rad."""
-        return math.acos(min(1.0, float(self.pose.R[2, 2])))
+        return math.acos(min(1.0, float(self.pose.R[2, 2])))  # rounding may leave a little more than 1
 
     @property
     def azimuth(self) -> float:
@@ -57,7 +57,7 @@ class End:
     @property
     def plane(self) -> str:
         """The plane in words."""
-        angle = round(math.degrees(self.azimuth)) % 180
+        angle = round(math.degrees(self.azimuth)) % 180  # 179.6° rounds to 180°, which is 0° again
         return "plane x–z" if angle == 0 else "plane y–z" if angle == 90 else f"{angle}° from x"
 
 
@@ -136,8 +136,10 @@ def panels(plan: Parts, ends: Sequence[End], figure: Figure, height: float) -> N
 
 def _window(drawn: Sequence[tuple[MultiPolygon, MultiPolygon]]) -> tuple[Array, float]:
     """The middle (2,), m, and the scale, m an inch, of panels with all of the moving part and the fixed one's depth."""
+    # An empty section has bounds that are no numbers.
     pegs, blocks = (np.array([p[k].bounds for p in drawn if not p[k].is_empty]).reshape(-1, 4) for k in (0, 1))
     both = np.vstack([pegs, blocks])
+    # Across the moving part alone counts: blocks may be many times as wide.
     low, high = np.array([pegs[:, 0].min(), both[:, 1].min()]), np.array([pegs[:, 2].max(), both[:, 3].max()])
     return 0.5 * (low + high), float(np.max((high - low) * 1.06 / _PANEL))
 
@@ -149,6 +151,7 @@ def _degrees(angle: float) -> str:
 def _head(end: End) -> list[tuple[str, dict[str, Any]]]:
     """The lines above a panel, each with its style: where, in which plane, what was made."""
     leans = f", lean {_degrees(end.lean)}" if end.lean > _UPRIGHT else ""
+    # Ids of contacts have hyphens, at which they are not to be torn apart.
     made = wrap(", ".join(end.made), _LETTERS, break_on_hyphens=False, max_lines=3, placeholder=" …")
     return [
         (end.name, {"fontweight": "bold"}),
@@ -221,6 +224,7 @@ def _gaps(plan: Plan, pose: Pose, plane: Pose) -> list[_Gap]:
     flanks, walls = (extent(shape, 0.5 * (low + high)) for shape in (peg, block))
     found = []
     for side, flank in ((-1, flanks[0, 0]), (1, flanks[-1, 1])) if len(flanks) else ():
+        # Of material on the left the right end is the wall, and the other way round.
         beyond = [wall for wall in walls[:, 1 if side < 0 else 0] if side * (wall - flank) >= -_TOUCH]
         if beyond:
             found.append(_Gap(side, min(beyond, key=lambda wall: side * wall), flank, low, high))

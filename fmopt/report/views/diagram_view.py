@@ -28,6 +28,7 @@ _GROUND = "#f4e6d8"
 _TURNING: Any = {"color": RUST, "linewidth": 0.8, "linestyle": "--"}
 _JOINED = 0.02  # of the extent, poses nearer than this have their names written together
 _CLASH = np.array([0.45, 0.1])  # of the extent, names of poses nearer than this would stand on one another
+# Places of a name, in the order in which they are tried: points right and up from its pose, its edges that lie there.
 _SIDES = ((5, -2, "left", "top"), (-5, -2, "right", "top"), (5, 2, "left", "bottom"), (-5, 2, "right", "bottom"))
 
 
@@ -63,7 +64,7 @@ def alt(items: Sequence[Diagram]) -> str:
 def paint(items: Sequence[Diagram], figure: Figure) -> None:
     """A row per plane: the whole diagram on the left, the room for the nominal centre magnified on the right."""
     height = size(items)[1]
-    figure.set_layout_engine("none")
+    figure.set_layout_engine("none")  # margins are in inches, whatever the number of rows
     bottom, top = _LEGEND / height, 1.0 - 0.3 / height
     room = {"left": 0.09, "right": 0.985, "top": top, "bottom": bottom + 0.35 / height, "hspace": 0.42, "wspace": 0.22}
     grid = figure.add_gridspec(len(items), 2, width_ratios=(1.0, 1.25), **room)
@@ -113,6 +114,7 @@ def _window(item: Diagram) -> tuple[Array, Array]:
     spread = max(item.radius, item.room)
     for pose in item.poses:
         inside = np.array(pose.trapezoid)
+        # A pose farther aside would widen the window until nothing is seen of the room at the seat.
         if abs(pose.centre[0] - centre[0]) <= spread:
             spread = max(spread, float(np.abs(inside[:, 0] - centre[0]).max()))
     half = 1.35 * max(spread, 1e-6)

@@ -44,6 +44,7 @@ def paint(part: Part, figure: Figure) -> None:
         _frame(axes[0], feature, float(np.ptp(part.polyhedron.vertices, axis=0).max()))
     for k, feature in enumerate(shown):
         own = rebased(part, feature.frame)
+        # z points out of a hole at its mouth, and from a peg's leading end back into the part.
         inward = -feature.length if feature.kind == "hollow" else feature.length
         along, across = axes[1 + 2 * k], axes[2 + 2 * k]
         part_view.cut(along, "x–z", own.pieces, 0.0)
@@ -63,7 +64,8 @@ def _frame(axes: Axes, feature: Feature, extent: float) -> None:
     view = part_view.view()[:2]
     out = feature.frame.R[:, 2] * (1.0 if feature.kind == "hollow" else -1.0)
     foot, tip = (1e3 * view @ point for point in (feature.frame.p, feature.frame.p + 0.35 * extent * out))
+    # Above all faces, whose order of painting counts up with their number.
     axes.annotate("", tuple(tip), tuple(foot), arrowprops={"arrowstyle": "-|>", "color": RUST}, zorder=1e6)
     axes.annotate(feature.name, tuple(tip), color=INK, zorder=1e6)
-    axes.update_datalim([foot, tip])
+    axes.update_datalim([foot, tip])  # annotations do not count for limits
     axes.autoscale_view()

@@ -179,6 +179,7 @@ def _layered(graph: StateGraph) -> Array:
         for dimension in sorted(layers, reverse=sweep % 2 == 0):
             layer = layers[dimension]
             pull = [float(np.mean(across[near[i]])) if near[i] else 0.0 for i in layer]
+            # Ties by number, so that the picture is the same every time.
             order = [layer[k] for k in sorted(range(len(layer)), key=lambda k: (pull[k], layer[k]))]
             across[order] = _spread(len(layer))
     return np.column_stack([across, np.array(graph.dimensions, dtype=np.float64)])

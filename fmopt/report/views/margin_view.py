@@ -44,6 +44,7 @@ def paint(plan: Plan, figure: Figure) -> None:
     axes.axhline(0.0, color=INK, linewidth=1.0)
     axes.set_yscale("symlog", linthresh=_LINEAR)
     values = np.concatenate([[_LINEAR], *(part for move in run for part in (_clearances(move), _margins(move)))])
+    # Room for the words above, which on a logarithmic axis is a factor.
     axes.set_ylim(min(4.0 * float(np.min(values)), -0.3 * _LINEAR), 20.0 * float(np.max(values)))
     fontsize = min(8.0, _LETTERS / len(run))
     for k, move in enumerate(run):
@@ -75,12 +76,13 @@ def _marks(plan: Plan, run: tuple[Move, ...]) -> list[float]:
 def _edges(plan: Plan, move: Move, left: int) -> Array:
     """Where the pieces of a move begin and end on the axis: shares of its length, from `left` to `left` + 1."""
     passed = np.concatenate([[0.0], np.cumsum([_length(plan, piece) for piece in move.segments])])
+    # Pieces of a move without any length share it evenly.
     return left + (passed / passed[-1] if passed[-1] > 0.0 else np.linspace(0.0, 1.0, len(passed)))
 
 
 def _steps(axes: Axes, move: Move, places: Array) -> None:
     clearance, margin = _clearances(move), _margins(move)
-    stairs: dict[str, Any] = {"baseline": None}
+    stairs: dict[str, Any] = {"baseline": None}  # no closing lines down to zero
     axes.stairs(clearance, places, color=GREY, linestyle="--", linewidth=1.2, **stairs)
     x, low, high = np.repeat(places, 2)[1:-1], np.repeat(margin, 2), np.repeat(clearance, 2)
     axes.fill_between(x, low, high, facecolor="none", edgecolor="#bbbbbb", hatch="/////", linewidth=0)

@@ -23,6 +23,7 @@ _CREASE = math.cos(math.radians(30.0))  # edges flatter than this belong to a cu
 _LAMP = np.array([0.3, -0.5, 0.81])
 # Where the part is looked at from: rows to the right, up, and towards the viewer.
 _VIEW = np.array([[0.8, 0.6, 0.0], [-0.3, 0.4, math.sqrt(0.75)], [0.52, -0.69, 0.5]])
+# Columns: to the right, up, and towards the viewer.
 _PLANES = {
     "x–z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "y–z": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),

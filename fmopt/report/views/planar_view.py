@@ -117,6 +117,7 @@ def piece_points(piece: Curve, step: float = 0.03) -> Array:
     if piece.line is not None:
         return np.array(piece.line, dtype=np.float64).reshape(2, 2)
     x, y, radius, start, sweep = piece.arc or (0.0,) * 5
+    # In steps of 0.03 a chord is off its arc by 1e-4 of the radius.
     angles = start + np.linspace(0.0, sweep, max(math.ceil(abs(sweep) / step), 2) + 1)
     return np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
 

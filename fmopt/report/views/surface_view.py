@@ -99,6 +99,7 @@ def _slices(axes: Any, slices: Sequence[Slice]) -> None:
             edge = 1e3 * np.vstack([piece_points(piece, 0.15)[:-1] for piece in loop])
             faces.append(np.column_stack([edge, np.full(len(edge), math.degrees(part.phi))]))
     skin = Poly3DCollection(faces, facecolor=BLUE, edgecolor=BLUE, alpha=0.1, linewidth=0.6)
+    # BLUE once more: `alpha` has made edges as pale as the faces.
     skin.set_edgecolor((0.106, 0.31, 0.541, 0.6))
     axes.add_collection3d(skin)
     points = np.vstack(faces)

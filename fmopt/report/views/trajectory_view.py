@@ -150,6 +150,7 @@ def _limits(axes: Axes, values: Array, least: float) -> None:
     low, high = float(np.min(values)), float(np.max(values))
     room = max(0.15 * (high - low), least)
     axes.set_ylim(low - room, high + room)
+    # What does not move would show its rounding, magnified to the height of the axis.
     if high - low < least:
         axes.set_ylim(low - 1.0, high + 1.0)
     axes.locator_params(axis="y", nbins=4)

@@ -95,6 +95,7 @@ class Allocation:
             lines[0] += f", at least {self.found.bound:.4g} for this motion"
         for allowed, value in zip(self.question.tolerances, self.values, strict=True):
             before, after = (in_words(x, allowed.dimension) for x in (allowed.now, value))
+            # Scaling to mm or degrees and back may cost the last digits.
             end = ", the loosest allowed" if value >= allowed.high * (1.0 - 1e-9) else ""
             lines.append(f"  {allowed.name}: {before} -> {after} ({value / allowed.now:.3g} times{end})")
         lines.append(f"the same motion: {self.document['verdict']}, least margin {1e6 * self.margin:.2f} µm")
@@ -119,7 +120,7 @@ def allocate(question: Question, progress: Callable[[str], None] = lambda _: Non
         progress(f"cost {answer.cost:.4g} after {answer.motions} motions")
         try:
             other = _with_motion(question, answer.anew, answer.motions + 1, progress)
-        except InfeasibleError:
+        except InfeasibleError:  # the new motion leaves less than is asked for: the answer before it stands
             break
         if other.cost > (1.0 - question.file.gap) * answer.cost or other.document["verdict"] != "CERTIFIED":
             break
@@ -149,6 +150,7 @@ def _with_motion(
     placed = _certified(done, problem)
     if isinstance(placed, str):
         raise InfeasibleError(f"with the answer rounded down, {placed}", advice="lower the digits, or state low")
+    # The motion was found for other errors; the plan states those that it is certified for now.
     errors = ErrorSet.of(problem.start_box, problem.framing)
     same = replace(done, errors=errors, tolerance=under_errors(done, problem).tolerance, placed=placed)
     progress("checking the same motion")
@@ -197,6 +199,7 @@ def _down(value: float, dimension: Dimension) -> float:
     scale = {LENGTH: 1e-3, ANGLE: math.pi / 180.0}.get(dimension, 1.0)
     read = value / scale
     size = 10.0 ** (math.floor(math.log10(read)) - _DIGITS + 1)
+    # The share keeps a number of few digits that is a hair short in binary; no value ends above what was found.
     return min(float(f"{math.floor(read / size * (1.0 + 1e-9)) * size:.{_DIGITS}g}") * scale, value)
 
 

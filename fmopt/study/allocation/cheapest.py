@@ -27,9 +27,9 @@ Margins = Callable[[Array], Mapping[str, float] | str]
 _ROUNDS = 24
 _STALLED = 4  # rounds without a better point after which no more are tried
 _STEP = 0.02  # relative step of the differences that slopes are taken from
-_BISECTIONS = 5
+_BISECTIONS = 5  # which leave a thirty-second of the way open
 _NEAR = 0.1  # share of the margin asked for that the least margin may have left to be what binds
-_MICRO = 1e6
+_MICRO = 1e6  # µm in a metre: margins are in m, cuts in µm
 _BENT = 0.05  # µm that a margin must exceed its tangent by to count as bent upwards
 _NOISE = 1e-4  # µm that margins and their differences are not exact to
 
@@ -127,9 +127,11 @@ def cheapest(margins: Margins, weights: Array, low: Array, high: Array, required
         concave = concave and not bent
         cuts = kept + [cut for cut in fresh if cut.says_more(kept)]
         better = _allowed(search, best, proposed)
+        # Less than a tenth of the gap counts as no gain, so that rounds do not go into creeping.
         since = 0 if _cost(weights, better) < (1.0 - 0.1 * gap) * _cost(weights, best) else since + 1
         if _cost(weights, better) < _cost(weights, best):
             best = better
+        # Where tangents were belied, this round's bound came from wrong ones.
         near = not bent and _cost(weights, best) - bound <= gap * _cost(weights, best)
     if not near:
         best = _one_by_one(search, best, weights, high)
@@ -177,6 +179,7 @@ class _Search:
         """The least margin at u, and what keeps u from growing."""
         found = self.margins(u)
         name = min(found, key=lambda key: (found[key], key))
+        # The micrometre counts where the margin asked for is zero, of which a share is nothing.
         wide = found[name] > self._required * (1.0 + _NEAR) + 1e-6
         return found[name], self._words if wide and self._words else name
 
@@ -185,8 +188,10 @@ class _Search:
         slopes = {name: np.zeros(len(u)) for name in here}
         for i in range(len(u)):
             step = _STEP * u[i]
+            # Tighter errors are inside those at u, where the motion could be followed; looser ones may not be.
             there = self.margins(u - step * np.eye(len(u))[i])
             for name, slope in slopes.items():
+                # A move may be cut into other pieces there: a margin without a counterpart counts as level.
                 slope[i] = (here[name] - there.get(name, here[name])) / step
         return [
             _Cut(name, u, _MICRO * value, _MICRO * slopes[name]) for name, value in here.items() if slopes[name].any()
@@ -220,6 +225,7 @@ def _one_by_one(search: _Search, good: Array, weights: Array, high: Array) -> Ar
         wanted = u.copy()
         wanted[i] = high[i]
         while wanted[i] > 2.0 * u[i] and not search.suffices(wanted):
+            # Halved in the logarithm, as multiples may span decades, until a factor of two is left to bisect.
             wanted[i] = np.sqrt(wanted[i] * u[i])
         u = _allowed(search, u, wanted)
     return u
@@ -229,6 +235,7 @@ def _program(cuts: list[_Cut], weights: Array, low: Array, high: Array, required
     """The cheapest u under all cuts, and its cost: least w·s with s_i u_i ≥ 1, or |(2, s_i − u_i)| ≤ s_i + u_i."""
     p = len(weights)
     eye = np.eye(p)
+    # What holds in the whole box cannot bind.
     reach = [cut for cut in cuts if cut.least(low, high) < _MICRO * required]
     G = np.vstack([np.hstack([eye, eye]), *(np.append(cut.slope, np.zeros(p))[None] for cut in reach)])
     h = np.append(np.zeros(p), [cut.value - float(cut.slope @ cut.at) - _MICRO * required for cut in reach])
@@ -242,9 +249,10 @@ def _program(cuts: list[_Cut], weights: Array, low: Array, high: Array, required
         W=W,
         norms=norms,
         lower=np.append(low, np.zeros(p)),
-        upper=np.append(high, 2.0 / low),
+        upper=np.append(high, 2.0 / low),  # s need be no more than 1/low
         units=np.append(high, 1.0 / low),
     )
     solution = ClarabelSolver(tolerance=1e-10).solve(program)
+    # The solver keeps to the box but for its tolerance.
     u = np.clip(solution.x[:p], low, high)
-    return u, -solution.bound
+    return u, -solution.bound  # the program maximises −cost

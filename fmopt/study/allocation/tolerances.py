@@ -106,6 +106,7 @@ def load_allocation(path: Path) -> Question:
 
 
 def _allowed(source: Source, reading: Reading, base: Base, table: Tolerance, n: int) -> Allowed | Fault:
+    # Present values are in the units of the problem file, low and high in those of this one.
     here = Reading(factors(base.problem.data.get("units")))
     targets, values = [], []
     for k, path in enumerate(table.sets):
@@ -123,9 +124,10 @@ def _allowed(source: Source, reading: Reading, base: Base, table: Tolerance, n: 
         targets.append(goal)
     now, dimension = values[0], targets[0].dimension
     place = source.place(("tolerances", n), of_key=True)
-    assert dimension is not None
+    assert dimension is not None  # choices of words were refused above
     if any(goal.dimension != dimension for goal in targets) or any(value != now for value in values):
         return place.fault("conflict", "what it sets is not the same now", "make several tolerances of it")
+    # What is sought is a multiple of it.
     if now <= 0.0:
         return place.fault("out-of-range", "the present value is zero", "leave it out, or state a value")
     bounds = {"low": now, "high": _LOOSEST * now}

@@ -73,6 +73,7 @@ def _grid(view: View) -> _Grid | None:
         return None
     first, second = (view.axis(axis) for axis in view.free)
     (x, i), (y, j) = (np.unique(values, return_inverse=True) for values in (first, second))
+    # As many runs as cells: one that has two leaves another empty, which stays −1. Borders take two values at least.
     if len(x) * len(y) != len(first) or min(len(x), len(y)) < 2:
         return None
     run = np.full((len(y), len(x)), -1)
@@ -97,6 +98,7 @@ def _map(view: View, name: str, grid: _Grid, figure: Figure) -> None:
     figure.colorbar(mesh, ax=axes, label=answer_label(name))
     poor = np.ma.masked_array(np.ones(values.shape), values.mask | grid.of(view.good))
     if poor.count():
+        # Not pcolormesh, which draws no hatches.
         axes.pcolor(x, y, poor, hatch="///", edgecolor="white", linewidth=0.0, facecolor="none")
     for row, column in zip(*np.nonzero(values.mask | np.zeros(values.shape, bool)), strict=True):
         axes.text(grid.x[column], grid.y[row], "×", ha="center", va="center", color=GREY)
@@ -126,6 +128,7 @@ def _border(axes: Axes, x: Array, y: Array, good: Truth, done: Truth) -> None:
     above = (good[1:] != good[:-1]) & done[1:] & done[:-1]
     lines = [((x[c + 1], x[c + 1]), (y[r], y[r + 1])) for r in range(rows) for c in range(columns - 1) if beside[r, c]]
     lines += [((x[c], x[c + 1]), (y[r + 1], y[r + 1])) for r in range(rows - 1) for c in range(columns) if above[r, c]]
+    # All of the white first, so that none of it lies on the red of a neighbour.
     for across, up in lines:
         axes.plot(across, up, color="white", linewidth=4.0, solid_capstyle="projecting")
     for across, up in lines:
@@ -144,7 +147,7 @@ def _labelled(view: View, axes: Axes, across: Varied, up: Varied) -> None:
         if axis.unit == "word":
             put(range(len(view.words(axis))), view.words(axis))
         elif len(places := np.unique(view.axis(axis))) <= _MOST_TICKS:
-            put([], minor=True)
+            put([], minor=True)  # a logarithmic axis would label its own in between
             put(places, ticks(places))
 
 
@@ -217,6 +220,7 @@ def _verdicts(view: View, grid: _Grid, figure: Figure) -> None:
     number = np.array([kinds.index(kind) for kind in view.kinds])[grid.run]
     rest = [kind for kind in kinds if kind not in _GOOD]
     shades = [_GOOD[kind] if kind in _GOOD else _REST[rest.index(kind) % len(_REST)] for kind in kinds]
+    # The number of a kind is in the middle of its colour's range.
     axes.pcolormesh(*grid.borders, number, cmap=_colours(shades), vmin=-0.5, vmax=len(kinds) - 0.5, edgecolors="white")
     letters = dict(zip(kinds, string.ascii_uppercase, strict=False))
     for row, column in np.ndindex(number.shape):

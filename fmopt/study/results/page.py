@@ -18,7 +18,7 @@ from fmopt.study.results.table import Varied
 from fmopt.study.results.view import View, answer_label, axis_label, ticks
 from fmopt.study.sampling import CUBES
 
-_NUMBER = re.compile(r"(?<![\w])-?\d+(?:\.\d+)?(?:e-?\d+)?")
+_NUMBER = re.compile(r"(?<![\w])-?\d+(?:\.\d+)?(?:e-?\d+)?")  # none within a name, as in v3-f1
 _LISTED = 6  # numbers of runs that a group of failures names
 
 
@@ -117,6 +117,7 @@ def _correlations(view: View) -> str:
         y = view.answer(name)
         for axis in view.free:
             x, known = view.axis(axis), np.isfinite(y)
+            # Words are in the order in which they come, which means nothing.
             found = None if axis.unit == "word" else rank_correlation(x[known], y[known])
             if found is not None:
                 rows.append((answer_label(name), axis_label(axis), _interval(found), str(int(known.sum()))))
@@ -130,6 +131,7 @@ def _sobol(view: View) -> str:
     rows = []
     for name in view.answers:
         found = sobol_indices(view.answer(name), len(view.free)) or []
+        # One for each axis, or none at all where they are not defined.
         for axis, index in zip(view.free, found, strict=False):
             rows.append((answer_label(name), axis_label(axis), _interval(index.first), _interval(index.total)))
     head = ("answer", "axis", "alone (95 % interval)", "with the others (95 % interval)")

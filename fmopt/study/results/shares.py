@@ -19,7 +19,7 @@ from fmopt.study.results.view import View
 _VALUES = 16  # of an axis, above which neighbours are put together
 _BINS = 8
 
-_DRAWS = 1000
+_DRAWS = 1000  # of the bootstrap: 25 lie outside of an interval on each side
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,7 @@ def _bins(view: View, axis: Varied, runs: NDArray[np.intp], good: Array, total: 
     if len(places) <= _VALUES or axis.unit == "word":
         group = place
     else:
+        # By where the middle of a value's runs is among all of them, so that runs of one value stay together.
         middles = np.cumsum(counts) - 0.5 * counts
         group = np.minimum(middles / len(x) * _BINS, _BINS - 1).astype(int)[place]
     chosen = [group == number for number in np.unique(group)]
@@ -131,9 +132,11 @@ def rank_correlation(x: Array, y: Array) -> Estimate | None:
         return None
     rho = min(max(float(a @ b) / size, -1.0), 1.0)
     n = float(len(x))
+    # Two neighbours exchanged make Σd² = 2 in ρ = 1 − 6 Σd²/(n (n² − 1)); at ρ = 1 the arctanh is infinite.
     most = 1.0 - 12.0 / (n * (n**2 - 1.0))
     near = math.copysign(min(abs(rho), most), rho)
     z, spread = math.atanh(near), NORMAL_95 * math.sqrt((1.0 + 0.5 * near**2) / (n - 3.0))
+    # A perfect order is outside of the interval about its neighbour, which is widened to hold it.
     return Estimate(rho, min(math.tanh(z - spread), rho), max(math.tanh(z + spread), rho))
 
 
@@ -158,11 +161,12 @@ def sobol_indices(values: Array, dimensions: int) -> list[SobolIndex] | None:
     Returns:
         An index for each axis; None when fewer than eight rows are known, or the values do not vary.
     """
+    # A row for each base point: at A, at B, then at A with each column of B, as `cube` puts them.
     rows = values.reshape(dimensions + 2, -1).T
     rows = rows[np.isfinite(rows).all(axis=1)]
     if len(rows) < 8 or not float(np.var(rows[:, :2])) > 0.0:
         return None
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(0)  # the same interval for the same results
     draws = [_indices(rows)] + [_indices(rows[rng.integers(0, len(rows), len(rows))]) for _ in range(_DRAWS)]
     found = np.array([draw for draw in draws if np.isfinite(draw).all()])
     low, high = np.quantile(found[1:], [0.025, 0.975], axis=0)
@@ -174,6 +178,7 @@ def sobol_indices(values: Array, dimensions: int) -> list[SobolIndex] | None:
 
 def _indices(rows: Array) -> Array:
     """First and total indices (2, d) of rows (n, d + 2)."""
+    # A constant does not change what is estimated, but how far the estimates scatter.
     centred = rows - rows[:, :2].mean()
     A, B, AB = centred[:, :1], centred[:, 1:2], centred[:, 2:]
     variance = float(np.var(centred[:, :2]))

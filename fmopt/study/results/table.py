@@ -66,6 +66,7 @@ def results(folder: Path) -> Results:
         ResourceError: the store cannot be read.
     """
     facts, records = recorded(folder)
+    # From the store, as the study file may be gone, or have changed since.
     columns = tuple(json.loads(facts["columns"]))
     axes = tuple(Varied(a["name"], a["unit"], a["linked"], a["log"]) for a in json.loads(facts["axes"]))
     return Results(facts, axes, columns, tuple(_line(record, columns) for record in records))
@@ -84,7 +85,7 @@ def csv_text(found: Results) -> str:
     Texts on one line each, with an apostrophe before those that a spreadsheet would take for a formula.
     """
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    writer = csv.writer(text, lineterminator="\n")  # the module's own would be \r\n
     writer.writerow([escape.csv_text(column) for column in found.columns])
     for line in found.lines:
         writer.writerow([_cell(line[column]) for column in found.columns])

@@ -66,6 +66,7 @@ class View:
     def goodness(self) -> str:
         """What coming out well means, in a word."""
         columns = self.results.columns
+        # Columns of the quantities that make a plan, whose verdict then decides.
         if {"margin", "moves", "trials"} & set(columns):
             return "certified"
         return "held" if "holds" in columns else "feasible"
@@ -124,6 +125,7 @@ def _bound(name: Scalar, words: Scalar) -> str | None:
 def ticks(values: Array) -> list[str]:
     """Different numbers in as few digits as tell them apart, rounded by a twentieth of their least step at most."""
     step = float(np.min(np.diff(np.sort(values)))) if len(values) > 1 else math.inf
+    # A lone value has nothing to be told from, so that its first four digits do.
     for digits in range(3 if len(values) > 1 else 4, 17):
         words = [f"{value:.{digits}g}" for value in values]
         if all(abs(float(word) - value) <= 0.05 * step for word, value in zip(words, values, strict=True)):

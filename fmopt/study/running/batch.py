@@ -93,6 +93,7 @@ def digest(inputs: Mapping[str, bytes]) -> str:
     """SHA-256 (hex) of files with their names."""
     whole = hashlib.sha256()
     for name in sorted(inputs):
+        # With its length, so that no content passes for the name and content of another file.
         whole.update(f"{name}\0{len(inputs[name])}\0".encode() + inputs[name])
     return whole.hexdigest()
 
@@ -107,6 +108,7 @@ def laid_out(inputs: Mapping[str, bytes], home: Path | None) -> Path:
     Raises:
         ResourceError: it cannot be written.
     """
+    # By content: what is there under this name need not be written, and changed files get a folder of their own.
     name = digest(inputs)[:16]
     if home is None:
         home = _own_folder(name)

@@ -59,6 +59,7 @@ class Hosts(Remote):
         """
         self._connected()
         now = time.monotonic()
+        # The scheduler answers over the network, and is watched with every beat of the desk.
         if now - self._looked < _GLANCE:
             return
         self._looked = now
@@ -82,7 +83,7 @@ def _checked(address: str) -> None:
     parts = urlsplit(address if "://" in address else f"tcp://{address}")
     try:
         known = parts.scheme in ("tcp", "tls", "ws", "wss", "ucx") and parts.hostname and parts.port
-    except ValueError:
+    except ValueError:  # a port that is no number
         known = False
     if not known:
         raise ResourceError(f"{address}: this is no address of a scheduler", "write one such as tcp://10.0.0.5:8786")
@@ -104,6 +105,7 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
         raise ResourceError("--cluster needs Dask", "install fmopt with its extra 'cluster'") from error
     _checked(address)
     try:
+        # Who calls from a notebook keeps the default client that is there.
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         advice = "start dask scheduler and dask worker, or correct the address"

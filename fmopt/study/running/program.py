@@ -20,7 +20,7 @@ def program() -> str:
     """Version, and a hash of the package's own files and of the versions of the libraries that compute."""
     whole = hashlib.sha256()
     root = Path(fmopt.__file__).parent
-    for path in sorted(root.rglob("*.py")):
+    for path in sorted(root.rglob("*.py")):  # a disk lists them in any order
         content = path.read_bytes()
         whole.update(f"{path.relative_to(root).as_posix()}\0{len(content)}\0".encode() + content)
     for name in _LIBRARIES:
@@ -32,4 +32,4 @@ def _version(name: str) -> str:
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
-        return "none"
+        return "none"  # that it is missing tells programs apart, too

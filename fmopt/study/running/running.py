@@ -21,9 +21,9 @@ from fmopt.study.running.program import program
 from fmopt.study.running.store import Effort, Numbered, Row, Store, owned
 from fmopt.study.running.workers import ATTEMPTS, Local, run_batch
 
-BATCH_SECONDS = 0.5
+BATCH_SECONDS = 0.5  # s of work in a batch; about what a kill of the owner costs each of its workers
 _GROWTH = 4  # times that a batch may be longer than the one before
-_LONGEST = 10_000
+_LONGEST = 10_000  # runs of a batch, however short they are
 _BEAT = 0.5  # s between looks at the clock and at Ctrl-C
 
 
@@ -125,6 +125,7 @@ def run(
     output.prepare(folder)
     with owned(folder), store_of(folder) as store:
         store.design(work.numbered(), work.facts)
+        # A copy: what changes meanwhile in files that are named by relative paths gets into no run.
         home = laid_out(work.inputs, folder / "inputs") if options.executor is None else None
         form = Batch((), evaluate, work.limits, {}, home)
         if home is None:  # a host elsewhere has neither the inputs nor, perhaps, this program
@@ -151,7 +152,7 @@ class _Stop:
 def _stoppable() -> Iterator[_Stop]:
     """Ctrl-C and SIGTERM end the study after what is under way has been put away; a second one at once."""
     stop = _Stop()
-    if threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread():  # no other thread may set handlers
         yield stop
         return
     before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -203,10 +204,12 @@ class _Desk:
         under_way: dict[Future[Returned], Batch] = {}
         self._progress(self._tally())
         while (self._waiting or under_way) and not stop.signal:
+            # No more than can be done at once: how long a batch is follows from the times of those before it.
             while self._waiting and len(under_way) < self._options.jobs:
                 batch = self._next()
                 under_way[executor.submit(run_batch, batch)] = batch
             finished, _ = wait(under_way, _BEAT, FIRST_COMPLETED)
+            # Before results are taken: who has lost its scheduler has futures cancelled, which no run is to blame for.
             if isinstance(executor, Remote):
                 executor.watch()
             for future in finished:
@@ -215,6 +218,7 @@ class _Desk:
         if stop.signal:
             for future in under_way:
                 future.cancel()
+            # Its workers are killed, and its threads hand back the rows that they have; other hosts are not waited for.
             if isinstance(executor, Local):
                 executor.shutdown()
             for future, batch in under_way.items():
@@ -226,6 +230,7 @@ class _Desk:
         """The next batch: as many runs as make half a second, but no more than leave work for the others."""
         first = self._waiting[0].key
         share = math.ceil(len(self._waiting) / self._options.jobs)
+        # Alone after a loss, so that the run that takes its host down is found out.
         size = 1 if first in self._deaths else min(self._pace.size(), share)
         runs = [self._waiting.popleft() for _ in range(size)]
         return replace(self._form, runs=tuple(runs))
@@ -236,10 +241,11 @@ class _Desk:
         if error is None:
             returned = future.result()
         elif isinstance(error, CancelledError) or type(error).__name__ == "KilledWorker":
+            # Dask's error goes by its name, as the library need not be there.
             returned = self._lost(batch)
         else:
             raise error
-        self._waiting.extendleft(reversed(returned.left))
+        self._waiting.extendleft(reversed(returned.left))  # to the front, in the order of the design
         if returned.rows:
             self._store.add(returned.rows)
             rows = [row for row, _ in returned.rows]
@@ -278,6 +284,7 @@ class _Pace:
 
     def size(self) -> int:
         """Runs of the next batch."""
+        # As long as no times are known the mean is infinite, and the batch is one run.
         wanted = math.ceil(BATCH_SECONDS / self._mean) if self._mean > 0.0 else _LONGEST
         self._last = max(1, min(wanted, _GROWTH * self._last, _LONGEST))
         return self._last

@@ -28,6 +28,7 @@ FORMAT = "fmopt.study/1"
 Outcome = Literal["done", "input", "error", "crash", "timeout", "memory", "killed"]
 Scalar = str | float | int | bool | None
 
+# Results go by key and not by number: they outlive a change of the design, and equal runs share one.
 _TABLES = """
 CREATE TABLE IF NOT EXISTS facts (name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS runs (number INTEGER PRIMARY KEY, key TEXT NOT NULL, point TEXT NOT NULL);
@@ -91,10 +92,11 @@ class Store:
         self._path = folder / NAME
         with self._told():
             fresh = not self._path.exists()
+            # Transactions begin and end where this class says; by itself the module begins some unasked.
             self._file = sqlite3.connect(self._path, isolation_level=None)
         try:
             with self._told():
-                self._file.execute("PRAGMA journal_mode = WAL")
+                self._file.execute("PRAGMA journal_mode = WAL")  # who reads meanwhile keeps no writer waiting
                 self._file.execute("PRAGMA synchronous = FULL")
                 self._file.executescript(_TABLES)
                 if fresh:
@@ -129,12 +131,13 @@ class Store:
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
         with self._told():
+            # A writer from the start: a transaction that becomes one halfway may be refused there.
             self._file.execute("BEGIN IMMEDIATE")
             try:
                 yield self._file
                 self._file.execute("COMMIT")
             except BaseException:
-                if self._file.in_transaction:
+                if self._file.in_transaction:  # SQLite may have rolled it back itself, as on a full disk
                     self._file.execute("ROLLBACK")
                 raise
 
@@ -228,6 +231,7 @@ def _reading(folder: Path) -> Iterator[sqlite3.Connection]:
         fault = Place(str(folder)).fault("no-study", "there is no study in this folder", "run fmopt study FILE first")
         raise InputError(fault)
     with translated(path):
+        # Only a URI can say that nothing is to be written.
         file = sqlite3.connect(path.absolute().as_uri() + "?mode=ro", uri=True)
         try:
             yield file
@@ -258,6 +262,7 @@ def translated(path: Path) -> Iterator[None]:
 
 
 def _text(values: Mapping[str, Scalar]) -> str:
+    # NaN and infinity, which JSON lacks and Python writes all the same, were refused by `answered` before.
     return json.dumps(dict(values), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
@@ -302,10 +307,12 @@ def owned(folder: Path) -> Iterator[None]:
         yield
     finally:
         _HERE.discard(name)
+        # The file stays: if it went, one could hold the old one and another a new one of its name.
         os.close(descriptor)
 
 
 def _name(status: os.stat_result) -> tuple[int, int]:
+    # Not its path, of which a file may have several.
     return status.st_dev, status.st_ino
 
 

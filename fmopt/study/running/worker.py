@@ -19,6 +19,7 @@ from fmopt.study.running.store import Effort, Row
 READY = b"ready"
 BEGUN = b"begun"
 LEAVING = b"leaving"
+# Threads of a Dask host go on when a study is over, and nobody there dismisses their workers.
 _IDLE = 60.0  # s
 
 
@@ -37,6 +38,7 @@ def serve(connection: Connection, memory: str) -> None:
             message = connection.recv_bytes()
         except EOFError:
             return
+        # This imports what evaluates, which counts as starting up: time limits of runs begin after BEGUN.
         evaluate, folder, runs = pickle.loads(message)
         connection.send_bytes(BEGUN)
         if not _served(connection, evaluate, folder, runs):
@@ -49,7 +51,7 @@ def _served(connection: Connection, evaluate: Evaluate, folder: Path, runs: Iter
     for run in runs:
         began = time.perf_counter()
         row = answered(evaluate, run, folder)
-        peak = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        peak = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # KiB on Linux
         connection.send_bytes(pickle.dumps((row, Effort(time.perf_counter() - began, peak))))
         if row.outcome == "memory":
             return False

@@ -47,12 +47,13 @@ class Crew:
         """Kills all workers; what they are at is left undone."""
         with self._gate:
             for worker in self._workers:
+                # First, so that its thread does not take the end of the connection for a crash.
                 worker.called_off = True
                 worker.process.kill()
 
     def dismiss(self) -> None:
         """Ends all workers, once no thread uses them any more."""
-        for worker in list(self._workers):
+        for worker in list(self._workers):  # `end` takes each out of the set
             worker.end()
 
 
@@ -72,6 +73,7 @@ class Worker:
         self._crew = crew
         self.called_off = False
         self._new = True
+        # No pipe: nobody reads it as long as the worker runs, and a full one would hold it up.
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 (open as long as the process lives)
         self._child = Child(_ENTRY, str(limits.memory or 0), said=self._said)
         self.process, self.connection = self._child.process, self._child.connection
@@ -99,7 +101,7 @@ class Worker:
         self._new = False
         try:
             self.connection.send_bytes(pickle.dumps((evaluate, folder, tuple(runs))))
-        except OSError:
+        except OSError:  # it has ended meanwhile, idle for too long or killed
             return
         if self._message(_START_UP) != BEGUN:
             return
@@ -143,6 +145,7 @@ class Local(ThreadPoolExecutor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Ends the workers, too; what they are at is called off."""
         super().shutdown(wait=False, cancel_futures=True)
+        # Again and again, as a thread may be starting another worker just now.
         while any(thread.is_alive() for thread in self._threads):
             self._crew.call_off()
             time.sleep(0.01)
@@ -178,9 +181,11 @@ def run_batch(batch: Batch) -> Returned:
                 deaths, began = 0, time.perf_counter()
             else:
                 word = item
+        # A worker whose last run ran out of memory is leaving, and is not used again.
         if word is None and len(rows) == len(batch.runs) and rows[-1][0].outcome != "memory":
             break
         false_starts = false_starts + 1 if word is None and len(rows) == before else 0
+        # Before it is released, which closes the file of what it said.
         said = worker.last_words() if false_starts == _TRIES else ""
         code = _released(worker, word == "crash")
         if worker.called_off:
@@ -210,6 +215,7 @@ def _reason(word: str, code: int, limits: Limits) -> str:
 def _own(limits: Limits) -> Worker:
     """The worker of this thread."""
     worker: Worker | None = getattr(_MINE, "worker", None)
+    # A process that has lowered its limit of memory may not raise it again.
     if worker is not None and worker.limits != limits:
         _released(worker, False)
         worker = None

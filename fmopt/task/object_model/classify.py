@@ -62,6 +62,7 @@ def object_tree(
         shared = tuple({id(one): one for t in owned for one in bodies.get(id(t), (t.body,))}.values())
         term = Term(sign, feature.name, shared[0] if len(shared) == 1 else Union(shared))
         left.insert(left.index(owned[0]), term)
+        # A mating feature that this one is made of stays one: both have its body.
         left = [other for other in left if other not in owned or id(other) in made]
         group = claim.classification or (_HOLES if sign == "-" else _PEGS)
         whole = Feature(feature.name, sign, feature.frame, term.body, feature.length, feature.through)
@@ -116,7 +117,7 @@ def _found(left: Sequence[Term], feature: MatingFeature) -> list[Term]:
         raise TaskError(message, feature.name, MADE, advice)
     share = _shares(left, feature)
     first = last = max(share, key=lambda number: share[number])
-    while share.get(first - 1, 0.0) > 0.0:
+    while share.get(first - 1, 0.0) > 0.0:  # terms of the other sign have none
         first -= 1
     while share.get(last + 1, 0.0) > 0.0:
         last += 1

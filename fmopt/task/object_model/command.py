@@ -134,6 +134,7 @@ def answer(workcell: Workcell, task: Task) -> Answer:
     """
     one, other = _feature(workcell, task.moving), _feature(workcell, task.fixed)
     exchanged = _is_exchanged(task, one, other)
+    # Links between the operands do not count: a pair that is there already may be moved along.
     carried = workcell.group(task.moving.object, task.fixed.object)
     standing = workcell.group(task.fixed.object, task.moving.object)
     if task.fixed.object in carried:
@@ -219,6 +220,7 @@ def _is_exchanged(task: Task, one: Feature, other: Feature) -> bool:
     if task.moving.object == task.fixed.object:
         message = f"both operands belong to {task.moving.object!r}"
         raise TaskError(message, str(task.moving), EXIST, "name features of two objects")
+    # Of two alike only solid ones join, a face put on a face.
     if one.hollow == other.hollow and (one.hollow or task.attachment != "planar"):
         message = f"{task.moving} and {task.fixed} are both {'hollow' if one.hollow else 'solid'}"
         raise TaskError(message, str(task.moving), KINDS, "name the peg of one object and the hole of the other")
@@ -231,6 +233,7 @@ def _goal(task: Task, one: Feature, other: Feature, start: Pose, exchanged: bool
     full = min(reach, hole.length or 0.0)
     sign = 1.0 if exchanged else -1.0
     values, settled = settle(task.goal, start, task.attachment, sign * full, str(task.moving))
+    # Out of an open hole the peg may come at its far end, as far as it is long.
     check_goal(values, task.attachment, reach if hole.through else full, sign, str(task.moving))
     return Pose.from_vector(values), settled
 

@@ -39,8 +39,8 @@ MOUTH = "the z axis of a hollow feature passes through its mouth"
 
 _NOISE = 1e-5  # of the size of a section: how far from its centre counts as at the centre
 _SHORT = 1e-6  # of the feature's length: shorter stretches of an axis are noise
-_HEIGHTS = (0.125, 0.375, 0.625, 0.875)
-_AXES = (
+_HEIGHTS = (0.125, 0.375, 0.625, 0.875)  # shares of a stretch, inside it: at its ends sections may change at once
+_AXES = (  # frames whose z is x, or y, of the one that they are in
     Pose(np.zeros(3), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])),
     Pose(np.zeros(3), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])),
 )
@@ -96,6 +96,7 @@ def _check(feature: Feature, name: str, classes: tuple[FeatureClass, ...], order
 
 def _gaps(intervals: Intervals, low: float, high: float) -> Intervals:
     """What between two heights lies in none of the intervals."""
+    # low, a₁, b₁, a₂, b₂, …, high: taken in pairs, these are the gaps.
     levels = [low, *(level for interval in clipped(intervals, low, high) for level in interval), high]
     return tuple((a, b) for a, b in zip(levels[::2], levels[1::2], strict=True) if a < b)
 
@@ -124,6 +125,7 @@ def _check_mouth(tree: ObjectTree, feature: Feature, along: Intervals, material:
     """From the origin up the axis leaves the hollow feature into the open, not into material."""
     noise = _SHORT * (feature.length or 0.0)
     end = max((b for a, b in along if a <= noise), default=0.0)
+    # What comes after a gap does not close the mouth: an arm may be above it.
     for a, b in material:
         if a <= max(end, 0.0) + noise and b > noise:
             message = f"feature {feature.name!r} of {tree.name!r} has no mouth along its z axis, which meets material "
@@ -183,7 +185,7 @@ def _body_outlines(body: Solid) -> list[Array]:
 
 
 def _heights(shell: Polyhedron, low: float, high: float) -> list[float]:
-    levels = np.unique(np.round(np.clip(shell.vertices[:, 2], low, high), 12))
+    levels = np.unique(np.round(np.clip(shell.vertices[:, 2], low, high), 12))  # pm: rounding makes no levels
     wide = _SHORT * float(levels[-1] - levels[0])
     return [a + share * (b - a) for a, b in pairwise(levels) if b - a > wide for share in _HEIGHTS]
 
@@ -201,7 +203,7 @@ def _around(ring: Array) -> bool:
     """Whether the ring goes around the origin."""
     angle = np.arctan2(ring[:, 1], ring[:, 0])
     turn = (np.roll(angle, -1) - angle + np.pi) % (2.0 * np.pi) - np.pi
-    return bool(abs(np.sum(turn)) > np.pi)
+    return bool(abs(np.sum(turn)) > np.pi)  # 2π around it, 0 beside it
 
 
 def _is_central(outlines: Sequence[Array]) -> bool:
@@ -235,6 +237,7 @@ def _at_inner_circle(ring: Array) -> bool:
     share = np.clip(-np.sum(ring * side, axis=1) / np.sum(side * side, axis=1), 0.0, 1.0)
     nearest = ring + share[:, None] * side
     distance = np.linalg.norm(nearest, axis=1)
+    # Two parallel walls leave just a half-plane: a circle between them could slide.
     return _gap(nearest[distance <= distance.min() + _NOISE * _size(ring)]) < np.pi - 1e-3
 
 
@@ -307,6 +310,7 @@ def _combined(added: list[Intervals], taken: list[Intervals]) -> Intervals:
     levels = np.unique([level for some in (*added, *taken) for interval in some for level in interval])
     kept: list[tuple[float, float]] = []
     for a, b in pairwise(levels.tolist()):
+        # Between neighbouring levels nothing begins or ends: the middle stands for the stretch.
         middle = 0.5 * (a + b)
         if any(_holds(some, middle) for some in added) and not any(_holds(some, middle) for some in taken):
             joins = bool(kept) and kept[-1][1] == a
@@ -323,6 +327,7 @@ def _through(primitive: Primitive, pose: Pose) -> Intervals:
     hull = convex_polyhedron(primitive, pose)
     slope, offset = hull.normals[:, 2], hull.offsets
     flat = np.abs(slope) < 1e-12
+    # A face along the axis does not bound it, but may have all of it outside.
     if np.any(offset[flat] < 0.0):
         return ()
     bounds = offset[~flat] / slope[~flat]

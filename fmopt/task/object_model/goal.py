@@ -40,7 +40,7 @@ HELD: dict[LowerPair, tuple[int, ...]] = {
 }
 _NEAR = 1e-9  # m or rad
 _STEPS = 100
-_GRID, _DESCENTS = 9, 4
+_GRID, _DESCENTS = 9, 4  # values of a free entry, 45° apart; how many of all are begun from
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,7 @@ def settle(goal: Goal, start: Pose, pair: LowerPair, seated: float, feature: str
         if entry != FREE:
             values[i] = float(entry)
             continue
+        # A prismatic pair keeps any angle that is stated, so that it is not among what is held at 0.
         if i in HELD[pair] or (pair == "prismatic" and i == 5):
             why[i] = f"as the {pair} pair holds it"
         elif i == 2 and pair in INSERTIONS:
@@ -98,8 +99,10 @@ def settle(goal: Goal, start: Pose, pair: LowerPair, seated: float, feature: str
 
 def _nearest_rotation(fixed: Array, free: Sequence[int], start: Array, feature: str) -> Array:
     """The rotation vector with given entries but the free ones whose rotation is nearest to `start`."""
+    # With other entries beside it a rotation vector is no turn about an axis of the frame.
     one_axis = len(free) == 1 and not fixed.any()
     best = _twist(free[0], start) if one_axis else _searched(fixed, free, start)
+    # No rotations are more than π apart: then every goal is that far, and none the nearest.
     if _distance(best, start) > math.pi - 1e-6:
         names = ", ".join(ENTRIES[3 + i] for i in free)
         message = f"the start of {feature!r} is turned by 180 deg against every goal, which leaves {names} open"
@@ -111,7 +114,7 @@ def _twist(axis: int, start: Array) -> Array:
     """The twist of a rotation about an axis of the frame: 2 atan2 of its quaternion's entry there and its real one."""
     r = log(start)
     half = 0.5 * float(np.linalg.norm(r))
-    along = 0.5 * r[axis] * float(np.sinc(half / np.pi))
+    along = 0.5 * r[axis] * float(np.sinc(half / np.pi))  # NumPy's sinc has the π inside
     return np.asarray(np.eye(3)[axis] * 2.0 * math.atan2(along, math.cos(half)))
 
 
@@ -137,7 +140,7 @@ def _descend(q: Array, free: Sequence[int], start: Array) -> Array:
     for _ in range(_STEPS):
         error = log(exp(q) @ start.T)
         J = left_jacobian(q)[:, list(free)]
-        step = np.linalg.lstsq(J, error, rcond=None)[0]
+        step = np.linalg.lstsq(J, error, rcond=None)[0]  # J loses rank at a full turn
         length = 1.0
         while length > 1e-6:
             trial = np.array(q)

@@ -74,6 +74,7 @@ def chain_solid(chain: Iterable[Term]) -> Solid:
         GeometryError: nothing is added.
     """
     solid: Solid | None = None
+    # One body for each run of a sign: the tree is no deeper than it has to be.
     for sign, run in groupby(chain, key=lambda term: term.sign):
         bodies = tuple(term.body for term in run)
         if sign == "+":
@@ -94,7 +95,7 @@ def moved(solid: Solid, pose: Pose) -> Solid:
         pose: takes a point x of it to pose.apply(x).
     """
     if not pose.vector().any():
-        return solid
+        return solid  # the object itself, with what is remembered of it
     if isinstance(solid, Placed):
         return Placed(solid.solid, pose.compose(solid.pose))
     return Placed(solid, pose)

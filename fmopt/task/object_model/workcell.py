@@ -144,7 +144,7 @@ class Workcell(Value):
         """
         self.object(name)
         found = [name]
-        for reached in found:
+        for reached in found:  # grows as it is walked
             for link in self.links:
                 ends = (link.one.object, link.other.object)
                 if reached in ends and not link.joins(name, apart_from):
@@ -240,6 +240,7 @@ def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose
     some_of = {r.object: frozenset(m.feature for m in members if m.object == r.object) for r in members}
     true_of = {r.object: frozenset(m.feature for m in around if m.object == r.object) for r in members}
     whole = _together(workcell, all_of, frame.inverse())
+    # One object where solids are the same, so that its pieces are found once.
     solid = whole if list(some_of.items()) == list(all_of.items()) else _together(workcell, some_of, frame.inverse())
     true = (
         solid if true_of == some_of else whole if true_of == all_of else _together(workcell, true_of, frame.inverse())

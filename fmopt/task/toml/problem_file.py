@@ -339,6 +339,7 @@ def spelled_out(source: Source) -> tuple[Source, list[Fault]]:
     >>> whole.data["moving"], whole.data["uncertainty"]["start"]
     ({'model': 'peg.stl'}, {'position': '1 mm', 'angle': '1 deg'})
     """
+    # Copies: the hash of a problem is of its document as the file has it.
     data, values, faults = dict(source.data), dict(source.values), list[Fault]()
 
     def put(key: Key, table: dict[str, Any]) -> None:
@@ -356,7 +357,7 @@ def spelled_out(source: Source) -> tuple[Source, list[Fault]]:
             start = error_of(errors["start"])
         except QuantityError as error:
             faults.append(source.place(key).fault(error.code, error.message, error.advice))
-            start = {"position": 0, "angle": 0}
+            start = {"position": 0, "angle": 0}  # so that it is not told as missing, too
         data["uncertainty"] = {**errors, "start": start}
         put(key, start)
     return replace(source, data=data, values=values), faults

@@ -138,6 +138,7 @@ def read_bytes(path: Path, cited: Place, limit: int) -> bytes:
         return content
     try:
         status = path.stat()
+        # Asked before it is opened: a pipe waits for a writer, and a device may never end.
         if not stat.S_ISREG(status.st_mode):
             kind = "a directory" if stat.S_ISDIR(status.st_mode) else "no regular file"
             raise InputError(cited.fault("file-kind", f"{_name(path)} is {kind}", "name a file"))
@@ -154,7 +155,7 @@ def read_bytes(path: Path, cited: Place, limit: int) -> bytes:
     except OSError as error:
         advice = "check its permissions" if isinstance(error, PermissionError) else "correct the path"
         fault = cited.fault("file-unreadable", f"{_name(path)} cannot be read: {error.strerror}", advice)
-    except ValueError:
+    except ValueError:  # a NUL in it
         fault = cited.fault("file-missing", f"{_name(path)} is no file name", "correct the path")
     raise InputError(fault)
 
@@ -179,6 +180,7 @@ def read(path: Path, cited: Place | None = None) -> Source:
     data = _parsed(path, text)
     keys, values = _places(text)
     source = Source(path, data, keys, values)
+    # What reads the document after this goes down into it by recursion.
     for key, value in _walk(data):
         if len(key) >= MAX_DEPTH and isinstance(value, Mapping | list):
             place = source.place(key)
@@ -227,7 +229,7 @@ def _text(path: Path, content: bytes) -> str:
         message = "the file starts with a byte order mark"
         raise InputError(Place(str(path)).fault("toml-bom", message, "save it as UTF-8 without one"))
     try:
-        return content.decode("utf-8").replace("\r\n", "\n")
+        return content.decode("utf-8").replace("\r\n", "\n")  # as tomllib has it: both parsers count alike
     except UnicodeDecodeError as error:
         before = content[: error.start].decode("utf-8")
         line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
@@ -240,6 +242,7 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
+        # tomllib says the place in words alone.
         found = re.search(r"^(.*) \(at (?:line (\d+), column (\d+)|end of document)\)$", str(error), re.DOTALL)
         message = found[1] if found else str(error)
         line, column = len(lines), len(lines[-1]) + 1
@@ -247,7 +250,7 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
             line, column = int(found[2]), int(found[3])
         fault = Place(str(path), line, column).fault("toml-syntax", message[:200], _SYNTAX)
     except RecursionError:
-        depths = [line.count("[") + line.count("{") for line in lines]
+        depths = [line.count("[") + line.count("{") for line in lines]  # it names no line: most brackets are likeliest
         worst = max(range(len(lines)), key=depths.__getitem__)
         fault = _nesting(str(path), worst + 1, 1)
     except ValueError as error:  # an integer of thousands of digits
@@ -262,6 +265,7 @@ def _places(text: str) -> tuple[dict[Key, tuple[int, int]], dict[Key, tuple[int,
     import tree_sitter
     import tree_sitter_toml
 
+    # What is valid and what it means, tomllib has said; the syntax tree says where it stands.
     parser = tree_sitter.Parser(tree_sitter.Language(tree_sitter_toml.language()))
     index = _Index(text)
     index.document(parser.parse(index.content).root_node)
@@ -321,7 +325,7 @@ class _Index:
             key = (*key, self._name(part))
             if last or i < len(parts) - 1:
                 self.keys.setdefault(key, self._place(part))
-                if key in self._elements:
+                if key in self._elements:  # below an array of tables it is in the last one so far
                     key = (*key, self._elements[key] - 1)
         return key
 
@@ -334,8 +338,9 @@ class _Index:
 
     def _name(self, node: Any) -> str:
         text = str(node.text.decode())
+        # tomllib itself reads the escapes, so that the key is the one in its data.
         return next(iter(tomllib.loads(f"{text} = 0"))) if node.type == "quoted_key" else text
 
     def _place(self, node: Any) -> tuple[int, int]:
         row, column = node.start_point
-        return row + 1, len(self._lines[row][:column].decode(errors="replace")) + 1
+        return row + 1, len(self._lines[row][:column].decode(errors="replace")) + 1  # columns of the tree are bytes

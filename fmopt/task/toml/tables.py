@@ -137,7 +137,7 @@ def _bare(value: int | float, wanted: Dimension) -> QuantityError:
 def _float(value: int | float) -> float:
     try:
         return float(value)
-    except OverflowError:
+    except OverflowError:  # an integer of hundreds of digits
         return math.inf
 
 
@@ -173,7 +173,7 @@ class Measured:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         plain: dict[str, Any] = {"type": "number"}
         if self.low == 0.0:
-            plain["minimum"] = 0
+            plain["minimum"] = 0  # of all limits 0 alone holds in every unit
         elif self.low > 0.0:
             plain["exclusiveMinimum"] = 0
         words = [{"const": word} for word in self.words]
@@ -248,11 +248,11 @@ Length: TypeAlias = Annotated[float, Measured(LENGTH, _NANOMETRE, _KILOMETRE)]
 Distance: TypeAlias = Annotated[float, Measured(LENGTH, 0.0, _KILOMETRE)]
 Way: TypeAlias = Annotated[float, Measured(LENGTH, _NANOMETRE, 4.0)]
 Beside: TypeAlias = Annotated[float, Measured(LENGTH, -4.0, 4.0)]
-Shift: TypeAlias = Annotated[float, Measured(LENGTH, 0.0, 0.5)]
-Lever: TypeAlias = Annotated[float, Measured(LENGTH, 2.0**-10, 16.0)]
+Shift: TypeAlias = Annotated[float, Measured(LENGTH, 0.0, 0.5)]  # the most that the check of a plan takes
+Lever: TypeAlias = Annotated[float, Measured(LENGTH, 2.0**-10, 16.0)]  # what the check takes for ρ
 Turn: TypeAlias = Annotated[float, Measured(ANGLE, -_TURN, _TURN)]
 Tilt: TypeAlias = Annotated[float, Measured(ANGLE, 0.0, math.pi / 4.0)]
-ErrorAngle: TypeAlias = Annotated[float, Measured(ANGLE, 0.0, 0.5)]
+ErrorAngle: TypeAlias = Annotated[float, Measured(ANGLE, 0.0, 0.5)]  # likewise, the most of a start error
 Ratio: TypeAlias = Annotated[float, Measured(RATIO, 0.0, 1.0)]
 Friction: TypeAlias = Annotated[float, Measured(RATIO, 0.0, 5.0)]
 Speed: TypeAlias = Annotated[float, Measured(SPEED, 1e-6, 100.0)]
@@ -307,7 +307,7 @@ def _tuples(value: Any) -> Any:
 def _fault(source: Source, schema: Mapping[str, Any], item: Mapping[str, Any]) -> Fault:
     kind, loc = str(item["type"]), tuple(item["loc"])
     key = _existing(source, loc)
-    if kind == "missing" and loc and isinstance(loc[-1], int):
+    if kind == "missing" and loc and isinstance(loc[-1], int):  # an array is too short
         return _array_length(source, key)
     if kind == "missing":
         place = source.place(key, of_key=True)
@@ -318,7 +318,7 @@ def _fault(source: Source, schema: Mapping[str, Any], item: Mapping[str, Any]) -
         known = _known_keys(schema, key[:-1], source)
         advice = did_you_mean(str(key[-1]), known) or f"known keys here: {', '.join(known)}"
         return source.place(key, of_key=True).fault("unknown-key", "there is no such key", advice)
-    if loc and loc[-1] == "[key]":
+    if loc and loc[-1] == "[key]":  # pydantic's word for an entry's name
         code, message, advice = _words(kind, item, key[-1])
         return source.place(key, of_key=True).fault(code, message, advice)
     place = source.place(key)

@@ -12,7 +12,7 @@ from fractions import Fraction
 from typing import Any
 
 MAX_TEXT = 200
-MAX_PARENTHESES = 16
+MAX_PARENTHESES = 16  # the parser calls itself at each
 
 
 class QuantityError(ValueError):
@@ -114,14 +114,14 @@ def scaled(number: float, factor: float) -> float:
     if not math.isfinite(number):
         return number
     try:
-        return float(Fraction(repr(number)) * Fraction(repr(factor)))
+        return float(Fraction(repr(number)) * Fraction(repr(factor)))  # repr: the digits that were written
     except OverflowError:
-        return math.copysign(math.inf, number)
+        return math.copysign(math.inf, number)  # more than a float holds, which is refused as not finite
 
 
 @functools.cache
 def _registry() -> Any:
-    import pint
+    import pint  # only where somebody writes a unit
 
     return pint.UnitRegistry()
 
@@ -140,8 +140,10 @@ def unit(name: str) -> Quantity:
         parsed = registry.parse_units(name)
         factor, base = registry.get_base_units(parsed)
         zero = registry.Quantity(0.0, parsed).to_base_units().magnitude
+    # On text that is no unit pint raises any of these.
     except (pint.PintError, pint.errors.PintTypeError, AttributeError, ValueError, TypeError, OverflowError):
         raise QuantityError("unknown-unit", f"{name!r} is no unit", "write a unit such as mm, um, deg or N") from None
+    # pint keeps the radian among its base units: an angle is no plain number.
     known = {"meter": "length", "kilogram": "mass", "second": "time", "radian": "angle"}
     exponents = {str(key): float(value) for key, value in registry.Quantity(1.0, base).unit_items()}
     if zero != 0.0 or not set(exponents) <= set(known) or any(value % 1 for value in exponents.values()):
@@ -150,6 +152,7 @@ def unit(name: str) -> Quantity:
     return Quantity(float(factor), Dimension(**{known[key]: int(value) for key, value in exponents.items()}))
 
 
+# Digits of ASCII alone: float() would take those of any script.
 _TOKEN = re.compile(r"\s*(?:((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|([^\W\d]\w*|[°%])|([-+*/()·]))")
 
 
@@ -286,6 +289,7 @@ class _Parser:
             part = unit(self._take())
             factor = factor / part.value if divides else factor * part.value
             dimension = dimension.times(part.dimension, -1 if divides else 1)
+            # In an expression a sign goes on with the arithmetic: the unit before it is a single one.
             if not (compound and self.kind == "sign" and self.text in "*/·"):
                 return Quantity(scaled(number, factor), dimension)
             divides = self._take() == "/"

@@ -21,6 +21,7 @@ _SHARP = BITS + 64  # bits of the longest component of a direction before it is 
 def point(v: Vector) -> Point:
     """The point of a vector in fixed point."""
     x, y, z = v
+    # The lowest bit of all four together is the largest power of two that they share: without it integers stay short.
     shared = x | y | z | ONE
     shift = (shared & -shared).bit_length() - 1
     return (x >> shift, y >> shift, z >> shift, ONE >> shift)
@@ -46,6 +47,7 @@ def way(p: Point, q: Point) -> Vector:
     """The direction from p to q; (0, 0, 0) when they coincide."""
     a, b, c, v = p
     x, y, z, w = q
+    # With one denominator the difference points the same way, by shorter integers.
     if v == w:
         return (x - a, y - b, z - c)
     return (x * v - a * w, y * v - b * w, z * v - c * w)
@@ -72,7 +74,9 @@ def level(normal: Sequence[int], p: Point) -> Level:
     """
     a, b, c = normal[0], normal[1], normal[2]
     w = p[3]
+    # Times w > 0, so that the front stays the front.
     found = (a * w, b * w, c * w, a * p[0] + b * p[1] + c * p[2])
+    # One plane has one form then: planes are compared as tuples.
     shared = gcd(*found) or 1
     return (found[0] // shared, found[1] // shared, found[2] // shared, found[3] // shared)
 
@@ -115,6 +119,7 @@ def area(points: Sequence[Vector], loops: Iterable[Sequence[int]]) -> Vector:
     """
     x = y = z = 0
     for loop in loops:
+        # From a corner of the loop: its first and last edge span nothing, so that the loop need not be closed.
         base = points[loop[0]]
         arms = [sub(points[i], base) for i in loop]
         for one, two in pairwise(arms):
@@ -126,6 +131,7 @@ def area(points: Sequence[Vector], loops: Iterable[Sequence[int]]) -> Vector:
 def unit_of(direction: Sequence[int]) -> Vector:
     """The unit vector along a direction, each component to 2⁻²⁵⁵."""
     most = max(abs(x) for x in direction).bit_length()
+    # Short directions are lengthened first, as their length is rounded to a whole number.
     shift = max(0, _SHARP - most)
     a, b, c = (x << shift for x in direction[:3])
     size = isqrt(a * a + b * b + c * c) or 1

@@ -140,6 +140,7 @@ def common(points: Sequence[Place], spaces: Sequence[HalfSpace]) -> bool:
         heights = elevations(space, points)
         if min(heights) > 0:
             return False
+        # What holds all corners cuts nothing off.
         if max(heights) > 0:
             crossing.append(space)
     for space in crossing:
@@ -156,6 +157,7 @@ def _behind(points: Sequence[Place], space: HalfSpace) -> list[Place]:
     for q in points:
         g = elevation(space, q)
         if (h < 0 < g) or (g < 0 < h):
+            # A mean of both ends with their heights as weights, without division: w stays positive as both are.
             s, t = abs(g), abs(h)
             kept.append((s * p[0] + t * q[0], s * p[1] + t * q[1], s * p[2] + t * q[2], s * p[3] + t * q[3]))
         if g <= 0:
@@ -225,12 +227,15 @@ def meets(p: Point, q: Point, corners: Corners, plane: HalfSpace) -> bool:
         return False
     a, b, c = corners
     if h == 0 and g == 0:
+        # Left out is the axis along which the plane is steepest, so that no triangle with an area becomes a line.
         axis = steepest(plane)
         u, v = seen_along(axis, p), seen_along(axis, q)
         flat = [seen_along(axis, x) for x in corners]
         sides = [(flat[0], flat[1]), (flat[1], flat[2]), (flat[2], flat[0])]
         turns = [turn(s, t, u) for s, t in sides]
+        # Seen from behind, the triangle runs clockwise.
         inside = min(turns) >= 0 or max(turns) <= 0
         return inside or any(cross_or_touch(u, v, s, t) for s, t in sides)
+    # The line p q goes through the triangle where it passes all three sides on the same hand.
     sides3 = [height(through(p, q, s), t) for s, t in ((a, b), (b, c), (c, a))]
     return min(sides3) >= 0 or max(sides3) <= 0

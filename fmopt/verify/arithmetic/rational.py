@@ -168,6 +168,7 @@ def exponential(r: Vector) -> Matrix:
 
 def _series(q: int, first: int) -> int:
     """Σ (−q)ᵏ / (2k + 3 − first)!, that is sin √q/√q for first = 2 and (1 − cos √q)/q for first = 1."""
+    # The sign is kept apart: rounded down, a negative term would never come to zero.
     total = term = ONE if first == 2 else ONE >> 1
     n, sign = 3 - first, 1
     while term:
@@ -181,6 +182,7 @@ def logarithm(R: Matrix) -> Vector:
     """The rotation vector of R, at most 1/2 rad long, to 2⁻²²⁰: the antisymmetric part times arcsin(x)/x."""
     s: Vector = ((R[2][1] - R[1][2]) >> 1, (R[0][2] - R[2][0]) >> 1, (R[1][0] - R[0][1]) >> 1)
     q = dot(s, s)
+    # sin² 1/2 = 0.22985; a turn beyond a quarter may have as small a sine, but its trace is below 1.
     if q > fixed(0.2298) or R[0][0] + R[1][1] + R[2][2] < ONE:
         raise ArithmeticRefusal("a piece of motion turns by more than 0.5 rad")
     total, power, k = 0, ONE, 0
@@ -205,6 +207,7 @@ def spread(generators: Sequence[Row], n: Row) -> int:
         generators: g.
         n: six numbers.
     """
+    # One shift for all: what it cuts off the sum is less than the unit that is added.
     a, b, c, d, e, f = n
     total = 0
     for u, v, w, x, y, z in generators:
@@ -229,6 +232,7 @@ def width(Q: Square, n: Row) -> int:
         total += ((aa * a + ((ab * b + ac * c + ad * d + ae * e + af * f) << 1)) >> BITS) * a
         total += ((bb * b + ((bc * c + bd * d + be * e + bf * f) << 1)) >> BITS) * b
         total += ((cc * c + ((cd * d + ce * e + cf * f) << 1)) >> BITS) * c
+    # The sum is in units of 2⁻⁵¹²: the root brings it back to those of fixed point.
     return isqrt(max(total, 0) + _WIDE_BLUR) + 1
 
 
@@ -254,6 +258,7 @@ def inverse(A: Sequence[Sequence[int]]) -> list[list[int]]:
         for i in range(n):
             if i != k:
                 factor = M[i][k]
+                # No remainder is left: before and after, entries are minors of the matrix.
                 M[i] = [(p * x - factor * y) // previous for x, y in zip(M[i], base, strict=True)]
                 # What was eliminated makes room for a column of the inverse.
                 M[i][k] = -factor
@@ -262,6 +267,7 @@ def inverse(A: Sequence[Sequence[int]]) -> list[list[int]]:
     result = [[0] * n for _ in range(n)]
     for i, r in enumerate(M):
         for k, x in zip(order, r, strict=True):
+            # Entries count 2^(shift − BITS): the inverse has the reciprocal of that, and 2^BITS as fixed point.
             result[i][k] = (x << (2 * BITS - shift)) // previous
     if any(abs(x) > _LARGEST_INVERSE for r in result for x in r):
         raise ArithmeticRefusal("contacts hardly depend on their compliant directions")

@@ -139,6 +139,7 @@ class Chain:
                 raise Broken(f"holds {touch.id}, which its basis does not imply")
         facts = self._known(segment.move, state, start.R)
         if before is not None:
+            # Within a move its goal state is still ahead; the next one begins with all of that.
             earlier = set(before.goal_state if before.move != segment.move else before.state)
             self._nothing_lost(earlier - set(segment.leaving), state, start.R)
         if set(segment.state) - set(segment.goal_state):
@@ -195,6 +196,7 @@ class Chain:
             if segment.state or segment.move != 0 or segment.progress[0] != 0.0:
                 raise Broken("the plan must start with move 0 at progress 0, without contacts")
             return
+        # To the last bit: it is one pose, written twice.
         if before.goal != segment.start:
             raise Broken("does not start where the segment before it ends")
         if segment.move == before.move:
@@ -223,6 +225,7 @@ class Chain:
             found = self._matching(touch, direction, available)
             if found is None:
                 raise Broken(f"its basis holds {name} along a direction that no earlier move left")
+            # Entries keep their order: what is passed over was given up.
             del available[: found + 1]
             held.append((touch, self.link.basis[len(self.link.basis) - len(available) - 1][1]))
         if len({t.id for t, _ in held}) != len(held) or any(t.id not in segment.state for t, _ in held):
@@ -234,6 +237,7 @@ class Chain:
     def _matching(self, touch: Touch, direction: Sequence[float], available: Sequence[tuple[Touch, Row]]) -> int | None:
         """The earlier basis entry with this direction that the contact continues or may replace."""
         for k, (known, derived) in enumerate(available):
+            # So near it is the entry meant; whether it is near enough is judged when all are found.
             close = all(abs(fixed(x) - y) <= fixed(1e-8) for x, y in zip(direction, derived, strict=True))
             # Another contact may take the place of one that it follows from: the direction stays, the name changes.
             if close and (known.id == touch.id or (self.link.facts is not None and self.link.facts.implies(touch))):
@@ -295,6 +299,7 @@ class Chain:
 
     def _fit(self, motion: Motion, progress: int, notes: Notes) -> None:
         """Collects the pieces of a move that makes a contact; at its end they must fit together."""
+        # Without a contact to make executions go as far as commanded.
         if motion.task.made is None:
             return
         self._legs.append(Leg(motion.twist, progress, motion.overtravel, motion.directions, motion.hold))

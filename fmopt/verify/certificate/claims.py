@@ -45,11 +45,11 @@ from fmopt.verify.reading.document import Numbers
 # What double arithmetic leaves of entries of shape matrices that should be zero, as radii in m and rad, and as a share.
 _SHAPE_FLOOR = (3e-10,) * 3 + (2e-8,) * 3
 _SHAPE_SKEW = (1e-17,) * 3 + (1e-15,) * 3
-_ROUNDING = 2e-12
-_GENERATOR_FLOOR = 3e-15
-_NORMAL_FLOOR = 1e-14
+_ROUNDING = 2e-12  # of the product of two radii
+_GENERATOR_FLOOR = 3e-15  # m and rad: doubles leave 1e-15 of the turns of a slender part
+_NORMAL_FLOOR = 1e-14  # of unit normals, and of their torques on arms in m
 _TWIST_FLOOR = 1e-15  # m or rad: rounding of a twist between two poses
-_RECIPROCAL = 1e-9
+_RECIPROCAL = 1e-9  # power that rounding may leave a force axis on a position axis
 
 
 @dataclass(frozen=True)
@@ -204,6 +204,7 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
         first = motion.ends(motion.made)[0]
         room = motion.at_start(motion.made)
         if assembly.form:
+            # Off its form a contact may touch up to its lever times Δ away from zero: that counts in place of the loss.
             room += motion.loss(motion.made) - times(assembly.form, made_lever(motion, motion.room)) - 1
         if not any(first.N[:3]) and first.bend is None:
             # A row that measures an angle: the way on an arm of ρ.
@@ -219,7 +220,7 @@ def _after(assembly: Assembly, stage: Stage, notes: Notes) -> None:
     """That the contacts given up, touched when the move starts, open all along, and what lies flat with them."""
     motion = stage.motion
     for touch in stage.leaving:
-        if departure(motion, assembly.function(touch, ())) <= 0:
+        if departure(motion, assembly.function(touch, ())) <= 0:  # its own distance, as it has no hinge
             notes.add(touch.id, "some executions may stay in touch with it, or touch it again, when it is to be left")
     for wall, v in stage.coming_off:
         if departure(motion, PointAbove(wall, v, length(v))) <= 0:

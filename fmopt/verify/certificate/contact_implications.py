@@ -240,7 +240,7 @@ class Facts:
             plane: a wall.
             v, w: body points, m.
         """
-        key = len(self.turns), plane, v, w
+        key = len(self.turns), plane, v, w  # what is open may be decided when more turns are known
         found = self._levels.get(key)
         if found is None:
             # First in fixed point, which rules out nearly all; only what is left is decided exactly.
@@ -305,8 +305,10 @@ class Facts:
                 height(assembly.exact(wall.plane), w) == 0 and any(flush.exact == own for flush in wall.flush)
                 for wall in self.walls
             )
+        # Both ends in a wall along the fixed edge: the lines of both lie there, and meet.
         if any(self._on_wall(plane, a) and self._on_wall(plane, b) for plane in touch.faces for a, b in [touch.moving]):
             return True
+        # An edge moved along the fixed line from one that meets it meets it as well.
         return any(
             known.kind == "edge-edge"
             and assembly.one_line(known.fixed_line, touch.fixed_line)

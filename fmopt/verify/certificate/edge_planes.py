@@ -98,6 +98,7 @@ class Known:
         assembly = self.facts.assembly
         for touch in self.all:
             sides = assembly.moving.edge(*touch.indices[0]) if touch.kind == "edge-edge" else None
+            # A hinged contact is made as an angle, which does not say on which side of the rim the edge stays.
             if sides is None or (touch is self.made and self.hinge is not None):
                 continue
             along = assembly.way(*touch.fixed)
@@ -181,6 +182,7 @@ def edge_rows(
         functions += [_relative(assembly, base.direction, cross(sub(v, a), moving.direction)) for v in kept]
     else:
         functions += [EdgesApart(moving, base, v) for v in kept]
+    # Only where the edges are held to meet does the fixed one lie in the plane along both.
     turned = _turned_onto(assembly, known, base, lies) if any(anchors) else iter(())
     return [*functions, *_fixed_rows(assembly, F, motion, (moving, base), turned)], _scale(motion, moving, base)
 
@@ -376,6 +378,7 @@ def _turned_onto(
 
 def _inward(touch: Touch, base: Line, wall: Plane) -> Plane:
     """The plane across a wall through a rim of it, with the wall in front."""
+    # The mean of the corners tells which way is inside; what it has along the rim and off the wall is taken away.
     total: Vector = (0, 0, 0)
     for w in touch.fixed:
         total = add(total, sub(w, base.point))

@@ -187,7 +187,7 @@ class Linkage:
         arc = times(turn, turn) >> 3
         straight = (times(times(askew, askew), travel) >> 1) + times(askew, moved + off) + times(a + arc, off)
         round_ = (times(times(a, slant), ONE + c) >> 1) + (times(times(askew, c), ONE + askew + c) >> 1)
-        return straight + 8, round_ + times(arc, slant) + 8
+        return straight + 8, round_ + times(arc, slant) + 8  # 8: more than products are cut off by
 
 
 def linkage_of(plan: Plan) -> tuple[tuple[Row, ...], Linkage | None]:
@@ -196,11 +196,13 @@ def linkage_of(plan: Plan) -> tuple[tuple[Row, ...], Linkage | None]:
     rows: list[Row] = []
     hole: list[Vector] = []
     hand: list[Row] = []
+    # Each frame has generators of its own: errors of one axis in two frames vary independently.
     for frame in FIXED_IN:
         for k, half in enumerate(boxes.get(frame, ())):
             if half > 0.0:
                 g = row_of(fixed(half) if j == k else 0 for j in range(6))
                 rows.append(g)
+                # A shift of the hole stays as it is: only its turn swings what has moved on.
                 hole.append(g[3:] if frame == "hole" else ZERO3)
                 hand.append(g if frame == "hand" else NO_ROW)
     if not plan.sources:

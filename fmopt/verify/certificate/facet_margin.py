@@ -85,6 +85,7 @@ def _beside(shape: Shape, face: int, loop: Sequence[int]) -> list[Plane]:
 
 
 def _in_face(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: _Way) -> int:
+    # In any of the convex parts is in the face: the one that leaves most room counts.
     return max(
         (_in_region(assembly, touch, together, region, way) for region in assembly.fixed.regions(touch.face)),
         default=-UNBOUNDED,
@@ -119,9 +120,11 @@ def _swallowed(assembly: Assembly, edge: tuple[int, int], rim: Plane, room: int)
     if assembly.fixed.convex(*edge):
         # Beyond a convex edge there is nothing.
         return False
+    # As far as the point may get, and so much on that rounding does not decide.
     far = max(0, -room) + _BEYOND
     back = scaled(far, neg(rim.normal))
     a, b = (assembly.fixed.vertices[k] for k in edge)
+    # A little within the ends of the edge, where rounding does not decide.
     inwards = scaled(_SURELY, unit(sub(b, a)))
     ends = [add(a, inwards), sub(b, inwards)]
     strip = [*ends, *(add(p, back) for p in ends)]
@@ -300,6 +303,7 @@ def _blocked(assembly: Assembly, wall: Plane, end: Vector, inward: Vector, room:
 
 def _on_moving_face(assembly: Assembly, touch: Touch, way: _Way) -> int:
     w = touch.fixed[0]
+    # Holes of a moving face are not looked at: nothing is claimed of a face with some.
     if len(assembly.moving.faces[touch.face].loops) > 1:
         return -UNBOUNDED
     regions = assembly.moving.regions(touch.face)

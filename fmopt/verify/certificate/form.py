@@ -142,8 +142,10 @@ class _Known(NamedTuple):
             raise _unknown(touch)
         a, b = touch.moving if touch.moving[0] in ends else touch.moving[::-1]
         beyond = next(face for face in touch.faces if not self.assembly.agree(face, wall))
+        # In the wall across its rim, away from the other face there: along it the end is as far inside as counts.
         inward = unit(sub(scaled(dot(beyond.normal, wall.normal), wall.normal), beyond.normal))
         room = self._room(a, Plane(inward, dot(inward, touch.fixed[0])))
+        # At least as for an end that is on the wall itself: two places that are off by Δ each.
         return max(2 * ONE, over(2 * length(sub(b, a)), _positive(room, touch)) + 1)
 
     def _levelled(self, touch: Touch, own: Sequence[Touch]) -> int:
@@ -159,7 +161,9 @@ class _Known(NamedTuple):
             across = unit(sub(off, scaled(dot(off, u), u)))
             apart = times(sine, self._room(corners[0], Plane(across, dot(across, q))))
         else:
+            # With an end on either side the edge meets the line of the one held: nothing keeps the two places apart.
             apart = min(map(abs, reach)) if (reach[0] > 0) == (reach[1] > 0) else 0
+        # The row is of the face's normal times how far the other edge reaches, see `Assembly.function`.
         return over(2 * abs(level.far), _positive(apart - 2 * form, touch)) + 1
 
     def _room(self, v: Vector, plane: Plane) -> int:
@@ -279,6 +283,7 @@ def together(rows: Sequence[Distance], shares: Sequence[int], off: Sequence[int]
                 G[i][j] += times(share, sum(u[i] * w[j] + u[j] * w[i] for u, w in parts) >> BITS)
             G[i][i] -= 2 * times(share, sum(dot(*part) for part in parts))
         found += times(abs(share), left) + 8
+    # Summed up, G is twice what was made symmetric: ½ε·G ε is a quarter of it.
     found += sum(times(times(extent.angles[i], extent.angles[j]), abs(G[i][j])) for i in axes for j in axes) >> 2
     found += sum(times(times(extent.angles[i], extent.box[j]), abs(mixed[i][j])) for i in axes for j in axes)
     return found + 64 * len(rows)

@@ -68,7 +68,7 @@ from fmopt.verify.parts.rows import (
     size,
 )
 
-_HALF, _ROUNDS, _ABOVE = ONE >> 1, 60, 10**11
+_HALF, _ROUNDS, _ABOVE = ONE >> 1, 60, 10**11  # rounds in which levers rise, by 1/_ABOVE beyond what follows
 
 
 class Motion:
@@ -102,7 +102,7 @@ class Motion:
         travel = sub(task.goal.p, task.start.p)
         self.twist: Row = travel + turn
         self.length = measure(self.twist, task.rho)
-        if self.length < ONE >> 40:
+        if self.length < ONE >> 40:  # 0.9 pm in the metric of ρ
             raise ArithmeticRefusal("a piece of motion goes nowhere")
         self.extent = Extent(turn, length(turn), travel, task.theta, task.angles, task.box)
         self._ends: dict[Function, tuple[Distance, Distance]] = {}
@@ -240,7 +240,7 @@ class Motion:
         self.coupling = linkage.left(self.extent.offset, task.theta, ends, self.extent.turn)
         by = linkage.moves(self.extent.travel, turn, len(core))
         self.moved = tuple(row_of(x + y for x, y in zip(g, d, strict=True)) for g, d in zip(core, by, strict=True))
-        around = square_of([linkage.linked * x for x in r] for r in gram(by))
+        around = square_of([linkage.linked * x for x in r] for r in gram(by))  # k Σ gᵢgᵢᵀ around k generators
         self.moved_shape = outer_sum(self.errors.shape, around, metric(task.rho))
         self.linkage = linkage.turned(turn)
 
@@ -271,7 +271,7 @@ class Motion:
         self.made = self.assembly.made(task.made, task.state)
         goal = self.ends(self.made)[1]
         self.rate = -row_dot(goal.N, self.motion)
-        if self.rate <= ONE >> 32:
+        if self.rate <= ONE >> 32:  # what is late is divided by it
             raise ArithmeticRefusal("the motion does not lead to the contact that it is to make")
         size = measure(self.motion, task.rho)
         self.made_direction = row_of(over(x, size) for x in self.motion)
@@ -303,7 +303,7 @@ class Motion:
     def room(self, function: PointAbove) -> int:
         """How high a point is over a plane at least, by all errors at the start, and by those along the piece."""
         for known in (self._at_start, self._at_goal, self._lowest):
-            known.pop(function, None)
+            known.pop(function, None)  # found with the levers of the round before
         start = self.ends(function)[0]
         begun = start.f - self.errors.support(start.N) - self.rest(function) - self.loss(function) - SLACK
         return min(begun, self.lowest(function))
@@ -336,7 +336,7 @@ class Motion:
     @property
     def _wide(self) -> int:
         """A bound of the angular error with its drift, before contacts take it up."""
-        return self.task.theta + 2 * times(self._angular_rate, self.length)
+        return self.task.theta + 2 * times(self._angular_rate, self.length)  # at most twice as long, see `_drift`
 
     def _left(self, N: Row) -> int:
         """What the projected errors leave of a row: nothing but rounding when contacts are consistent."""
@@ -378,7 +378,7 @@ class Motion:
             return 0
         N = self.felt
         eta = over(times(self.cone(N), self.length), self.rate) + 1
-        zeta = over(times(times(self._wide, self.extent.turn), length(N[3:])) * 3 // 4, self.rate) + 1
+        zeta = over(times(times(self._wide, self.extent.turn), length(N[3:])) * 3 // 4, self.rate) + 1  # ½(1 + ½)
         late = over(spread(self.moved, N) + self.errors.drift(N), self.rate) + 1
         rest = ONE - times(self.task.share, eta + zeta)
         if rest < _HALF:
@@ -394,7 +394,7 @@ class Motion:
         far = times(self.length, ONE + overtravel)
         a, b = times(self.task.rates[0], far), times(self._angular_rate, far)
         swung, wide = times(overtravel, self.extent.turn), self.task.theta + b
-        if overtravel > ONE or wide + swung > _HALF:
+        if overtravel > ONE or wide + swung > _HALF:  # `_wide` and `_overtravel` rest on both
             raise ArithmeticRefusal("errors are too large for the bounds of this check")
         c = times(times(wide, swung) >> 1, ONE + wide + swung) + 1 if swung else 0
         return times(a, a), times(b + c, b + c)

@@ -99,6 +99,7 @@ def _face(shape: Shape, loop: tuple[int, ...]) -> int:
 def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
     done: set[int] = set()
     if witness.kind == "plane":
+        # Contacts say nothing of a plane of its own: no row is excused.
         normal = vector(witness.normal)
         size = length(normal)
         # Stated in doubles it is nearly of unit length; far from that it is no normal.
@@ -119,6 +120,7 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
         # Only where the piece's face is one of the part's do contacts say anything about it.
         if backed is not None:
             done = known.facts.not_below(backed.wall, M.vertices, known.above(assembly, backed.wall))
+            # What is excused is so over the part's own plane: the others are measured over that then, too.
             plane = backed.cover if done else plane
     kept = [k for k in range(len(M.vertices)) if k not in done]
     if M.ball:
@@ -133,6 +135,7 @@ def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
     if backed is not None:
         touching = [t for t in known.all if t.kind == "face-vertex" and t.plane is not None]
         on = [t.fixed[0] for t in touching if t.plane is not None and assembly.agree(t.plane, backed.wall)]
+        # Vertices of pieces may be off the part's that contacts are of.
         done = {k for k, w in enumerate(F.vertices) if any(near(sub(w, x)) for x in on)}
         for rim in known.rims:
             if rim.held and assembly.along(rim.face, backed.wall):

@@ -143,7 +143,7 @@ def lowest(shape: Shape, segment: Segment, rho: float) -> int:
     way = length((length(shift), times(fixed(rho), length(turn)), 0))
     most = fixed(segment.hybrid.max_travel)
     surplus = over(max(0, most - way), max(way, 1))
-    further = times(surplus, length(turn))
+    further = times(surplus, length(turn))  # rad, beyond the goal
     angle, farther = times(length(turn), length(turn)), times(further, further)
     down, tilts = fixed(segment.tube.box[2]), vector(segment.tube.angles)
     found = []

@@ -201,6 +201,7 @@ def _span(rows: Sequence[Numbers], most: int) -> list[Numbers]:
     """Orthonormal rows that span the given ones, at most so many, the largest remainder first."""
     left = [tuple(x / math.hypot(*row) for x in row) for row in rows]
     found: list[Numbers] = []
+    # One more than so many, to tell that there are too many.
     while left and len(found) <= most:
         best = max(left, key=lambda row: math.hypot(*row))
         size = math.hypot(*best)

@@ -257,6 +257,7 @@ class Assembly(Incidence):
             if len(shared) == 1:
                 face = self.moving.faces[shared.pop()].plane
                 away = cross(other.moving_line.direction, face.normal)
+                # With its sign, by which `Rim.settles` tells the sides of the edge held apart.
                 far = max((dot(away, sub(v, other.moving[0])) for v in touch.moving), key=abs)
                 return Rim(other, face, away, far)
         return None
@@ -287,6 +288,7 @@ class Assembly(Incidence):
             touch: a contact.
             together: all that are held at once, which make it redundant in places.
         """
+        # In their order: of those before it a contact may be level.
         key = (touch.id, *(t.id for t in together))
         found = self._found.functions.get(key)
         if found is None:
@@ -306,7 +308,7 @@ class Assembly(Incidence):
         level = self.level(touch, together)
         if level is not None:
             along, across = level.held.fixed_line.direction, scaled(level.far, level.face.normal)
-            return DirectionAlong(along, across, abs(level.far) + 2)
+            return DirectionAlong(along, across, abs(level.far) + 2)  # of a unit normal, but for rounding
         return EdgesApart(touch.moving_line, touch.fixed_line, touch.moving[0])
 
 

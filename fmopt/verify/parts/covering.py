@@ -210,6 +210,7 @@ class Cell(NamedTuple):
         for space in crossing:
             # In turn, each from what the ones before left inside: the pieces do not overlap.
             outside, inside = cell.behind(opposite(space)), cell.behind(space)
+            # Nothing of it is in the body: it is left whole, whatever was cut off before.
             if inside is None:
                 return [self]
             if outside is not None:

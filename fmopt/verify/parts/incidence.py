@@ -236,7 +236,7 @@ class Incidence:
 
 def _sharing(piece: Body, part: Body) -> Body:
     """A piece with the exact coordinates of those of its vertices that are the part's."""
-    if not part.exact or piece.balls:
+    if not part.exact or piece.balls:  # balls got theirs as they were read
         return piece
     # Pieces share corners with the part, whose exact coordinates they get; their other corners are what floats say.
     exact = {part.vertices[i]: p for i, p in part.exact.items()}
@@ -379,6 +379,7 @@ def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector, nominal: M
     if found is None or inner(found, normal) != 0:
         return None
     before, after = inner(edge, turn.exact), inner(found, m)
+    # Equal cosines, by squares and signs: turned so, the edge is as long as before.
     alike = before**2 * inner(m, m) == after**2 * inner(turn.exact, turn.exact) and (before > 0) == (after > 0)
     return found if alike and length(sub(unit_of(found), there)) < _APART else None
 

@@ -52,6 +52,7 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
     if touch.kind == "edge-edge":
         (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (doubles(w) for w in touch.fixed)
         own, other = _sub(b, a), _sub(r, q)
+        # As in its row, which is positive where the parts are apart: this points out of the fixed part.
         m = cross(own, other)
         size = math.hypot(*m)
         normal = tuple(x / size for x in m)

@@ -250,12 +250,12 @@ class Extent:
     def kappa(self) -> int:
         """θ²/2 + τ²/8 + τθ/2: by what share of a row's size it leaves its linear part, at most."""
         t, a = self.turn, self.theta
-        return (times(a, a) >> 1) + (times(t, t) >> 3) + (times(t, a) >> 1) + 3
+        return (times(a, a) >> 1) + (times(t, t) >> 3) + (times(t, a) >> 1) + 3  # a unit for each product cut off
 
     @cached_property
     def corner(self) -> tuple[tuple[int, int, int], ...]:
         """Places (i, j ≥ i) of a symmetric matrix A, with what |Aᵢⱼ| adds to ε·A ε / 4, rounded up."""
-        h, places = self.angles, ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        h, places = self.angles, ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # off the diagonal twice each
         return tuple((i, j, (times(h[i], h[j]) >> (2 if i == j else 1)) + 1) for i, j in places)
 
     def crossing(self, v: Vector) -> int:
@@ -276,6 +276,7 @@ class Extent:
         found = self._swings.get((start, goal))
         if found is None:
             swept = self.swept(start)
+            # On its arc, which is |τ × w| long, w is no farther from the nearer end than half of that.
             swung = max(self.crossing(start), self.crossing(goal)) + (times(self.theta, swept) >> 1)
             found = min(swung, times(self.theta, length(start)) + 1), swept
             self._swings[start, goal] = found

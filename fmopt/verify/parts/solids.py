@@ -245,6 +245,7 @@ class Shape:
             {m for m, (i, j, _) in enumerate(edges) if all(plane.height(self.vertices[k]) <= ROUNDING for k in (i, j))}
             for _, _, plane in edges
         ]
+        # A thousandth of the shortest edge beside the outline: whether that is inside is for `_winding` to say.
         short = min(length(sub(self.vertices[j], self.vertices[i])) for i, j, _ in edges)
         for n, (i, j, plane) in enumerate(edges):
             before = edges[n - 1][2].normal
@@ -262,6 +263,7 @@ class Shape:
     def _bounding(self, edges: Sequence[tuple[int, int, Plane]], m: int, chosen: Sequence[int]) -> Bound:
         """An edge of a convex part of a face, and whether that goes along its line no farther than the edge does."""
         i, j, plane = edges[m]
+        # Shares of the way from i to j, at which other lines cut it: 0 and 1 are the edge's ends, −1 and 2 beyond them.
         low, high = -ONE, 2 * ONE
         for n in chosen:
             at, there = (edges[n][2].height(self.vertices[k]) for k in (i, j))
@@ -299,6 +301,7 @@ class Shape:
         for n, face in enumerate(self.faces):
             if any(face.plane.height(v) > DEVIATION for v in self.vertices):
                 yield f"face {n} has material on both sides"
+            # Faces of pieces have one loop, see `parse`.
             if any(face.plane.height(self.vertices[i]) < -DEVIATION for i in face.loops[0]):
                 yield f"face {n} is not flat"
 
@@ -324,12 +327,14 @@ def _winding(at: Vector, edges: Sequence[tuple[Vector, Vector]], plane: Plane) -
 
     The ray goes along the plane, and an edge crosses it where its ends are on different sides.
     """
+    # Of x and y the one that is farther from the normal: the cross product with it is not short.
     axis: Vector = (ONE, 0, 0) if abs(plane.normal[0]) <= abs(plane.normal[1]) else (0, ONE, 0)
     across = unit(cross(plane.normal, axis))
     along = cross(across, plane.normal)
     turns = 0
     for a, b in edges:
         low, high = dot(across, sub(a, at)), dot(across, sub(b, at))
+        # Half-open: of a corner on the ray one edge counts where the outline crosses there, none or both where not.
         if (low > 0) != (high > 0):
             share = over(low, low - high)
             reach = dot(along, add(sub(a, at), scaled(share, sub(b, a))))

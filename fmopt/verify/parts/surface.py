@@ -64,7 +64,7 @@ class Surface:
         self.loops: tuple[Loops, ...] = tuple(face.loops for face in shape.faces)
         self.triangles: list[Triangle] = []
         self.faces: list[int] = []
-        found = list(self._unjoined()) or list(self._cut(work)) or list(self._crossed(work))
+        found = list(self._unjoined()) or list(self._cut(work)) or list(self._crossed(work))  # each rests on the former
         self.flaws = tuple(found or self._turned(work))
 
     def _unjoined(self) -> Iterator[str]:
@@ -125,7 +125,7 @@ class Surface:
                 if other[0] > box[3]:
                     break
                 work.spend(1)
-                if own == self.faces[t] or apart(box, other):
+                if own == self.faces[t] or apart(box, other):  # those of one face meet as cut
                     continue
                 if self._touch(s, t):
                     yield f"faces {min(own, self.faces[t])} and {max(own, self.faces[t])} cross or touch"
@@ -137,7 +137,7 @@ class Surface:
         shared = [i for i in one if i in two]
         plane, other = self.planes[s], self.planes[t]
         heights = [height(plane, self.points[i]) for i in two if i not in shared]
-        if not heights:
+        if not heights:  # the same three corners
             return True
         # Two common corners: one edge, along which they may only meet on different sides.
         if len(shared) == 2:
@@ -240,7 +240,7 @@ class Surface:
                 continue
             plane = self.planes[t]
             front = (plane[2] > 0) - (plane[2] < 0)
-            if front == 0:
+            if front == 0:  # upright: no ray along z goes through it
                 continue
             a, b, c = self.corners(t)
             # Moved by (ε, ε²): no ray goes through an edge or a vertex, and each triangle is hit or not.

@@ -123,6 +123,7 @@ def _kept(cell: Cell, found: Sequence[int], plane: Plane) -> Cell:
             if found[a] <= _NEAR:
                 loop.append(a)
             if (found[a] < -_NEAR and found[b] > _NEAR) or (found[a] > _NEAR and found[b] < -_NEAR):
+                # Both faces at an edge get one corner, computed the same way round: the cell stays closed.
                 edge = (a, b) if a < b else (b, a)
                 if edge not in crossings:
                     crossings[edge] = len(corners)
@@ -130,6 +131,7 @@ def _kept(cell: Cell, found: Sequence[int], plane: Plane) -> Cell:
                 loop.append(crossings[edge])
         on = [k for k in loop if k >= len(cell.corners) or found[k] >= -_NEAR]
         rim |= dict.fromkeys(on)
+        # A face that lies in the plane is left to the rim.
         if len(loop) >= 3 and len(on) < len(loop):
             faces.append(loop)
     if len(rim) >= 3:

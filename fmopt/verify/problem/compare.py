@@ -100,6 +100,7 @@ def _declared(plan: Plan, problem: Problem, side: str) -> Iterator[str]:
 
 def _task(plan: Plan, problem: Problem) -> Iterator[str]:
     """Goal, start and specification."""
+    # Not x and y, which are where walls seat the part.
     stated, wanted = plan.goal[2], plan.goal[2] if problem.depth is None else -problem.depth
     if abs(stated - wanted) > SEATED:
         yield f"goal: the plan ends at another depth: z is {stated!r} m, by the problem {wanted!r} m"
@@ -217,12 +218,14 @@ def half_diagonals(moving: Sequence[Body], fixed: Sequence[Body], depth: float) 
         fixed: those of the part with the hole.
         depth: of the insertion, m.
     """
+    # Heights in each part's own frame: z is 0 at the peg's leading face and at the hole's mouth.
     pegs, holes = _slices(moving, 0.0, depth), _slices(fixed, -depth, 0.0)
     gaps: dict[tuple[tuple[Outline, ...], tuple[Outline, ...]], float] = {}
     found: list[tuple[float, float]] = []
     for peg in pegs:
         half = 0.5 * max((math.dist(p, q) for p, q in combinations(_hull_points(peg.outlines), 2)), default=0.0)
         for hole in holes:
+            # This section ends at peg.height − depth: on its way it passes what of the hole is above that.
             ahead = hole.height - (peg.height - depth)
             if ahead > _APART or (abs(ahead) <= _APART and not peg.side > hole.side):
                 key = peg.outlines, hole.outlines

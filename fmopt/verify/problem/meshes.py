@@ -74,9 +74,10 @@ def _whole(word: bytes) -> int:
 
 
 def _stl(content: bytes) -> Iterator[Triangle]:
+    # By its size: a packed file, too, may begin with "solid", as text does.
     if len(content) >= 84 and len(content) == 84 + 50 * struct.unpack_from("<I", content, 80)[0]:
         for at in range(84, len(content), 50):
-            x = struct.unpack_from("<9f", content, at + 12)
+            x = struct.unpack_from("<9f", content, at + 12)  # behind 12 bytes of a normal, before 2 of attributes
             yield (x[0], x[1], x[2]), (x[3], x[4], x[5]), (x[6], x[7], x[8])
         return
     corners: list[Point] = []
@@ -101,6 +102,7 @@ def _obj(content: bytes) -> Iterator[Triangle]:
             points.append((_number(words[1]), _number(words[2]), _number(words[3])))
         elif words[:1] == [b"f"]:
             indices = [_whole(word.split(b"/")[0]) for word in words[1:]]
+            # Counted from 1, or back from the last vertex that stands before the face.
             yield from _fan(points, [k - 1 if k > 0 else len(points) + k for k in indices])
 
 
@@ -123,7 +125,7 @@ def _ply(content: bytes) -> Iterator[Triangle]:
         for _ in range(count):
             row = {key: words.take(kind, of) for key, kind, of in properties}
             if name == "vertex":
-                x, y, z = (row.get(axis, [math.nan])[0] for axis in "xyz")
+                x, y, z = (row.get(axis, [math.nan])[0] for axis in "xyz")  # no axis: not finite, refused
                 points.append((x, y, z))
             elif name == "face":
                 loop = row.get("vertex_indices", row.get("vertex_index", []))
@@ -180,6 +182,7 @@ class _Bytes(_Words):
     def take(self, kind: str, of: str) -> list[float]:
         """One number, or a list with its length before it."""
         count = int(self._unpacked(of, 1)[0]) if of else 1
+        # A length longer than the file, taken at its word, would ask for that much memory.
         if not 0 <= count <= len(self._content):
             raise NoMesh("has a list of no length")
         return self._unpacked(kind, count)

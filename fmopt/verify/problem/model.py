@@ -96,6 +96,7 @@ def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
     Raises:
         ProblemError: it cannot be read.
     """
+    # By its words alone, as the planner takes it: ".." does not follow links.
     path = Path(normpath(operand.file.parent / operand.text("model")))
     if path.suffix.lower() in _MESHES:
         return _bare(path, operand)
@@ -198,6 +199,7 @@ class _Tree:
         self._count += 1
         if name in above or len(above) > 100:
             raise self._tables.error(name, "is made of itself")
+        # Instances, not names: with unions of one solid twice they double at each level.
         if self._count > MOST_INSTANCES:
             raise self._tables.error(name, f"there are more than {MOST_INSTANCES} instances of solids")
         table = self._tables.table(name)
@@ -233,5 +235,6 @@ def overrides_of(operand: Table) -> dict[str, Quantity]:
     """The parameters that a problem gives for a model."""
     if not operand.has("parameters"):
         return {}
+    # Without names: a problem gives quantities, no expressions.
     given = replace(operand.table("parameters"), names=None)
     return {name: given.quantity(name, raw) for name, raw in given.data.items()}

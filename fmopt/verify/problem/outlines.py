@@ -80,6 +80,7 @@ def simple(table: Table, key: str, items: Any) -> Outline:
 
 def _lofts(table: Table, key: str, levels: Sequence[tuple[float, Outline]]) -> Iterator[Convex]:
     for (low, lower), (high, upper) in pairwise(levels):
+        # Two outlines at one height are a step, with nothing between them.
         if low == high:
             continue
         parallel = len(lower) == len(upper) and all(
@@ -95,6 +96,7 @@ def _lofts(table: Table, key: str, levels: Sequence[tuple[float, Outline]]) -> I
                 tuple((*outline[k], at) for k in piece) for at, outline in ((low, lower), (high, upper))
             )
             ends = zip(piece[-1:] + piece[:-1], piece, strict=True)
+            # Walls are flat by now, those of diagonals need not be: such a piece is hulled.
             flat = all(_sine(lower[a], lower[b], upper[a], upper[b]) <= _PARALLEL for a, b in ends)
             yield Convex(rings if flat else (), rings[0] + rings[1])
 
@@ -160,6 +162,7 @@ def _sign(x: Fraction) -> int:
 
 def _left(a: Flat, b: Flat, p: Flat) -> Fraction:
     """Positive for a point left of the line from a to b."""
+    # Exactly, as floats are fractions: a corner goes straight on, or it does not.
     (ax, ay), (bx, by), (px, py) = (tuple(map(Fraction, point)) for point in (a, b, p))
     return (bx - ax) * (py - ay) - (by - ay) * (px - ax)
 

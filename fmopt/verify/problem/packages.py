@@ -42,8 +42,8 @@ def three_mf(content: bytes) -> Iterator[Triangle]:
             if len(names) != 1:
                 raise NoMesh("holds no model, or several")
             with archive.open(names[0]) as file:
-                text = file.read(_LARGEST + 1)
-    except NoMesh:
+                text = file.read(_LARGEST + 1)  # no more is unpacked, whatever size is stated
+    except NoMesh:  # a ValueError, and no broken archive
         raise
     except _UNREADABLE:
         raise NoMesh("is no readable archive") from None
@@ -63,7 +63,7 @@ class _Model:
         self.build: list[tuple[str, Matrix]] = []
         parser = expat.ParserCreate()
         parser.StartElementHandler = self._element
-        parser.StartDoctypeDeclHandler = self._refuse
+        parser.StartDoctypeDeclHandler = self._refuse  # its entities could grow without end
         try:
             parser.Parse(text, True)
         except NoMesh:
@@ -76,7 +76,7 @@ class _Model:
         raise NoMesh("declares a document type")
 
     def _element(self, name: str, of: Mapping[str, str]) -> None:
-        tag = name.rpartition(":")[2]
+        tag = name.rpartition(":")[2]  # without the prefix of a namespace
         if tag == "model":
             self.unit = _METRES[of.get("unit", "millimeter")]
         elif tag == "object":
@@ -159,8 +159,8 @@ def glb(content: bytes) -> Iterator[Triangle]:
             size, kind = struct.unpack_from("<II", content, at)
             chunks.setdefault(kind, content[at + 8 : at + 8 + size])
             at += 8 + size
-        scene = json.loads(chunks[0x4E4F534A])
-        yield from _scene(scene, chunks.get(0x004E4942, b""))
+        scene = json.loads(chunks[0x4E4F534A])  # the chunk "JSON"
+        yield from _scene(scene, chunks.get(0x004E4942, b""))  # and "BIN"
     except NoMesh:
         raise
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, struct.error, RecursionError):
@@ -195,6 +195,7 @@ def _node(scene: Any, block: bytes, number: int, above: tuple[Matrix, int]) -> I
 def _matrix(node: Mapping[str, Any]) -> Matrix:
     if "matrix" in node:
         m = [float(x) for x in node["matrix"]]
+        # Columns in the file are rows here, as points stand before their matrix.
         return tuple(tuple(m[4 * i : 4 * i + 3]) for i in range(4))
     x, y, z, w = (float(q) for q in node.get("rotation", (0.0, 0.0, 0.0, 1.0)))
     turn = (
@@ -232,6 +233,7 @@ def _numbers(scene: Any, block: bytes, number: int) -> list[tuple[float, ...]]:
     step = int(view.get("byteStride", struct.calcsize(form)))
     at = int(view.get("byteOffset", 0)) + int(accessor.get("byteOffset", 0))
     count = int(accessor["count"])
+    # A number takes a byte at least: no list is made that the block cannot fill.
     if min(at, count) < 0 or step < struct.calcsize(form) or count > len(block):
         raise NoMesh("has numbers outside of its block")
     return [struct.unpack_from(form, block, at + k * step) for k in range(count)]

@@ -81,6 +81,7 @@ def part_beside_its_model(part: Part, problem: Problem, side: str, reader: Reade
         if model.mesh is not None and model.mesh.per_metre is not None:
             return _beside_mesh(part, problem, side, model.mesh, model.mesh.per_metre)
     except (Unbounded, ArithmeticRefusal) as error:
+        # A difference, as silence would pass for agreement.
         return Compared((f"parts.{side}: the part was not compared with its model: {error}",))
     if reader is None:
         name = model.mesh.name if model.mesh is not None else ""
@@ -131,7 +132,7 @@ def _ball_differences(part: Part, problem: Problem, side: str) -> Iterator[str]:
         x, y, z = (number(coordinate) for coordinate in at(vector(centre)))
         same = [ball for ball in left if math.dist(ball[0], (x, y, z)) <= _SAME and abs(ball[1] - radius) <= _SAME]
         if same:
-            left.remove(same[0])
+            left.remove(same[0])  # each stands for one
         else:
             yield (
                 f"parts.{side}.balls: the plan is for another {side} part: the model {model.name!r} has a ball of "
@@ -172,6 +173,7 @@ def _beside_mesh(part: Part, problem: Problem, side: str, mesh: Mesh, per_metre:
     except NoMesh as error:
         raise table.error(key, f"{mesh.name} {error}") from None
     remarks = tuple(_choices(problem, side))
+    # What a frame that rests on corners, or single precision, leaves is no deviation of form.
     if problem.feature(side).found and not problem.framed(side):
         placed, blur = seated(found, part.body), max(2.0 * FLAT * diameter(part.body), _SINGLE)
     else:
@@ -182,6 +184,7 @@ def _beside_mesh(part: Part, problem: Problem, side: str, mesh: Mesh, per_metre:
     for candidate in placed:
         surface = compared(candidate, part.body)
         if surface.flaw is None:
+            # A frame that rests on three corners may lean a little: the mesh is tried where it fits best, too.
             near = min(surface, compared(fitting(candidate, part.body), part.body), key=lambda s: (bool(s.flaw), s.off))
             flaws = tuple(_form_differences(part, side, mesh.name, near.off - blur))
             return Compared(flaws, (*remarks, *near.remarks), _chord(part.body, mesh))
@@ -255,6 +258,7 @@ def _corners(solid: Solid, at: Frame) -> Iterator[Point]:
         for point in solid.convex.points:
             x, y, z = (number(value) for value in own(vector(point)))
             yield x, y, z
+    # Corners of what is taken away are corners of what is left.
     for part in (*solid.first, *solid.minus):
         yield from _corners(part, own)
 

@@ -122,6 +122,7 @@ class Problem:
         """Digest of what the files say: their data in one canonical form, meshes byte by byte."""
         content: dict[str, Any] = {"problem": self.said, "models": {}, "meshes": {}}
         for side, model in self.models.items():
+            # A file that the problem names itself has no model beside it.
             if model.given:
                 content["models"][side] = model.table.data
             if model.mesh is not None:
@@ -129,6 +130,7 @@ class Problem:
                 mesh = read_bytes(model.mesh.path, table, key, LARGEST_MESH)
                 content["meshes"][side] = hashlib.sha256(mesh).hexdigest()
         try:
+            # To the letter as the planner writes it: else no digest would fit.
             text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
         except (TypeError, ValueError):
             raise ProblemError(str(self.table.file), "", "holds a date, or a number that is not finite") from None
@@ -157,7 +159,7 @@ class Problem:
         pair = stated or ("cylindrical" if self.is_round else "prismatic")
         if goal.has("turn") and goal.value("turn") != "free":
             angle = goal.number("turn", ANGLE, -6.3, 6.3)
-            return -angle if self.exchanged else angle
+            return -angle if self.exchanged else angle  # seen from the hole in the hand, the peg turns back
         chosen = next(iter(self.found.values()), None)
         if chosen is not None and chosen.turn != 0.0 and not goal.has("turn"):
             return chosen.turn
@@ -173,6 +175,7 @@ class Problem:
         angle = math.hypot(*turn)
         if angle == 0.0:
             return 0.0
+        # Swing and twist: of the quaternion (w, x, y, z) the twist about z is 2 atan2(z, w), w not negative.
         along, real = turn[2] / angle * math.sin(0.5 * angle), math.cos(0.5 * angle)
         return 2.0 * math.atan2(along if real >= 0.0 else -along, abs(real))
 
@@ -186,6 +189,7 @@ class Problem:
         middle = vector((0.0, 0.0, _INNER if math.isinf(feature.length) else 0.5 * feature.length))
         found = []
         for (name, round_), tree in zip(_convex(solid), _leaves(tree_of(solid, at)), strict=True):
+            # Where it does not say, it is made of what its axis goes through halfway.
             if name in feature.solids if feature.solids else _holds(tree, middle):
                 found.append(round_ and _is_about_axis(tree))
         return bool(found) and all(found)
@@ -268,11 +272,12 @@ class Problem:
             for side, off in chords.items()
             if off > 0.0
         ]
+        # Not where velocity has an error: that adds to all directions anyway.
         lacking = tuple(max(_LEAST - half, 0.0) for half in total(found))
         if any(lacking) and not any(self.velocity_error):
             found.append(Boxed(WORLD, lacking))
         if self.planar:
-            kept = (1.0, 0.0, 1.0, 0.0, 1.0, 0.0)
+            kept = (1.0, 0.0, 1.0, 0.0, 1.0, 0.0)  # x, z and ry
             found = [Boxed(b.frame, tuple(x * k for x, k in zip(b.box, kept, strict=True))) for b in found]
         # With the hole in the hand, it is the peg that stands in the world.
         return [Boxed(HOLE if b.frame == HAND else HAND, b.box) for b in found] if self.exchanged else found
@@ -291,6 +296,7 @@ class Problem:
     def _pose(self, sources: Sources, moving: Sequence[Point]) -> Pose:
         """Where the part may start at most: leaning by 1.3 times the tilts, a few errors beside the axis."""
         tilt = self.settings.maybe("max_tilt", ANGLE, 0.0, TILT)
+        # √2, as the tilt is about each of two axes.
         lean = min(1.3 * math.sqrt(2.0) * (_USUAL_TILT if tilt is None else tilt), 0.5 * math.pi)
         radius = max((math.hypot(x, y) for x, y, z in moving if abs(z) <= 1e-9), default=0.0)
         height = (_LEAST_HEIGHT if self.approach is None else self.approach) + radius * math.sin(lean)

@@ -112,7 +112,7 @@ def evaluate(text: str, names: Mapping[str, Quantity] | None) -> Quantity:
     return found
 
 
-_DIGITS = frozenset("0123456789")
+_DIGITS = frozenset("0123456789")  # isdigit would take those of other scripts
 
 
 def _split(text: str) -> list[str]:
@@ -147,7 +147,7 @@ def _past_number(text: str, i: int) -> int:
         i = digits(i + 1)
     if text[i : i + 1] in ("e", "E"):
         k = i + 2 if text[i + 1 : i + 2] in ("+", "-") else i + 1
-        if digits(k) > k:
+        if digits(k) > k:  # else the e begins a name
             i = digits(k)
     return i
 
@@ -203,7 +203,7 @@ class _Words:
             if not self._take((")",)):
                 raise NoQuantity("lacks a closing parenthesis")
         elif self.next[:1] in _DIGITS or self.next[:1] == ".":
-            found = self._number(compound=False)
+            found = self._number(compound=False)  # signs behind its unit join factors
         elif self.next in self._names and self.next:
             found = self._names[self._words.pop()]
         else:

@@ -97,7 +97,7 @@ def _sphere(radius: float, sides: int) -> Convex:
     levels = []
     for k in range(bands + 1):
         angle = math.pi * k / bands
-        across = 0.0 if k in (0, bands) else radius * math.sin(angle)
+        across = 0.0 if k in (0, bands) else radius * math.sin(angle)  # sin π is not 0 in floats
         levels.append((_ring(across, sides), -radius * math.cos(angle)))
     found = _stack(levels, turned=True)
     return Convex(found.rings, found.points, turned=True, leaning=False)
@@ -153,7 +153,7 @@ def polygon_of(table: Table, key: str, items: object) -> list[Flat]:
         around += math.atan2(turn, (bx - ax) * (cx - bx) + (by - ay) * (cy - by))
         if turn <= 0.0:
             raise table.error(key, "is not convex and counter-clockwise")
-    if around > 7.0:
+    if around > 7.0:  # one round is 2π, two are 4π
         raise table.error(key, "goes round more than once")
     return corners
 

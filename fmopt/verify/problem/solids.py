@@ -30,7 +30,7 @@ from fmopt.verify.problem.shapes import MOST_POINTS, Convex
 from fmopt.verify.reading.document import Body as Piece
 
 MOST_CUTS = 10_000
-_ROOM = ONE >> 10
+_ROOM = ONE >> 10  # 1 mm beyond boxes, so that planes do the cutting
 _TOUCHES = ONE >> 33  # 1.2e-10 m
 _SNAP = ONE >> 48  # 3.6e-15: entries of a rotation so close to −1, 0 or 1 are these
 
@@ -197,6 +197,7 @@ def _side(cell: Cell, body: Body) -> tuple[bool | None, Plane | None]:
     for k in range(3):
         if cell.low[k] >= body.high[k] or cell.high[k] <= body.low[k]:
             return False, None
+    # Cuts are limited: first by the plane that the cell reaches farthest beyond.
     cutting, most = None, 0
     for plane in body.planes:
         found = heights(cell, plane)
@@ -275,6 +276,7 @@ class Comparison:
             held, plane = _state(cell, self._tree)
             if held is False:
                 continue
+            # In the set and in no piece alone: pieces that cut it may hold it together.
             if held:
                 plane = next((p for p in (_side(cell, piece)[1] for piece in self._pieces) if p is not None), None)
             if plane is None:
@@ -306,5 +308,6 @@ def _within(cell: Cell, body: Body) -> bool:
 def where(cell: Cell) -> str:
     """The middle of a cell in words, mm of the part's frame."""
     n = len(cell.corners)
+    # + 0.0 makes −0 a plain 0.
     place = ", ".join(f"{1e3 * number(sum(p[k] for p in cell.corners) // n) + 0.0:.6g}" for k in range(3))
     return f"({place}) mm"

@@ -60,6 +60,7 @@ class Sources:
         grasp = self.table.table("grasp").only("position", "angle", "height")
         h = grasp.number("height", LENGTH)
         fixed, held = self._fixed(), self._held(grasp, h)
+        # No more than a quarter: beyond it sines fall, and bounds with them.
         turn, tilted = (min(math.fsum(s.angle for s in shares), _QUARTER) for shares in (fixed, held))
         across, along = h * math.sin(tilted), h * (1.0 - math.cos(tilted))
         sideways, down = across + along * math.sin(at.lean), along + across * math.sin(at.lean)
@@ -81,6 +82,7 @@ class Sources:
 
     def _held(self, grasp: Table, height: float) -> list[Share]:
         before = self._configured("feeder", self.moving, (0.0, 0.0, height), HAND)
+        # The robot counts as it grasps, which stays in the hand, and again as it inserts.
         position, angle = deviation(self.table.table("robot"))
         return [
             *before,
@@ -128,6 +130,7 @@ class _Handling:
         table.only("robot", "slide", "at")
         position, angle = deviation(table.table("robot"))
         slide = deviation(table.table("slide")) if table.has("slide") else (0.0, 0.0)
+        # Twice: as the robot takes the part, and as it puts it down.
         shares = Share(HOLE, 2.0 * position, 2.0 * angle), Share(HOLE, *slide)
         return _Handling(table.vector("at", default=_ORIGIN), shares)
 
@@ -180,6 +183,7 @@ def _observed(table: Table, at: Point, frame: str) -> Share:
     u, v, w = _arm(a, b), _arm(a, c), _arm(a, at)
     uu, uv, vv, uw, vw = dot(u, u), dot(u, v), dot(v, v), dot(u, w), dot(v, w)
     s, t = ((vv * uw - uv * vw) / (uu * vv - uv * uv), (uu * vw - uv * uw) / (uu * vv - uv * uv))
+    # The foot of the point in the plane of the three, of which it has the shares 1 − s − t, s and t.
     foot = tuple(p + s * x + t * y for p, x, y in zip(a, u, v, strict=True))
     direct = (abs(1.0 - s - t) + abs(s) + abs(t)) * off + _chord(foot, at, angle)
     centre = tuple(sum(axis) / 3.0 for axis in zip(a, b, c, strict=True))

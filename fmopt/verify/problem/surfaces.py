@@ -75,8 +75,10 @@ def compared(mesh: Sequence[Triangle], body: Body) -> Surface:
     for triangle in _once(mesh):
         normal, area = _area(triangle)
         longest = max(math.dist(triangle[k], triangle[k - 1]) for k in range(3))
+        # No higher than noise: it covers nothing.
         if 2.0 * area <= FLAT * span * longest:
             continue
+        # No higher than facets may be off: which way it looks does not tell its face.
         thin = 2.0 * area <= 2.0 * OFF * longest
         best = min(_fits(triangle, None if thin else normal, faces, span), default=None)
         if best is None:
@@ -86,6 +88,7 @@ def compared(mesh: Sequence[Triangle], body: Body) -> Surface:
     lacking = []
     for face, area in zip(faces, covered, strict=True):
         lack = face.area - area
+        # What corners are off by makes areas differ, all along the rim.
         if abs(lack) > (2.0 * FLAT * span + 2.0 * off) * face.rim + 1e-6 * face.area:
             lacking.append((lack, face, area))
     if lacking and not _is_gap([(lack, face) for lack, face, _ in lacking], sum(face.area for face in faces)):
@@ -123,6 +126,7 @@ def _fits(triangle: Triangle, normal: Point | None, faces: Sequence[_Face], span
     for n, face in enumerate(faces):
         high = max(abs(_dot(face.n, p) - face.o) for p in triangle)
         if high <= OFF and (normal is None or abs(_dot(face.n, normal)) > 0.9):
+            # Its centre, too: of a triangle across a hole or a dent all corners may be of the face.
             beside = max(_beside(face, p, OFF) for p in (*triangle, centre))
             if beside <= OFF:
                 yield math.hypot(high, max(beside - 2.0 * FLAT * span, 0.0)), n
@@ -184,6 +188,7 @@ def _shifted(triangle: Triangle, step: Sequence[float], middle: Sequence[float])
         arm = between(middle, p)
         turn = cross(w, arm)
         again = cross(w, turn)
+        # Of `step`, which has six numbers, the shift: its turn is in w.
         made.append(tuple(x + d + t + 0.5 * a for x, d, t, a in zip(p, step, turn, again, strict=False)))
     (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = made
     return (a0, a1, a2), (b0, b1, b2), (c0, c1, c2)
@@ -293,6 +298,7 @@ def seated(mesh: Sequence[Triangle], body: Body) -> Iterator[list[Triangle]]:
                     if tries > MOST_TRIPLES:
                         raise Unbounded("the frame of the mesh cannot be found in so many tries")
                     here = basis(p, q, r)
+                    # Some corners tell most wrong frames, before all triangles are moved.
                     if all(_in_box(_carried(x, p, here, a, there), low, high, near) for x in points[:8]):
                         yield [_placed(triangle, p, here, a, there) for triangle in mesh]
 

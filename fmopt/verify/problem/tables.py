@@ -154,7 +154,7 @@ class Table:
             most: at most.
         """
         found = self.data.get(key, default)
-        if type(found) is not int or not 3 <= found <= most:
+        if type(found) is not int or not 3 <= found <= most:  # bool is an int
             raise self.error(key, f"must be a whole number from 3 to {most}")
         return found
 
@@ -264,6 +264,7 @@ def parameters(model: Table, overrides: Mapping[str, Quantity], cited: Table) ->
     names: dict[str, Quantity] = {}
     given = model.table("parameters") if model.has("parameters") else replace(model, key="parameters", data={})
     for name, raw in given.data.items():
+        # A parameter may name those above it.
         found = replace(given, names=names).quantity(name, raw)
         if found.dimension not in (LENGTH, ANGLE, RATIO):
             raise given.error(name, "is neither a length, an angle nor a plain number")
@@ -312,6 +313,7 @@ def with_units(path: Path, data: Mapping[str, Any]) -> Table:
         return bare
     units, factors = bare.table("units"), {}
     for name, (kind, known) in _UNITS.items():
+        # Units of lengths and angles have to be named; all others are of SI where they are not.
         if units.has(name) or name not in ("length", "angle"):
             factors[kind] = _factor(units.text(name, known) if units.has(name) else known[0])
     return replace(bare, factors=factors)
@@ -353,7 +355,7 @@ def read_bytes(path: Path, cited: Table | None, key: str, most: int) -> bytes:
             raise ProblemError(str(path), "", f"more than {most} bytes come in")
         return content
     try:
-        status = path.stat()
+        status = path.stat()  # before it is opened, as a pipe may never end
         if not stat.S_ISREG(status.st_mode):
             message = "is no regular file"
         elif status.st_size > most:
@@ -362,7 +364,7 @@ def read_bytes(path: Path, cited: Table | None, key: str, most: int) -> bytes:
             return path.read_bytes()
     except OSError as error:
         message = f"cannot be read: {error.strerror}"
-    except ValueError:
+    except ValueError:  # a zero byte in it
         message = "is no file name"
     if cited is None:
         raise ProblemError(str(path), "", message)

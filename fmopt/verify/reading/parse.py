@@ -99,6 +99,7 @@ def parse(document: Any) -> Plan:
     top = Reader(document)
     if not isinstance(document, dict):
         raise top.fail("must be an object")
+    # Before all keys: of a file of another format nothing else would be worth saying.
     top.at("format").text([FORMAT])
     top.only(_TOP)
     _the_formats_own(top)
@@ -106,6 +107,7 @@ def parse(document: Any) -> Plan:
     if fixed.body.balls:
         raise top.at("parts").at("fixed").at("balls").fail("are for the moving part only")
     contacts = tuple(_contact(item, moving, fixed) for item in top.at("contacts").items())
+    # Looked up for each contact that a segment names, and listed in order where it names another.
     known = dict.fromkeys(c.id for c in contacts)
     if len(known) != len(contacts):
         raise top.at("contacts").fail("repeats an id")
@@ -158,6 +160,7 @@ def _version(place: Reader) -> str:
 
 
 def _body(place: Reader, balls: tuple[tuple[int, float], ...] = ()) -> Body:
+    # Turned, and put at ±8 m by poses, they stay within the 2⁴ m for which rounding is bounded.
     vertices = tuple(item.numbers(3, -4.0, 4.0) for item in place.at("vertices").items(4))
     faces = tuple(
         tuple(loop.indices(len(vertices), 3) for loop in face.items(1)) for face in place.at("faces").items(4)
@@ -240,6 +243,7 @@ def _fraction(place: Reader) -> tuple[int, int]:
         raise place.fail(f'must be a fraction such as "-3/4" of at most {_LONGEST_FRACTION} characters')
     p, q = int(match[1]), int(match[2] or 1)
     shared = math.gcd(p, q)
+    # Then the common denominator is the least, and one point has one form: points are compared as tuples.
     return p // shared, q // shared
 
 
@@ -300,7 +304,7 @@ def _state(place: Reader, number: int) -> SearchedState:
     place.only(_STATE)
     origin, cost = place.filled("from"), place.filled("cost")
     return SearchedState(
-        None if origin is None else origin.integer(number),
+        None if origin is None else origin.integer(number),  # from a state listed before it
         _moves(place),
         tuple(item.label() for item in place.at("contacts").items()),
         place.at("freedoms").integer(7),

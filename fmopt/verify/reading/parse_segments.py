@@ -98,7 +98,7 @@ ACCOUNT_FIELDS: tuple[Fields, ...] = (
 def pose(place: Reader) -> Numbers:
     """A pose (6,) within the room of a plan."""
     found = place.numbers(6, -8.0, 8.0)
-    if math.hypot(*found[3:]) > 6.5:
+    if math.hypot(*found[3:]) > 6.5:  # a little over 2π, and less than the 8 rad of `exponential`
         raise place.fail("a rotation vector must not be longer than a full turn")
     return found
 

@@ -68,6 +68,7 @@ def content(path: str | Path) -> bytes:
             return file.read(LARGEST_FILE + 1)
     if sys.stdin is None:
         raise OSError("standard input is closed")
+    # A text stream that stands in for standard input has no bytes of its own.
     stream = getattr(sys.stdin, "buffer", None)
     return bytes(stream.read(LARGEST_FILE + 1)) if stream is not None else sys.stdin.read(LARGEST_FILE + 1).encode()
 
@@ -82,6 +83,7 @@ def decoded(text: bytes) -> dict[str, Any]:
         raise PlanError("", f"is larger than {LARGEST_FILE >> 20} MiB")
     try:
         document = json.loads(text.decode(), parse_constant=_no_constant, object_pairs_hook=_no_repetition)
+    # Raised by the hooks: as a ValueError it would be taken for broken JSON below.
     except PlanError:
         raise
     except UnicodeDecodeError as error:
@@ -137,6 +139,7 @@ class PlanError(ValueError):
         self.message = message
 
     def __reduce__(self) -> tuple[type[PlanError], tuple[str, str]]:
+        # Exceptions are pickled with their one text, which this constructor does not take.
         return type(self), (self.path, self.message)
 
 
@@ -156,7 +159,7 @@ CLASSES = (PROVED, COMPARED, COMMENTARY)
 class Reader:
     """A place in the document: takes values out of it and says where when they are wrong."""
 
-    __slots__ = ("_above", "_step", "value")
+    __slots__ = ("_above", "_step", "value")  # one is made for each value of a plan
 
     def __init__(self, value: Any, above: Reader | None = None, step: str = "") -> None:
         self.value = value
@@ -201,7 +204,9 @@ class Reader:
         for key in names:
             if key not in self.value:
                 raise self.fail(f"lacks the key {key!r}")
+        # All that is required is there: an object of no more keys has no others.
         if len(self.value) > len(names):
+            # The least by name, as differences of sets come in no order.
             unknown = min((str(key) for key in self.value.keys() - known), default=None)
             if unknown is not None:
                 raise self.fail(f"unknown key {unknown[:40]!r}: what this check does not know it cannot vouch for")
@@ -233,8 +238,9 @@ class Reader:
 
     def number(self, low: float = -1e6, high: float = 1e6) -> float:
         """A finite number within limits."""
-        if isinstance(self.value, bool) or not isinstance(self.value, int | float):
+        if isinstance(self.value, bool) or not isinstance(self.value, int | float):  # True is an int to Python
             raise self.fail("must be a number")
+        # Whole numbers of JSON have no greatest: one of some hundred digits is no float.
         if not (math.isfinite(self.value) if isinstance(self.value, float) else abs(self.value) < 10**9):
             raise self.fail("must be a finite number")
         if not low <= self.value <= high:
@@ -249,6 +255,7 @@ class Reader:
             low, high: between which each must be.
         """
         values = self.value
+        # Nearly all are floats in range: only where one is not is each looked at by itself, for the place of the fault.
         if isinstance(values, list) and len(values) == count:
             for x in values:
                 if type(x) is not float or not low <= x <= high:
