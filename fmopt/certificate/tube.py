@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmopt.certificate.kernels_ellipsoids import ball, extent, mapped, narrow, outer_sum, radius, spread
 from fmopt.certificate.kernels_rows import Bending, end_of, power, reach, remainder, together, unsteady
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.kernels import halves, size
@@ -175,132 +176,6 @@ def coupled(links: Array, half: Array, turn: float) -> Array:
 
 
 @part
-def _reach(N: Array, generators: Array, slide: Array, swing: Array) -> float:
-    """How far generators (k, 6) and ellipsoids with roots (6, …), added up, reach along a row (6,)."""
-    total = 0.0
-    for k in range(len(generators)):
-        along = 0.0
-        for i in range(6):
-            along += generators[k, i] * N[i]
-        total += abs(along)
-    return total + _radius(N, slide) + _radius(N, swing)
-
-
-@part
-def _radius(N: Array, F: Array) -> float:
-    """How far an ellipsoid with a root (6, g) reaches along a row (6,)."""
-    square = 0.0
-    for k in range(F.shape[1]):
-        along = 0.0
-        for i in range(6):
-            along += F[i, k] * N[i]
-        square += along * along
-    return math.sqrt(square)
-
-
-@part
-def _spread(slide: Array, swing: Array, projector: Array, rho: float) -> Array:
-    """Diagonals (6,) and, last, traces, (2, 2, 7): in translation and in angle of the carried drift and of a unit's."""
-    found = np.zeros((2, 2, 7))
-    for i in range(6):
-        for k in range(slide.shape[1]):
-            found[0, 0, i] += slide[i, k] * slide[i, k]
-        for k in range(swing.shape[1]):
-            found[1, 0, i] += swing[i, k] * swing[i, k]
-        for n in range(2):
-            for k in range(3):
-                found[n, 1, i] += projector[i, 3 * n + k] * projector[i, 3 * n + k]
-            for m in range(2):
-                found[n, m, 6] += (1.0 if i < 3 else rho * rho) * found[n, m, i]
-    return found
-
-
-@part
-def _ball(projector: Array, first: int, radius: float) -> Array:
-    """A root (6, 3) of what a projector makes of a ball in the three coordinates from `first` on."""
-    found = np.empty((6, 3))
-    for i in range(6):
-        for k in range(3):
-            found[i, k] = radius * projector[i, first + k]
-    return found
-
-
-@part
-def _mapped(P: Array, F: Array) -> Array:
-    """P F (6, k)."""
-    found = np.zeros((6, F.shape[1]))
-    for i in range(6):
-        for j in range(6):
-            for k in range(F.shape[1]):
-                found[i, k] += P[i, j] * F[j, k]
-    return found
-
-
-@part
-def _trace(F: Array, rho: float) -> float:
-    """The trace of the shape matrix of a root (6, k) in the metric of ρ."""
-    found = 0.0
-    for i in range(6):
-        weight = 1.0 if i < 3 else rho * rho
-        for k in range(F.shape[1]):
-            found += weight * F[i, k] * F[i, k]
-    return found
-
-
-@part
-def _sum(F1: Array, F2: Array, rho: float) -> Array:
-    """Root of the ellipsoid of least trace around the sum of two; see `ellipsoid.outer_sum`."""
-    s1, s2 = math.sqrt(_trace(F1, rho)), math.sqrt(_trace(F2, rho))
-    if s1 == 0.0:
-        return F2
-    if s2 == 0.0:
-        return F1
-    k, one, two = F1.shape[1], math.sqrt(1.0 + s2 / s1), math.sqrt(1.0 + s1 / s2)
-    found = np.empty((6, k + F2.shape[1]))
-    for i in range(6):
-        for j in range(k):
-            found[i, j] = one * F1[i, j]
-        for j in range(F2.shape[1]):
-            found[i, k + j] = two * F2[i, j]
-    return found
-
-
-@part
-def _narrow(F: Array) -> Array:
-    """A root (6, k) of the same ellipsoid as F (6, m) with k ≤ 6, by Householder reflections of Fᵀ."""
-    m = F.shape[1]
-    if m <= 6:
-        return F
-    M = np.empty((m, 6))
-    for i in range(6):
-        for k in range(m):
-            M[k, i] = F[i, k]
-    for j in range(6):
-        below = 0.0
-        for k in range(j + 1, m):
-            below += M[k, j] * M[k, j]
-        if below == 0.0:
-            continue
-        head = M[j, j]
-        size = math.sqrt(head * head + below)
-        end = -size if head >= 0.0 else size
-        M[j, j] = head - end
-        for i in range(j + 1, 6):
-            along = 0.0
-            for k in range(j, m):
-                along += M[k, j] * M[k, i]
-            along /= size * (size + abs(head))
-            for k in range(j, m):
-                M[k, i] -= along * M[k, j]
-        M[j, j] = end
-    found = np.empty((6, 6))
-    for i in range(6):
-        for j in range(6):
-            found[i, j] = M[j, i] if j <= i else 0.0
-    return found
-
-
-@part
 def _grown(
     half: Array, layers: Layers, rest: Array, way: Numbers, late: tuple[float, float], links: Array
 ) -> tuple[int, Array, float, tuple[float, float], Array]:
@@ -349,14 +224,14 @@ def _grown(
 
 
 @part
-def _drifted(radius: float, drifts: Array) -> tuple[float, float]:
-    """Of what a drift is made up, the carried one and a unit's (2, 7), in squares; see `_sum` and `_spread`."""
-    s1, s2 = math.sqrt(drifts[0, 6]), radius * math.sqrt(drifts[1, 6])
+def _drifted(far: float, drifts: Array) -> tuple[float, float]:
+    """Of what a drift is made up, the carried one and a unit's (2, 7), in squares; see `outer_sum` and `spread`."""
+    s1, s2 = math.sqrt(drifts[0, 6]), far * math.sqrt(drifts[1, 6])
     if s1 == 0.0:
-        return 0.0, radius * radius
+        return 0.0, far * far
     if s2 == 0.0:
         return 1.0, 0.0
-    return 1.0 + s2 / s1, (1.0 + s1 / s2) * radius * radius
+    return 1.0 + s2 / s1, (1.0 + s1 / s2) * far * far
 
 
 @part
@@ -436,19 +311,19 @@ def carried(
         for i in range(6):
             for j in range(6):
                 image[k, i] += projector[i, j] * moved[k, j]
-    slide_there, swing_there = _mapped(projector, slide), _mapped(projector, swing)
-    shape_there = _mapped(projector, moved_shape)
+    slide_there, swing_there = mapped(projector, slide), mapped(projector, swing)
+    shape_there = mapped(projector, moved_shape)
     rest = layers.off.copy()
     for k in range(len(layers.f)):
-        along = min(_reach(N[k], core, slide, swing), _radius(N[k], shape))
+        along = min(extent(N[k], core, slide, swing), radius(N[k], shape))
         rest[k] = max(abs(layers.f[k]) + along, rest[k])
     for k in range(len(rest)):
         rest[k] += layers.form[k]
-    drifts, boxes = _spread(slide_there, swing_there, projector, rho), _boxes(core, image, slide, swing)
+    drifts, boxes = spread(slide_there, swing_there, projector, rho), _boxes(core, image, slide, swing)
     late = (0.0, 0.0)
     if way.rate > 0.0:
         leaning = size((seen[0], seen[1], seen[2])) * rates[0] + way.leaning * rates[1]
-        late = (_reach(seen, moved, slide, swing) / way.rate, leaning * way.length / way.rate)
+        late = (extent(seen, moved, slide, swing) / way.rate, leaning * way.length / way.rate)
     radii, code, final, beyond, half = (0.0, 0.0), THICK, rest, 0.0, np.empty(6)
     for attempt in range(2):
         for i in range(6):  # at first from what is likely; where that is not tight, from below
@@ -469,9 +344,9 @@ def carried(
     generators = np.empty((len(core) + len(final), 6))
     if code != SETTLED:
         return code, half, final, beyond, generators, slide_there, swing_there, shape_there
-    slid, swung = _ball(projector, 0, radii[0]), _ball(projector, 3, radii[1])
-    slide_there, swing_there = _sum(slide_there, slid, rho), _sum(swing_there, swung, rho)
-    shape_there = _sum(_sum(shape_there, slid, rho), swung, rho)
+    slid, swung = ball(projector, 0, radii[0]), ball(projector, 3, radii[1])
+    slide_there, swing_there = outer_sum(slide_there, slid, rho), outer_sum(swing_there, swung, rho)
+    shape_there = outer_sum(outer_sum(shape_there, slid, rho), swung, rho)
     thick = np.empty((6, len(final)))
     for i in range(6):
         for k in range(len(core)):
@@ -479,5 +354,5 @@ def carried(
         for k in range(len(final)):
             generators[len(core) + k, i] = layers.goal_dual[i, k] * final[k]
             thick[i, k] = math.sqrt(len(final)) * generators[len(core) + k, i]
-    shape_there = _sum(shape_there, thick, rho)
-    return code, half, final, beyond, generators, _narrow(slide_there), _narrow(swing_there), _narrow(shape_there)
+    shape_there = outer_sum(shape_there, thick, rho)
+    return code, half, final, beyond, generators, narrow(slide_there), narrow(swing_there), narrow(shape_there)

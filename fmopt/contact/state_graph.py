@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike
 from fmopt.contact.c_surface import values_and_rows
 from fmopt.contact.face_lattice import Bits, Numbers, covers, held
 from fmopt.contact.facet_bounds import Bound
-from fmopt.contact.polytope import Faces, enumerate_faces, enumerate_vertices, first_equal
+from fmopt.contact.half_spaces import first_equal
+from fmopt.contact.polytope import Faces, enumerate_faces, enumerate_vertices
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron

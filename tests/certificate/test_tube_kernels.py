@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fmopt.certificate import rows, tube
+from fmopt.certificate.kernels_ellipsoids import narrow, outer_sum
 from fmopt.certificate.remainder import Curvature
 from fmopt.certificate.rows import Forms, edges_apart, faces_above, points_above, stacked
 from fmopt.spatial import ellipsoid
@@ -68,11 +69,11 @@ def test_kernels_of_rows_do_what_is_written(seed: int) -> None:
 def test_sums_of_ellipsoids_are_those_of_the_plain_formula(first: int, second: int) -> None:
     rng = np.random.default_rng(first)
     F1, F2 = rng.normal(size=(6, first)), rng.normal(size=(6, second)) * 1e-3
-    found = tube._narrow(tube._sum(F1, F2, RHO))
+    found = narrow(outer_sum(F1, F2, RHO))
     expected = ellipsoid.outer_sum(F1, F2, ellipsoid.metric(RHO))
     assert found.shape[1] <= 6
     np.testing.assert_allclose(found @ found.T, expected @ expected.T, rtol=1e-12, atol=1e-18)
-    np.testing.assert_allclose(found, written(tube._narrow)(written(tube._sum)(F1, F2, RHO)), rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(found, written(narrow)(written(outer_sum)(F1, F2, RHO)), rtol=1e-12, atol=1e-18)
 
 
 def test_a_flat_ellipsoid_stays_flat_when_its_root_is_narrowed() -> None:
@@ -80,4 +81,4 @@ def test_a_flat_ellipsoid_stays_flat_when_its_root_is_narrowed() -> None:
     F = np.random.default_rng(3).normal(size=(6, 14))
     N = np.array([0.6, 0.0, 0.8, 0.0, 0.0, 0.0])
     F -= np.outer(N, N @ F)
-    assert np.linalg.norm(N @ tube._narrow(F)) < 1e-14
+    assert np.linalg.norm(N @ narrow(F)) < 1e-14

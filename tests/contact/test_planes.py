@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from fmopt.contact.polytope import INCIDENCE, corners_of, first_equal, row_space
+from fmopt.contact.half_spaces import INCIDENCE, corners_of, first_equal, row_space
 
 
 @pytest.mark.parametrize(("m", "k", "r"), [(1, 4, 1), (30, 17, 5), (50, 80, 6)])
