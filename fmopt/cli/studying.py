@@ -49,18 +49,18 @@ def study_run(
     from fmopt.study import command
 
     asked = command.Asked(jobs, limit, retry_failed, cluster)
+    if out is not None and len(files) > 1:
+        raise typer.BadParameter("several studies cannot share one folder", param_hint="--out")
+    allocations = [file for file in files if command.allocates(file)]
+    if allocations and (cluster is not None or limit is not None or retry_failed):
+        raise typer.BadParameter("an allocation is one piece of work on this machine", param_hint=str(allocations[0]))
     # Before there are workers, each of which would compile the same; other hosts keep their own.
     if not dry_run and cluster is None:
         with Stages(quiet or as_json) as stages:
             compile_kernels(stages)
-
-    if out is not None and len(files) > 1:
-        raise typer.BadParameter("several studies cannot share one folder", param_hint="--out")
     for file in files:
         folder = out if out is not None else Path("out") / file.stem
-        if command.allocates(file):
-            if cluster is not None or limit is not None or retry_failed:
-                raise typer.BadParameter("an allocation is one piece of work on this machine", param_hint=str(file))
+        if file in allocations:
             _allocate(file, folder, dry_run, as_json, quiet)
             continue
         if dry_run:

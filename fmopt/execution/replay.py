@@ -13,7 +13,7 @@ from fmopt.execution.engines.physics import Physics
 from fmopt.execution.engines.scene import compiled, engine, scene
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
-from fmopt.execution.trials import Trials, run
+from fmopt.execution.trials import Trials, grown, run
 from fmopt.plan import Plan
 from fmopt.runtime import output
 from fmopt.spatial.values import Array
@@ -53,7 +53,8 @@ def replay(planned: Plan, trials: Trials, number: int, file: Path) -> dict[str, 
         ticks += 1
 
     [record] = run(planned, trials, [number], look=look)
-    output.save(_gif(_frames(planned, poses)), file)
+    shown = grown(planned, trials.growth) if trials.growth else planned
+    output.save(_gif(_frames(shown, poses)), file)
     return dict(record)
 
 

@@ -324,8 +324,11 @@ class Rig:
         state.step[bodies], state.felt[bodies], state.stalled[bodies] = steps, 0, 0
         on = steps >= 0  # as indices DONE and FAILED would mean the last steps
         state.shown[bodies[on]], state.gone[bodies[on]] = steps[on], over[on]
-        anew = bodies[~on | (self.table.numbers[np.maximum(steps, 0), MOVE] != moves)]
-        state.gone[anew], state.moving[anew], state.effort[anew] = 0.0, -self.robot.settling, 1.0
+        new = ~on | (self.table.numbers[np.maximum(steps, 0), MOVE] != moves)
+        anew = bodies[new]
+        state.moving[anew], state.effort[anew] = -self.robot.settling, 1.0
+        # What has failed keeps its way: it tells a contact that came too early from one that was not felt.
+        state.gone[bodies[on & new]] = 0.0
         self._rest(anew)
 
     def _rest(self, bodies: NDArray[np.intp]) -> None:

@@ -105,7 +105,7 @@ def _by_size(records: Sequence[Any], width: float = 0.25) -> list[dict[str, Any]
     rows: dict[int, list[bool]] = {}
     for record in records:
         # Bins are closed above, as a size of 1 is still inside.
-        rows.setdefault(int(np.ceil(record["size"] / width)) - 1, []).append(record["success"])
+        rows.setdefault(max(int(np.ceil(record["size"] / width)) - 1, 0), []).append(record["success"])
     return [
         {"size": [width * k, width * (k + 1)], "trials": len(rows[k]), "share": sum(rows[k]) / len(rows[k])}
         for k in sorted(rows)

@@ -101,7 +101,7 @@ class Draw:
 
 
 def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
-    """The errors of a trial, and the generator's stream of it.
+    """The errors of a trial.
 
     Args:
         what: plan with the box of start errors.
@@ -110,7 +110,7 @@ def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
         number: counted from 0 through all of them; its own stream, whatever the others draw.
 
     Raises:
-        PlanFormatError: errors are asked for that retries cover, and there are none.
+        PlanFormatError: errors are asked for that retries cover, or that are beyond the box, and there are none.
     """
     random = np.random.default_rng([trials.seed, number])
     box = np.array(what.start_box)
@@ -119,12 +119,14 @@ def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
         factors = _covered(what, box)
         share *= factors
         # Drawn again until it is outside of the box: uniform in what retries alone cover.
-        while np.abs(share[box > 0.0]).max() <= 1.0:
+        while _size(share, box) <= 1.0:
             share = factors * random.uniform(-1.0, 1.0, 6)
     elif number >= trials.inside:
+        if not box.any():
+            raise PlanFormatError("the plan has no start error that others could be beyond", "leave out --beyond")
         # Sizes are uniform: of places that are, most would have nearly the greatest size.
-        share *= random.uniform(1.0, trials.reach) / float(np.abs(share[box > 0.0]).max())
-    size = float(np.abs(share[box > 0.0]).max(initial=0.0))
+        share *= random.uniform(1.0, trials.reach) / _size(share, box)
+    size = _size(share, box)
     t, r = what.velocity_error
     count = max(step.move for step in program.steps) + 1
     drift = np.hstack(
@@ -133,10 +135,15 @@ def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
     start = share * box
     # After the size was taken: what nobody knows of is no error that is counted.
     start[0] += trials.offset
-    return Draw(start, size, drift + _askew(what, program, share))
+    return Draw(start, size, drift + _askew(what, program, share, trials.method == "plan"))
 
 
-def _askew(what: Plan, program: Program, share: Array) -> Array:
+def _size(share: Array, box: Array) -> float:
+    """How many boxes (6,) errors of a share (6,) of it take; 0 where the box is none."""
+    return float(np.abs(share[box > 0.0]).max(initial=0.0))
+
+
+def _askew(what: Plan, program: Program, share: Array, planned: bool) -> Array:
     """What errors that are fixed in the hole and in the hand add to the velocity of each move (m, 6), at full speed.
 
     In a hole that is askew by h every motion is seen turned by it; a part that is off by g in the hand swings by ω × g.
@@ -145,8 +152,9 @@ def _askew(what: Plan, program: Program, share: Array) -> Array:
     boxes = dict(what.sources)
     none = (0.0,) * 6
     hole, hand = share * boxes.get("hole", none), share * boxes.get("hand", none)
-    # Backwards, so that of the pieces of a move the first one stays; so with the steps below.
-    first = {segment.move: segment for segment in reversed(what.segments)}
+    # Backwards, so that of the pieces of a move the first one stays; so with the steps below. The steps of a baseline
+    # are none of the plan's, though they have numbers, too: it goes as the part stands at the start.
+    first = {segment.move: segment for segment in reversed(what.segments)} if planned else {}
     found = np.zeros((max(step.move for step in program.steps) + 1, 6))
     for step in reversed(program.steps):
         size = float(np.linalg.norm(step.twist * np.repeat([1.0, program.rho], 3)))

@@ -210,4 +210,5 @@ def rounded_down(value: float) -> float:
     Between edges rounding of coordinates is divided by the sine of the angle at which they cross: 3.5 fm were met on a
     part of 100 mm, where they cross at 10°.
     """
-    return value - _ROUNDING - 1e-12 * abs(value) if math.isfinite(value) else 1.0
+    # Where nothing is near no margin is finite, and a file cannot say so; what is no number stays none, and is refused.
+    return 1.0 if value == math.inf else value - _ROUNDING - 1e-12 * abs(value)

@@ -19,10 +19,33 @@ from fmopt.task.model import parameter_values
 from fmopt.task.toml.problem_file import ProblemFile, spelled_out
 from fmopt.task.toml.source import Key, Source, read, read_bytes
 from fmopt.task.toml.tables import Measured, Table
-from fmopt.task.toml.units import ANGLE, FORCE, LENGTH, RATIO, SPEED, TIME, TORQUE, Dimension, Quantity, did_you_mean
+from fmopt.task.toml.units import (
+    ANGLE,
+    FORCE,
+    LENGTH,
+    MASS,
+    RATIO,
+    SPEED,
+    STIFFNESS,
+    TIME,
+    TORQUE,
+    Dimension,
+    Quantity,
+    did_you_mean,
+)
 
 SIDES = ("moving", "fixed")
-UNIT_NAMES = {LENGTH: "m", ANGLE: "rad", SPEED: "m/s", FORCE: "N", TORQUE: "N*m", TIME: "s"}
+UNIT_NAMES = {
+    LENGTH: "m",
+    ANGLE: "rad",
+    TIME: "s",
+    SPEED: "m/s",
+    FORCE: "N",
+    TORQUE: "N*m",
+    MASS: "kg",
+    STIFFNESS: "N/m",
+    Dimension(length=2): "m*m",  # what a model may work out for a section
+}
 _LETTERS = "xyz"  # what the entries of a vector are called
 _FIXED = {"title", "units", *SIDES}  # units would change what all other numbers mean; models vary by their parameters
 
@@ -93,6 +116,9 @@ class Base:
         found = dict(_fields(ProblemFile, (), "", self.problem.data))
         for side, model in self.models.items():
             for name, value in parameter_values(model).items():
+                # What no file could say the value of, such as a length's reciprocal, is worked out from others.
+                if value.dimension != RATIO and value.dimension not in UNIT_NAMES:
+                    continue
                 found[f"model.{side}.{name}"] = Target((side, "parameters", name), value.dimension)
         return found
 

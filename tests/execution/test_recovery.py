@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -48,11 +48,19 @@ def deaf(program: Program) -> Program:
     return replace(program, steps=tuple(steps))
 
 
+def short(program: Program) -> Program:
+    """The program with one move that is used up before it comes to its contact."""
+    steps = (replace(s, travel=0.3 * s.travel) if s.move == DEAF else s for s in deaf(program).steps)
+    return replace(program, steps=tuple(steps))
+
+
 class Bench:
     """Runs bodies that start at the plan's pose and fail at their first attempt; keeps what was seen of the first."""
 
-    def __init__(self, document: Plan, attempts: int = 1, recovery: bool = True) -> None:
-        self.document, self.attempts, robot = document, attempts, Robot()
+    def __init__(
+        self, document: Plan, recovery: bool = True, spoilt: Callable[[Program], Program] = deaf, attempts: int = 1
+    ) -> None:
+        self.document, self.attempts, self.spoilt, robot = document, attempts, spoilt, Robot()
         self.fit, self.robot, self.program = Fit.of(parsed(document)), robot, planned(parsed(document), robot)
         physics = Physics.of_fit(self.fit.clearance, robot.period)
         self.model = compiled(scene(parsed(document), physics, robot.mass, robot.inertia, 0.3))
@@ -66,7 +74,7 @@ class Bench:
         poses = np.tile(start, (len(numbers), 1))
 
         def rig(starts: tuple[Array, Array], which: Sequence[int], attempt: int) -> Rig:
-            program = deaf(self.program) if attempt < self.attempts else self.program
+            program = self.spoilt(self.program) if attempt < self.attempts else self.program
             drift = np.zeros((max(s.move for s in program.steps) + 1, len(which), 6))
             noise = Noise(0, [numbers[k] for k in which], attempt)
             return Rig(MujocoEngine(self.model, starts), program, self.robot, drift, noise)
@@ -97,6 +105,14 @@ def test_a_part_whose_move_failed_is_brought_back_and_seats(bench: Bench, ran: l
         assert log.departures[0] == f"move {DEAF + 1}: contact not felt"
         assert log.outcome["success"], log.outcome["reasons"]
         assert log.outcome["seconds"] > 4.0
+
+
+def test_a_part_that_used_its_travel_up_is_tried_in_the_order_for_that(square_peg_plan: Plan) -> None:
+    order = square_peg_plan["recovery"]["moves"][DEAF]["order"][LATE]
+    [log] = Bench(square_peg_plan, spoilt=short).run([4])
+    assert [asdict(one) for one in log.retries] == [{"move": DEAF, "felt": LATE, "shift": order[0]}]
+    assert log.outcome is not None
+    assert log.outcome["success"], log.outcome["reasons"]
 
 
 def test_the_part_is_led_above_the_top_to_the_shifted_start(bench: Bench, ran: list[Log]) -> None:
@@ -205,6 +221,14 @@ def test_errors_that_only_retries_cover_are_drawn_where_they_are(square_peg_plan
     assert np.array_equal(draw(plan, program, wanted, 40).start, draws[40].start)
     with pytest.raises(PlanFormatError, match="no retries"):
         draw(replace(plan, recovery=None), program, wanted, 6)
+
+
+def test_nothing_is_beyond_no_error(square_peg_plan: Plan) -> None:
+    plan, program = replace(parsed(square_peg_plan), start_box=(0.0,) * 6), planned(parsed(square_peg_plan), Robot())
+    assert draw(plan, program, Trials(1, 1), 0).size == 0.0
+    with pytest.raises(PlanFormatError, match="no start error"):
+        draw(plan, program, Trials(1, 1), 1)
+    assert summary([record(0, 0.0), record(1, 0.2)])["by_size"][0] == {"size": [0.0, 0.25], "trials": 2, "share": 1.0}
 
 
 def test_summaries_tell_what_trying_again_has_gained() -> None:

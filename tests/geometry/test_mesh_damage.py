@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import random
+import zipfile
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -263,6 +264,30 @@ def test_packages_say_unit_and_place(form: str, tmp_path: Path) -> None:
             assert len(read_triangles(tmp_path / f"a.{form}")[1])
         with contextlib.suppress(NoMesh):
             assert triangles(cut, form, 1.0)
+
+
+def test_solids_that_are_put_together_without_end_are_refused(tmp_path: Path) -> None:
+    """Each holds the next one twice: a file of some kilobytes would be 2³¹ solids."""
+    made = "".join(
+        f'<object id="{k}"><components><component objectid="{k + 1}"/><component objectid="{k + 1}"/></components>'
+        "</object>"
+        for k in range(31)
+    )
+    single = '<object id="31"><mesh><vertices><vertex x="0" y="0" z="0"/></vertices>'
+    single += '<triangles><triangle v1="0" v2="0" v3="0"/></triangles></mesh></object>'
+    model = f'<model unit="meter"><resources>{made}{single}</resources><build><item objectid="0"/></build></model>'
+    with zipfile.ZipFile(tmp_path / "a.3mf", "w") as archive:
+        archive.writestr("3D/3dmodel.model", model)
+    with pytest.raises(GeometryError, match="puts more than 400000 "):
+        read_triangles(tmp_path / "a.3mf")
+    with pytest.raises(NoMesh, match="more than 200000 triangles|too many solids"):
+        triangles((tmp_path / "a.3mf").read_bytes(), "3mf", 1.0)
+    points, corners = triangles_of(rounded((0.012, 0.008), 0.03))
+    (tmp_path / "a.glb").write_bytes(content := glb(points, corners, {"children": [0, 0]}))
+    with pytest.raises(GeometryError, match="a part of two others"):
+        read_triangles(tmp_path / "a.glb")
+    with pytest.raises(NoMesh, match="a part of two others"):
+        triangles(content, "glb", 1.0)
 
 
 def test_a_package_takes_no_unit(tmp_path: Path) -> None:

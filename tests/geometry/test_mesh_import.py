@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,8 @@ from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_import import Imported, load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.spatial.se3 import Pose, exp
+from fmopt.verify.problem.meshes import triangles
+from fmopt.verify.problem.packages import NoMesh
 from tests.shared.files.mesh_files import at, plate, ply_text, rounded, stl_text, triangles_of
 
 ROD = rounded((0.012, 0.008), 0.03, 0.0005)
@@ -191,6 +195,37 @@ def test_ply_is_read_as_stl_is(tmp_path: Path) -> None:
     one, other = (load_mesh(tmp_path / f"a.{kind}", "mm").body for kind in ("ply", "stl"))
     assert one.volume == pytest.approx(other.volume, rel=1e-12)
     assert len(one.faces) == len(other.faces)
+
+
+@pytest.mark.parametrize("corner", ["1e9999", "nan", "-1"])
+def test_a_corner_that_is_no_number_of_a_point_is_damage(tmp_path: Path, corner: str) -> None:
+    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    header += "element face 1\nproperty list uchar float vertex_indices\nend_header\n"
+    (tmp_path / "a.ply").write_text(f"{header}0 0 0\n1 0 0\n0 1 0\n3 0 1 {corner}\n")
+    with pytest.raises(GeometryError, match=r"a\.ply, line \d+: "):
+        load_mesh(tmp_path / "a.ply", "mm")
+    with pytest.raises(NoMesh):
+        triangles((tmp_path / "a.ply").read_bytes(), "ply", 1.0)
+    packed = header.replace("ascii", "binary_little_endian").encode() + struct.pack("<9f", *range(9))
+    packed += struct.pack("<B3f", 3, 0.0, 1.0, math.inf if corner == "1e9999" else float(corner))
+    (tmp_path / "b.ply").write_bytes(packed)
+    with pytest.raises(GeometryError, match=r"b\.ply, "):
+        load_mesh(tmp_path / "b.ply", "mm")
+    with pytest.raises(NoMesh):
+        triangles(packed, "ply", 1.0)
+
+
+def test_lines_keep_their_numbers_where_others_go_on(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("v 0 \\\n0 0\nv 1 0 \\\r\n\\\n0\nv 0 1 0\nf 1 2 \\\n3\nv 0 one 0\n")
+    with pytest.raises(GeometryError, match=r"a\.obj, line 9: 'one' is no finite number"):
+        load_mesh(tmp_path / "a.obj", "mm")
+    points, corners = triangles_of(ROD)
+    text = "".join(f"v {x!r} \\\n {y!r} {z!r}\n" for x, y, z in points.tolist())
+    text += "".join(f"f {a + 1} \\\n {b + 1} {c + 1}\n" for a, b, c in corners.tolist())
+    (tmp_path / "b.obj").write_text(text)
+    (tmp_path / "b.stl").write_text(stl_text(points, corners))
+    one, other = (load_mesh(tmp_path / f"b.{kind}", "mm").body.volume for kind in ("obj", "stl"))
+    assert one == pytest.approx(other, rel=1e-12)
 
 
 @pytest.mark.parametrize("sides", [12, 24, 64])

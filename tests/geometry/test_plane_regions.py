@@ -129,6 +129,13 @@ def test_areas_add_up_and_de_morgan(seed: int) -> None:
     assert union([a, a]).area == pytest.approx(a.area, rel=1e-13)
 
 
+def test_what_lies_in_a_hole_is_a_part_of_the_polygon() -> None:
+    rings = [box(-k, -k, 2.0 * k, 2.0 * k).loops[0] for k in (4.0, 3.0, 2.0, 1.0)]
+    nested = difference(union([Region((rings[0],))]), Region((rings[1],)))
+    nested = union([nested, difference(Region((rings[2],)), Region((rings[3],)))])
+    assert nested.polygon(1e-6).area == pytest.approx(nested.area) == pytest.approx(64.0 - 36.0 + 16.0 - 4.0)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_membership_follows_the_operators(seed: int) -> None:
     rng = np.random.default_rng(2000 + seed)

@@ -445,6 +445,11 @@ def test_the_bag_reads_back_through_another_library(square_peg_plan: dict[str, A
         assert np.abs(np.array([getattr(message.pose.position, k) for k in "xyz"]) - wanted.p).max() < 1e-15
     last = wrenches[-1].wrench
     assert np.abs(BASE.R.T @ [last.force.x, last.force.y, last.force.z] - rows[-1].hold[:3]).max() < 1e-12
+    # Each segment begins with the wrench that holds there: arms are others than at its end.
+    turned_out = next(k for k, row in enumerate(rows) if np.abs(row.hold - row.hold_start).max() > 1e-3)
+    begun = sum(int(np.floor(50.0 * row.duration)) + 1 for row in rows[:turned_out])
+    first = wrenches[begun].wrench.torque
+    assert np.abs(BASE.R.T @ [first.x, first.y, first.z] - rows[turned_out].hold_start[3:]).max() < 1e-12
     assert all(message.header.frame_id == ros2.BASE_LINK for message in poses)
 
 

@@ -353,6 +353,21 @@ def test_every_number_and_choice_of_a_problem_may_vary() -> None:
     assert targets["settings.placement"].dimension is None
 
 
+def test_masses_and_stiffnesses_may_vary(tmp_path: Path) -> None:
+    limits = '[specification]\nimpact_force = "40 N"\napparent_mass = "2 kg"\ncontact_stiffness = "200 N/mm"\n'
+    base = (ROOT / "problems" / "square_peg.toml").read_text().replace("../models", f"{ROOT}/models")
+    (tmp_path / "base.toml").write_text(base.replace("[specification]\n", limits))
+    (tmp_path / "study.toml").write_text(
+        'title = "t"\nproblem = "base.toml"\ncompute = ["clearance"]\n[units]\nlength = "mm"\nangle = "deg"\n'
+        '[[axes]]\nname = "heavy"\nvalues = ["0.5 kg", "1 kg"]\nsets = ["specification.apparent_mass"]\n'
+        '[[axes]]\nname = "hard"\nvalues = ["20 N/mm"]\nsets = ["specification.contact_stiffness"]\n'
+    )
+    study = load_study(tmp_path / "study.toml")
+    found = [problem_of(assigned(study.base.problem, run.assigned)).specification for run in study.runs()]
+    assert [one.apparent_mass for one in found] == [0.5, 1.0]
+    assert {one.contact_stiffness for one in found} == {20000.0}
+
+
 def test_entries_of_arrays_and_truths_may_vary(tmp_path: Path) -> None:
     base = (ROOT / "problems" / "lee_huang_peg.toml").read_text().replace("../models", f"{ROOT}/models")
     (tmp_path / "base.toml").write_text(base)

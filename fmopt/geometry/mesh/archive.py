@@ -22,6 +22,7 @@ from fmopt.spatial.values import Array
 
 METRES = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
 _DEEPEST = 32  # levels of solids that are made of solids
+_MOST = 400_000  # solids that are put together and their points: a few lines can say to put each of them twice
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942  # kinds of chunks: the letters "JSON" and "BIN" as numbers
 _KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 
@@ -63,7 +64,7 @@ def three_mf(data: bytes, most: int) -> tuple[str, list[Shell]]:
         raise Broken(f"its model has more than {most} bytes")
     reader = _Model(most)
     reader.parse(text)
-    return reader.unit, [*reader.built()]
+    return reader.unit, [*_few(reader.built())]
 
 
 class _Model:
@@ -76,6 +77,7 @@ class _Model:
         self._made_of: dict[str, list[tuple[str, Array]]] = {}
         self._items: list[tuple[str, Array]] = []
         self._object = ""
+        self._put = 0
 
     def parse(self, text: bytes) -> None:
         """Reads the text.
@@ -108,6 +110,9 @@ class _Model:
     def _solids(self, name: str, place: Array, depth: int) -> Iterator[Shell]:
         if depth > _DEEPEST or (name not in self._meshes and name not in self._made_of):
             raise Broken(f"the solid {name[:20]!r} is not there, or made of itself")
+        self._put += 1
+        if self._put > _MOST:
+            raise Broken(f"it puts more than {_MOST} solids together")
         if name in self._meshes:
             points, triangles = self._meshes[name]
             if points and triangles:
@@ -168,7 +173,7 @@ def glb(data: bytes) -> list[Shell]:
             chunks.setdefault(kind, data[at + 8 : at + 8 + size])
             at += 8 + size
         scene = json.loads(chunks[_JSON])
-        return [*_scene(scene, chunks.get(_BINARY, b""))]
+        return [*_few(_scene(scene, chunks.get(_BINARY, b"")))]
     except Broken:
         raise
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, struct.error, RecursionError) as error:
@@ -178,7 +183,10 @@ def glb(data: bytes) -> list[Shell]:
 def _scene(scene: Any, block: bytes) -> Iterator[Shell]:
     nodes = scene.get("nodes", [])
     if "nodes" in scene:
-        children = {child for node in nodes for child in node.get("children", [])}
+        listed = [child for node in nodes for child in node.get("children", [])]
+        children = {*listed}
+        if len(children) < len(listed):
+            raise Broken("a node is a part of two others")
         roots = (
             scene["scenes"][scene.get("scene", 0)]["nodes"] if "scenes" in scene else set(range(len(nodes))) - children
         )
@@ -248,6 +256,16 @@ def _accessor(scene: Any, block: bytes, number: int) -> Any:
     if min(count, at) < 0 or stride < width * kind.itemsize or (count and end > len(block)):
         raise Broken("numbers lie outside the file's block")
     return np.ndarray((count, width), kind, block, at, (stride, kind.itemsize))
+
+
+def _few(shells: Iterator[Shell]) -> Iterator[Shell]:
+    """Solids as they come, refused before there are too many."""
+    count = 0
+    for points, triangles in shells:
+        count += 1 + len(points)
+        if count > _MOST:
+            raise Broken(f"it puts more than {_MOST} points together")
+        yield points, triangles
 
 
 def _moved(points: Array, triangles: Any, place: Array) -> Shell:

@@ -6,7 +6,6 @@ fans of triangles; points that no face uses are left out.
 
 from __future__ import annotations
 
-import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -156,7 +155,7 @@ _OBJ_IGNORED = frozenset(
 def _obj(data: bytes) -> Surface:
     """An OBJ file: points `v`, faces `f` whose corners count from 1, or back from the last point so far."""
     surface = Surface()
-    for where, words in lines_of(re.sub(rb"\\(\r\n|\r|\n)", b" ", data)):
+    for where, words in lines_of(_whole_lines(data)):
         if words[0] == b"v":
             if not 4 <= len(words) <= 9:
                 raise Damage(f"a point has {len(words) - 1} numbers", where)
@@ -166,6 +165,19 @@ def _obj(data: bytes) -> Surface:
         elif words[0] not in _OBJ_IGNORED:
             raise Damage(f"{quoted(words[0])} is no keyword of OBJ files", where)
     return surface
+
+
+def _whole_lines(data: bytes) -> bytes:
+    """Text whose lines do not go on after a backslash; blank ones behind them keep the numbers of all others."""
+    if b"\\" not in data:
+        return data
+    lines, begun = list[bytes](), list[bytes]()
+    for line in data.splitlines():
+        begun.append(line.removesuffix(b"\\"))
+        if not line.endswith(b"\\"):
+            lines += [b" ".join(begun), *[b""] * (len(begun) - 1)]
+            begun = []
+    return b"\n".join([*lines, b" ".join(begun)])
 
 
 def _corner(word: bytes, count: int, where: str) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from collections.abc import Sequence
@@ -86,7 +87,8 @@ def read_ply(data: bytes) -> Surface:
 
 
 def _corner(value: float, where: str) -> int:
-    if value < 0 or value != int(value):
+    # In a file of floats a corner may be none that there is an integer of.
+    if not math.isfinite(value) or value < 0 or value != int(value):
         raise Damage(f"a face names point {value:g}", where)
     return int(value)
 

