@@ -2,7 +2,7 @@
 
 A face with a second outline has a hole there where the edges of that outline are convex, a boss where they are reflex.
 A part that is a prism to a flat end, up to a shoulder or over its whole length, is a peg along its longest such axis.
-Frames: the origin in the centre of the section half-way along, z by the rule of `features.Feature`, x along the longest
+Frames: the origin in the centre of the section half-way along, z by the rule of `Feature`, x along the longest
 side of that section, both by `fmopt.geometry.centre`, so that a peg and a hole of one shape get frames that agree up to
 its symmetry; of a round section x is along the model's where that lies across.
 
@@ -340,7 +340,7 @@ def _straightened(shape: Polygon) -> Polygon:
 
 
 def _frame(ring: Polygon, at: Array, z: Array) -> Pose:
-    """The frame at height 0 over the centre of a section that is given in the basis of `_ring`."""
+    """The frame at height 0 over the centre of a section that is given in the basis of `section_ring`."""
     from shapely.geometry.polygon import orient
 
     from fmopt.geometry.centre import axis, centre, is_round

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,7 +44,17 @@ def gallery(file: Path) -> Mapping[str, Drawing]:
 
         return drawings(read_plan(file))
     if is_part(file):
-        return {name: drawing for part in load_part(file) for name, drawing in _of_part(part).items()}
+        bodies = load_part(file)
+        if len(bodies) == 1:
+            return _of_part(bodies[0])
+        # By number where bodies have the same name, as two of one screw do.
+        names = [body.name for body in bodies]
+        said = [name if names.count(name) == 1 else f"{name}-{k}" for k, name in enumerate(names, 1)]
+        return {
+            f"{body}-{name}": replace(drawing, name=f"{body}-{name}")
+            for body, part in zip(said, bodies, strict=True)
+            for name, drawing in _of_part(part).items()
+        }
     source = read(file)
     if {"objects", "tasks"} & set(source.data):
         return _tasks(file)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from fmopt import plan as files
 from fmopt.errors import ChoiceError, InfeasibleError, PlanFormatError, ResourceError, SearchError
 from fmopt.notebook.checking import held_against
-from fmopt.plan.position_force import AXES
 from fmopt.report.moves import Move, moves, smallest_margin
 from fmopt.report.moves import verdict as spoken
 from fmopt.runtime import output
@@ -274,11 +273,13 @@ class Plan:
         Raises:
             ResourceError: polars, of the extra `frame`, is not installed.
         """
+        from fmopt.notebook.sheets import segment_row
+
         try:
             import polars
         except ImportError as error:
             raise ResourceError("polars is not installed", "install fmopt[frame]") from error
-        return polars.DataFrame([_line(segment) for segment in self.segments], infer_schema_length=None)
+        return polars.DataFrame([segment_row(segment) for segment in self.segments], infer_schema_length=None)
 
     @property
     def figures(self) -> Mapping[str, Figure]:
@@ -385,28 +386,3 @@ def read(path: str | PathLike[str]) -> Plan:
         PlanFormatError: it is no plan of this format.
     """
     return Plan(files.read_document(Path(path)), name=str(path))
-
-
-def _line(segment: Segment) -> dict[str, Any]:
-    hybrid, piece = segment.hybrid, segment.record
-    poses = {
-        f"{end}_{name}": value
-        for end, pose in (("start", piece.start), ("goal", piece.goal))
-        for name, value in zip(AXES, pose, strict=True)
-    }
-    return {
-        "segment": segment.number,
-        "move": segment.move,
-        "state": " ".join(segment.state),
-        "goal_state": " ".join(segment.goal_state),
-        "leaving": " ".join(segment.leaving),
-        "margin": segment.margin,
-        "clearance": segment.clearance,
-        "binds": segment.binds,
-        "speed": hybrid.speed,
-        "push": hybrid.push,
-        "threshold": hybrid.threshold,
-        "max_travel": hybrid.max_travel,
-        "timeout": hybrid.timeout,
-        **poses,
-    }

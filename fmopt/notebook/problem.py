@@ -98,8 +98,6 @@ class Problem(task.Problem):
         changed = self._with(asked) if asked else self
         if clearance is None:
             return changed
-        from fmopt.notebook.problem import resized
-
         axes = ("x",) if self.plane is not None else ("x", "y")
         # Declared first: what is declared is what the hole is given dimensions for.
         return resized(changed._with({f"clearance.{axis}": clearance for axis in axes}), str(clearance))

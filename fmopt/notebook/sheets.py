@@ -108,3 +108,29 @@ def verdict_sheet(verdict: Any) -> str:
 
 def _sheet(text: str) -> str:
     return f'<div class="fmopt-sheet">{_STYLE}{text}</div>'
+
+
+def segment_row(segment: Segment) -> dict[str, Any]:
+    """A segment as a row of a table of numbers, by column."""
+    hybrid, piece = segment.hybrid, segment.record
+    poses = {
+        f"{end}_{name}": value
+        for end, pose in (("start", piece.start), ("goal", piece.goal))
+        for name, value in zip(AXES, pose, strict=True)
+    }
+    return {
+        "segment": segment.number,
+        "move": segment.move,
+        "state": " ".join(segment.state),
+        "goal_state": " ".join(segment.goal_state),
+        "leaving": " ".join(segment.leaving),
+        "margin": segment.margin,
+        "clearance": segment.clearance,
+        "binds": segment.binds,
+        "speed": hybrid.speed,
+        "push": hybrid.push,
+        "threshold": hybrid.threshold,
+        "max_travel": hybrid.max_travel,
+        "timeout": hybrid.timeout,
+        **poses,
+    }

@@ -38,7 +38,7 @@ def slider(label: str, frames: Sequence[tuple[str, Drawing]]) -> Drawing:
 
     Raises:
         ValueError: there are no frames.
-        ResourceError: a drawing moves, and is no sheet.
+        ChoiceError: as it is drawn, where one of the drawings moves and is no sheet.
     """
     if not frames:
         raise ValueError("a slider needs a drawing at least")

@@ -29,10 +29,6 @@ from fmopt.spatial.values import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet
 
-    from fmopt.certificate.error_set import ErrorSet
-    from fmopt.contact.state_graph import ContactGraph
-    from fmopt.geometry.part import Part
-    from fmopt.geometry.plane.region import Region
     from fmopt.notebook.plan import Plan
     from fmopt.papers.lee_huang.mapping import Mapping as Diagrams
     from fmopt.report.figures import Figure
@@ -87,7 +83,6 @@ def _problem(problem: Problem) -> Iterable[Drawing]:
 
 def _seating(problem: Problem) -> str:
     """The parts with the nominal trajectory straight down, which no plan has confirmed."""
-    from fmopt.notebook.views import stated_part
     from fmopt.report.scene import seating
 
     nodes = [tuple(pose.tolist()) for pose in (problem.start, problem.goal)]
@@ -121,8 +116,6 @@ def _diagrams(mapping: Diagrams) -> Iterable[Drawing]:
 
 
 def _part(part: Part) -> Iterable[Drawing]:
-    from fmopt.notebook.views import turning
-
     yield _part_sheet(part, name="part")
     yield Drawing("scene", f"{part.name}, to be turned", part.name, _STILL, fragment=partial(turning, part))
 
@@ -131,8 +124,6 @@ def _part_sheet(*parts: Part, name: str) -> Drawing:
     from fmopt.report.views import part_view
 
     def paint(sheet: Any) -> None:
-        from fmopt.notebook.views import middle
-
         if len(parts) == 1:
             part_view.paint(parts[0].name, parts[0].polyhedron, parts[0].bodies, middle(parts[0]), sheet)
             return
@@ -146,8 +137,6 @@ def _part_sheet(*parts: Part, name: str) -> Drawing:
 
 
 def _region(region: Region) -> Iterable[Drawing]:
-    from fmopt.notebook.views import paint_region
-
     low, high = region.box if not region.empty else ((0.0, 0.0), (0.0, 0.0))
     width, height = (1e3 * float(b - a) for a, b in zip(low, high, strict=True))
     alt = f"A region of the plane, {width:.4g} by {height:.4g} mm, area {1e6 * region.area:.4g} mm²."
@@ -155,8 +144,6 @@ def _region(region: Region) -> Iterable[Drawing]:
 
 
 def _graph(graph: ContactGraph) -> Iterable[Drawing]:
-    from fmopt.notebook.views import paint_graph
-
     counts = ", ".join(f"{n} of dimension {d}" for d, n in reversed(graph.count().items()))
     alt = f"{len(graph.states)} contact states: {counts}. Each row is a dimension, lines join states that touch."
     yield Drawing(
@@ -165,8 +152,6 @@ def _graph(graph: ContactGraph) -> Iterable[Drawing]:
 
 
 def _errors(errors: ErrorSet) -> Iterable[Drawing]:
-    from fmopt.notebook.views import error_words, paint_errors
-
     alt = f"Half-widths of the set of errors: {error_words(errors)}."
     yield Drawing(
         "errors", "Set of pose errors, seen along pairs of axes", alt, (7.0, 2.9), partial(paint_errors, errors)

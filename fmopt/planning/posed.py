@@ -190,7 +190,7 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: flo
     else:
         refined = refine(aim, asked.begun, solver, posed.refinement, told)
         # Single poses are placed by the margin alone: whether control is served as before is asked of the outcome.
-        stages = [begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
+        stages = [begun, asked.begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
     return by_method(posed, _felt(posed, stages))
 
 

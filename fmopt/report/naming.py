@@ -60,12 +60,12 @@ def signed(value: float, form: str) -> str:
 
 
 def millimetres(length: float) -> str:
-    """A length in mm, to 0.1 µm, without the unit."""
+    """A length in mm, to 0.1 µm below 1 m, without the unit."""
     return signed(round(1e3 * length, 4) + 0.0, ".7g")
 
 
 def degrees(angle: float) -> str:
-    """An angle in degrees, to 1e-4, without the unit."""
+    """An angle in degrees, to 1e-4 below 100°, without the unit."""
     return signed(round(math.degrees(angle), 4) + 0.0, ".6g")
 
 

@@ -54,6 +54,7 @@ function showScene(root) {
     const pair = data.contacts[id];
     if (!pair) return null;
     const moving = placed(pose, pair[0]), fixed = pair[1];
+    if (pair[2]) return add(moving[0], pair[2], 1); // of a ball: one radius from its centre
     if (moving.length === 1) return moving[0];
     if (fixed.length === 1) return fixed[0];
     const e = add(moving[1], moving[0], -1), f = add(fixed[1], fixed[0], -1), d = add(fixed[0], moving[0], -1);

@@ -21,8 +21,8 @@ import numpy as np
 from fmopt.geometry.convex_pieces import clip, faceted
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
-from fmopt.plan import Numbers, Part, Plan, Segment
-from fmopt.report.bodies import body_of, pieces_of
+from fmopt.plan import Contact, Numbers, Part, Plan, Segment
+from fmopt.report.bodies import body_of, contact_place, pieces_of
 from fmopt.report.moves import Move, margin_claim, move_words, moves, turn_between
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -116,7 +116,7 @@ def scene_data(plan: Plan) -> dict[str, Any]:
     return {
         **data,
         "moves": [_caption(plan, move) for move in run],
-        "contacts": {c.id: [_places(plan.moving, c.moving), _places(plan.fixed, c.fixed)] for c in plan.contacts},
+        "contacts": {c.id: _pair(plan, c) for c in plan.contacts},
     }
 
 
@@ -157,6 +157,15 @@ def _leg(leg: Leg) -> dict[str, Any]:
 def _caption(plan: Plan, move: Move) -> dict[str, str]:
     held = ", ".join(move.state) or "nothing"
     return {"words": move_words(plan, move), "held": held, "margin": margin_claim(plan, move.margin)}
+
+
+def _pair(plan: Plan, contact: Contact) -> list[list[Any]]:
+    """The corners of both features of a contact; of a ball its centre, and behind them the way from there to it."""
+    pair = [_places(plan.moving, contact.moving), _places(plan.fixed, contact.fixed)]
+    if contact.kind != "ball-face":
+        return pair
+    centre = plan.moving.body.vertices[contact.moving[0]]
+    return [*pair, _rounded(contact_place(plan, contact.id, Pose.identity()) - centre)]
 
 
 def _places(part: Part, vertices: Sequence[int]) -> list[list[float]]:

@@ -168,7 +168,7 @@ def _plain(value: float) -> str:
 def contact_table(plan: Plan) -> str:
     """What the ids of the contacts mean."""
     rows = [(c.id, c.kind, contact_words(plan, c.id)) for c in plan.contacts]
-    caption = "Contacts by id (v vertex, e edge, f face), the moving part's feature first"
+    caption = "Contacts by id (v vertex, e edge, f face, b ball), the moving part's feature first"
     return table(
         caption,
         ("id", "kind", "what"),

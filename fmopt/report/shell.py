@@ -11,11 +11,10 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 Chapter = tuple[str, str, str]
+"""Name, heading in plain text, and content in HTML."""
 
 _UNIT = re.compile(r"(\d) (mm|µm|%|N|s)\b")
-_ID = re.compile(r"\b[vef]\d+-[vef]\d+\b")
-
-"""Name, heading in plain text, and content in HTML."""
+_ID = re.compile(r"\b[vefb]\d+-[vef]\d+\b")
 
 
 def svg_source(svg: str) -> str:

@@ -13,8 +13,8 @@ from fmopt.study.running.batch import Assigned
 from fmopt.study.sampling import CUBES, Normal, Uniform, cube, grid, rounded, stepped
 from fmopt.study.targets import Target, in_file, target
 from fmopt.task.toml.source import Key, Place, Source, dotted
-from fmopt.task.toml.tables import Reading, in_words, shown
-from fmopt.task.toml.units import LENGTH, Dimension, Quantity, QuantityError, did_you_mean, evaluate
+from fmopt.task.toml.tables import Reading, shown
+from fmopt.task.toml.units import LENGTH, Dimension, Quantity, QuantityError, did_you_mean, evaluate, in_words
 
 Number = float | str
 

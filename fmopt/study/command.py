@@ -20,7 +20,7 @@ from fmopt.study.running.running import Options, Tally, Work, run
 from fmopt.study.running.store import NAME, efforts, owned, recorded
 from fmopt.study.running.workers import Local, run_batch
 from fmopt.task.toml.source import read
-from fmopt.task.toml.tables import in_words
+from fmopt.task.toml.units import in_words
 
 _SHOWN = 10  # runs that a dry run lists
 _ALLOCATION = "allocation.json"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from os.path import normpath
 from pathlib import Path
@@ -17,36 +17,43 @@ from fmopt.errors import Fault, InputError, TaskError
 from fmopt.geometry.mating_features import DESCRIBE
 from fmopt.geometry.part import Part, Profiles, in_order, outline, rebased, settled
 from fmopt.spatial.se3 import Pose, exp
-from fmopt.spatial.values import Array
 from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Bare, Model, load_model, overrides_of, reaching
 from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
-from fmopt.task.sizes import force_faults, refuse_far, refuse_reaching, refuse_wild, start_height, tip_radius
+from fmopt.task.sizes import (
+    configuration_faults,
+    force_faults,
+    refuse_far,
+    refuse_reaching,
+    refuse_wild,
+    start_height,
+    tip_radius,
+)
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.sources import (
+    OF_ALL,
     Contribution,
-    Frame,
     Sources,
+    allowance,
+    as_stated,
     budget,
     framing,
-    least_altitude,
     sources_of,
     start_box,
+    tessellation,
     total,
 )
 from fmopt.task.task_command import attributes, is_round
 from fmopt.task.toml import problem_file as files
 from fmopt.task.toml.source import NAME_PROBLEM, Source, read, read_bytes
-from fmopt.task.toml.tables import Reading, at_most, checked, in_words
-from fmopt.task.toml.units import LENGTH, did_you_mean
+from fmopt.task.toml.tables import Reading, checked
+from fmopt.task.toml.units import LENGTH, at_most, did_you_mean, in_words
 
 if TYPE_CHECKING:
     from fmopt.task.pairing import Mated
 
 T = TypeVar("T")
-_SIDES: dict[str, Frame] = {"moving": "hand", "fixed": "hole"}
-_LEAST = 1e-9  # m and rad: the least start error where velocity adds none, which rounding is small beside
 
 
 def load_problem(path: Path) -> Problem:
@@ -125,7 +132,7 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
         advice = "give [uncertainty.start]: errors of the ball's lowest point against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("not-supported", message, advice)
     yield from _exchange_faults(source, file, models)
-    yield from _configuration_faults(source, sources)
+    yield from configuration_faults(source, sources)
     yield from force_faults(source, file.specification)
     yield from _plane_faults(source, file, models)
     yield from _depth_faults(source, file, models)
@@ -175,7 +182,6 @@ def _is_exchanged(file: files.ProblemFile, models: Mapping[str, Model]) -> bool:
 
 
 _OUT_OF_PLANE = (("clearance", "y"), *(("uncertainty", "start", name) for name in ("y", "rx", "rz")))
-_OF_ALL = {"x": "position", "y": "position", "z": "position", "rx": "angle", "ry": "angle", "rz": "angle"}
 
 
 def _plane_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
@@ -192,35 +198,13 @@ def _plane_faults(source: Source, file: files.ProblemFile, models: Mapping[str, 
             message = f"{key[-1]!r} leaves the plane of a planar problem"
             yield source.place(key).fault("out-of-plane", message, "leave it out")
     box, above = file.uncertainty.start, ("uncertainty", "start")
-    for name, of_all in _OF_ALL.items():
+    for name, of_all in OF_ALL.items():
         in_plane = (*above, name) not in _OUT_OF_PLANE
         asked = in_plane or (len(models) == 2 and not profiles)
         if box is not None and asked and not {name, of_all} & box.model_fields_set:
             place = replace(source.place(above, of_key=True), key=".".join((*above, name)))
             advice = f"add {name!r} to [uncertainty.start], or {of_all!r} for all three axes"
             yield place.fault("missing-key", "this key is missing", advice)
-
-
-def _configuration_faults(source: Source, sources: files.Sources | None) -> Iterator[Fault]:
-    """Configurations that are stated twice, or not at all, or by points on a line."""
-    for name in ("configuration", "feeder"):
-        table: files.Configuration | None = getattr(sources, name, None)
-        if table is None:
-            continue
-        key = ("uncertainty", "sources", name)
-        stated = [k for k in ("position", "known", "observed") if getattr(table, k) is not None]
-        if len(stated) > 1 or not (stated or table.placed):
-            message = f"states {' and '.join(stated)}" if stated else "states nothing"
-            advice = "give one of position (with angle), known, observed; or placed alone, from an exact place"
-            yield source.place(key).fault("conflict", message, advice)
-        alone = [k for k in ("angle", "about") if k in table.model_fields_set and table.position is None]
-        for k in alone:
-            message, advice = f"{k!r} stands without 'position'", "drop it" if stated else "add 'position', or drop it"
-            yield source.place((*key, k)).fault("conflict", message, advice)
-        if table.observed is not None and least_altitude(table.observed.points) < 1e-6:
-            message = "the three points lie on a line, a turn about it was not observed"
-            place = source.place((*key, "observed", "points"))
-            yield place.fault("bad-value", message, "give three points at the corners of a wide triangle")
 
 
 def _table(file: files.ProblemFile, side: str) -> files.Operand:
@@ -264,14 +248,14 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     moving_points, fixed_points = (parts[side].polyhedron.vertices for side in ("moving", "fixed"))
     table = file.uncertainty.sources
     sources = None if table is None else sources_of(table, moving_points, fixed_points)
-    stated = Contribution("as stated", "", _stated_box(file.uncertainty.start), _stated_frame(file.uncertainty.start))
-    shares = _budget(file, sources, moving, height) if sources else (stated,)
-    shares = (*shares, *_tessellation(models, parts))
-    shares = (*shares, *_allowance(file.uncertainty.velocity, shares))
+    shares = _budget(file, sources, moving, height) if sources else (as_stated(file.uncertainty.start),)
+    shares = (*shares, *tessellation(models, parts))
+    shares = (*shares, *allowance(file.uncertainty.velocity, shares))
     plane = _plane(file, models)
     if plane is not None:
         shares = tuple(share.in_plane() for share in shares)
-    shares = tuple(_seen(share, exchanged) for share in shares)
+    if exchanged:
+        shares = tuple(share.exchanged() for share in shares)
     box = total(shares)
     refuse_wild(source, shares)
     refuse_far(source, box, (moving, fixed))
@@ -331,7 +315,7 @@ def _height(file: files.ProblemFile, peg: Part) -> float:
     """Height of the lowest point at the start, m: stated, or as high as the start errors ask for, at least 1 mm."""
     if file.start.height is not None:
         return file.start.height
-    return start_height(peg, _stated_box(file.uncertainty.start))
+    return start_height(peg, as_stated(file.uncertainty.start).box)
 
 
 def _start(file: files.ProblemFile, height: float, exchanged: bool) -> Pose:
@@ -388,46 +372,6 @@ def _budget(file: files.ProblemFile, sources: Sources, moving: Part, start: floa
     swing = radius * float(np.linalg.norm(upright[3:]))
     aside = 7.0 * float(upright[0]) + 3.0 * swing + radius * (1.0 - math.cos(lean))
     return budget(sources, height, aside, lean)
-
-
-def _allowance(velocity: files.Velocity, shares: Sequence[Contribution]) -> Iterator[Contribution]:
-    """What the start error lacks of the least one, unless the velocity's error adds to every direction anyway.
-
-    The error set of a plan must reach farther in each direction than rounding does, which its sums repeat.
-    """
-    lacking = np.maximum(_LEAST - total(shares), 0.0)
-    if lacking.any() and not (velocity.translation or velocity.rotation):
-        yield Contribution("allowance for rounding", "", lacking)
-
-
-def _tessellation(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tuple[Contribution, ...]:
-    """What the facets of imported parts add to the position errors: how far the true surfaces lie from them, as ε_v."""
-    return tuple(
-        Contribution(
-            f"{side} part, facets of its mesh", "ε_v", np.repeat([parts[side].chord_error, 0.0], 3), _SIDES[side], False
-        )
-        for side, model in models.items()
-        if model.file.mesh is not None and parts[side].chord_error > 0.0
-    )
-
-
-def _stated_frame(box: files.Box | None) -> Frame:
-    return "world" if box is None else box.frame
-
-
-def _seen(share: Contribution, exchanged: bool) -> Contribution:
-    """A contribution as the parts see it: with the hole in the hand it is the peg that stands in the world."""
-    if not exchanged:
-        return share
-    frame: Frame = "hole" if share.frame == "hand" else "hand"
-    return replace(share, frame=frame)
-
-
-def _stated_box(box: files.Box | None) -> Array:
-    if box is None:
-        return np.zeros(6)
-    given = [(getattr(box, name), getattr(box, of_all)) for name, of_all in _OF_ALL.items()]
-    return np.array([next((value for value in pair if value is not None), 0.0) for pair in given])
 
 
 def _plane(file: files.ProblemFile, models: Mapping[str, Model]) -> Profiles | None:

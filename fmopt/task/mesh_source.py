@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +12,11 @@ from fmopt.spatial.values import remembered
 from fmopt.task.sizes import implausible
 from fmopt.task.toml.model_file import Mesh
 from fmopt.task.toml.source import Source, read_bytes
+from fmopt.task.toml.tables import NAME
 
 if TYPE_CHECKING:
     from fmopt.geometry.mesh.mesh_import import Imported
+    from fmopt.geometry.part import Part
 
 MAX_MESH_BYTES = 100_000_000
 STEP = (".step", ".stp")
@@ -117,3 +120,23 @@ def _path(source: Source, mesh: Mesh) -> Path:
     # For what it refuses, at this place: those who read meshes read the file themselves.
     read_bytes(path, source.place(("mesh", "file")), MAX_MESH_BYTES)
     return path
+
+
+def assumed(source: Source, part: Part) -> str:
+    """What is to be said of a mesh file for whose numbers nobody says a unit.
+
+    Args:
+        source: that stands for the file.
+        part: that comes of it.
+    """
+    low, high = part.polyhedron.vertices.min(axis=0), part.polyhedron.vertices.max(axis=0)
+    widths = (high - low).tolist()
+    size = " x ".join(f"{1e3 * width:.6g}" for width in widths)
+    name = source.path.name
+    return f"warning: {name} has no unit; its numbers are taken for mm, so that the part is {size} mm: state its unit"
+
+
+def called(said: str) -> str:
+    """A part's name from that of its file, or of a body of it."""
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", said).strip("_")[:59]
+    return name if re.match(NAME, name) else f"part_{name}".rstrip("_")  # of 64 characters at most

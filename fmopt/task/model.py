@@ -5,7 +5,6 @@ Mating features that a model file leaves to be found, wholly or in part, are fou
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,12 +14,12 @@ import numpy as np
 
 from fmopt.errors import Fault, InputError, SizeError
 from fmopt.spatial.se3 import Pose
-from fmopt.task.mesh_source import MAX_MESH_BYTES, MESHES, OWN_UNIT, STEP, mesh_faults, takes
+from fmopt.task.mesh_source import MAX_MESH_BYTES, MESHES, OWN_UNIT, STEP, assumed, called, mesh_faults, takes
 from fmopt.task.sizes import implausible
 from fmopt.task.solid_tree import bare_part, build_part, part_reach, tree_faults, unstated
 from fmopt.task.toml.model_file import MatingFeature, ModelFile, Profile
 from fmopt.task.toml.source import Key, Place, Source, read, read_bytes
-from fmopt.task.toml.tables import NAME, Reading, checked
+from fmopt.task.toml.tables import Reading, checked
 from fmopt.task.toml.units import RATIO, UNITS, Quantity, QuantityError, did_you_mean
 
 if TYPE_CHECKING:
@@ -114,7 +113,7 @@ def load_model(
         advice = f"leave {name!r} out{there if file and file.mesh and takes(file.mesh, name) else ''}"
         faults += said.misplaced(name, cited, "this is for mesh and STEP files", advice)
     if file is not None:
-        file = file if file.name else file.model_copy(update={"name": _called(path.stem)})
+        file = file if file.name else file.model_copy(update={"name": called(path.stem)})
         faults += _cross_checks(source, file)
         if file.mesh is None and not faults:  # the size of a mesh is looked at as it is read
             faults += _size_faults(source, file)
@@ -141,28 +140,14 @@ def _bare_model(
         table["body"] = said.body
     elif not own:
         table["unit"] = said.unit or USUAL_UNIT
-    name = _called(said.body if isinstance(said.body, str) else path.stem)
+    name = called(said.body if isinstance(said.body, str) else path.stem)
     source = Source(path, {"name": name, "mesh": table}, {}, {})  # without places: nobody wrote it
     file, more = checked(ModelFile, source, Reading())
     if file is None or faults or more:
         return None, [*faults, *more]
     file = with_features(source, file)
-    notes = () if own or said.unit is not None else (_assumed(source, file),)
+    notes = () if own or said.unit is not None else (assumed(source, build_part(source, file)),)
     return Model(source, file, given=False, notes=notes), []
-
-
-def _assumed(source: Source, file: ModelFile) -> str:
-    """What is to be said of a mesh file for whose numbers nobody says a unit."""
-    widths = np.ptp(build_part(source, file).polyhedron.vertices, axis=0).tolist()
-    size = " x ".join(f"{1e3 * width:.6g}" for width in widths)
-    name = source.path.name
-    return f"warning: {name} has no unit; its numbers are taken for mm, so that the part is {size} mm: state its unit"
-
-
-def _called(said: str) -> str:
-    """A part's name from that of its file, or of a body of it."""
-    name = re.sub(r"[^A-Za-z0-9_-]+", "_", said).strip("_")[:60]
-    return name if re.match(NAME, name) else f"part_{name}".rstrip("_")
 
 
 def overrides_of(source: Source, reading: Reading, key: Key) -> tuple[dict[str, Override], list[Fault]]:

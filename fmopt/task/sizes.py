@@ -1,6 +1,6 @@
 """Sizes that no part, way or tolerance has, and most often a wrong unit: refused, with the unit that would be right.
 
-Forces of a problem's specification that do not go together.
+Forces of a problem's specification, and configurations of its sources, that do not go together.
 
 The clearance of a problem as measured on its parts, held against the declared one.
 """
@@ -21,11 +21,10 @@ from fmopt.geometry.section import LARGEST, SMALLEST, told
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, remembered
 from fmopt.task.problem import Problem
-from fmopt.task.sources import Contribution, total
+from fmopt.task.sources import Contribution, least_altitude, total
 from fmopt.task.toml import problem_file as files
 from fmopt.task.toml.source import Key, Source, holds
-from fmopt.task.toml.tables import at_most, in_words
-from fmopt.task.toml.units import ANGLE, FORCE, LENGTH, UNITS
+from fmopt.task.toml.units import ANGLE, FORCE, LENGTH, UNITS, at_most, in_words
 
 _LARGEST_ERROR = 0.5  # m and rad: what the check of a plan takes
 _USUAL = 0.05  # m: about how long a part is
@@ -163,6 +162,33 @@ def _impact_faults(source: Source, table: files.Specification) -> Iterator[Fault
             message = "this key is missing"
             advice = f"add {name!r} to [specification], or drop {' and '.join(map(repr, stated))}"
             yield replace(place, key=f"specification.{name}").fault("missing-key", message, advice)
+
+
+def configuration_faults(source: Source, sources: files.Sources | None) -> Iterator[Fault]:
+    """Configurations that are stated twice, or not at all, or by points on a line.
+
+    Args:
+        source: of the problem file.
+        sources: [uncertainty.sources], if the errors are described so.
+    """
+    for name in ("configuration", "feeder"):
+        table: files.Configuration | None = getattr(sources, name, None)
+        if table is None:
+            continue
+        key = ("uncertainty", "sources", name)
+        stated = [k for k in ("position", "known", "observed") if getattr(table, k) is not None]
+        if len(stated) > 1 or not (stated or table.placed):
+            message = f"states {' and '.join(stated)}" if stated else "states nothing"
+            advice = "give one of position (with angle), known, observed; or placed alone, from an exact place"
+            yield source.place(key).fault("conflict", message, advice)
+        alone = [k for k in ("angle", "about") if k in table.model_fields_set and table.position is None]
+        for k in alone:
+            message, advice = f"{k!r} stands without 'position'", "drop it" if stated else "add 'position', or drop it"
+            yield source.place((*key, k)).fault("conflict", message, advice)
+        if table.observed is not None and least_altitude(table.observed.points) < 1e-6:
+            message = "the three points lie on a line, a turn about it was not observed"
+            place = source.place((*key, "observed", "points"))
+            yield place.fault("bad-value", message, "give three points at the corners of a wide triangle")
 
 
 def measured_clearance(problem: Problem) -> Clearance:

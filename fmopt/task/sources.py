@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, assert_never
 
@@ -13,11 +13,16 @@ from numpy.typing import ArrayLike
 from fmopt.spatial.values import Array, Framing, Value, frozen
 
 if TYPE_CHECKING:
+    from fmopt.geometry.part import Part
+    from fmopt.task.model import Model
     from fmopt.task.toml import problem_file as files
 
 Point: TypeAlias = tuple[float, float, float]
 Frame: TypeAlias = Literal["world", "hole", "hand"]
 """Where an error is fixed: in the world, or turning with the fixed part or with the moving one."""
+OF_ALL = {"x": "position", "y": "position", "z": "position", "rx": "angle", "ry": "angle", "rz": "angle"}
+_SIDES: dict[str, Frame] = {"moving": "hand", "fixed": "hole"}
+_LEAST = 1e-9  # m and rad: the least start error where velocity adds none, which rounding is small beside
 _QUARTER = 0.5 * math.pi  # rad: the sine falls beyond; sums as large are refused anyway
 
 
@@ -161,6 +166,10 @@ class Contribution(Value):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "box", frozen(self.box, 6, name="contribution"))
+
+    def exchanged(self) -> Contribution:
+        """The same as the parts see it with the hole in the hand: then it is the peg that stands in the world."""
+        return replace(self, frame="hole" if self.frame == "hand" else "hand")
 
     def in_plane(self) -> Contribution:
         """What it adds in the plane of x and z, and about y."""
@@ -347,3 +356,40 @@ def body_width(vertices: ArrayLike) -> float:
     second = v[int(np.argmax(np.linalg.norm(v - first, axis=1)))]
     third = v[int(np.argmax(np.linalg.norm(np.cross(v - first, second - first), axis=1)))]
     return least_altitude([first, second, third])
+
+
+def as_stated(box: files.Box | None) -> Contribution:
+    """The start error as [uncertainty.start] has it, none where it is not given: each axis by its own key, or by that
+    of all three."""
+    given = [(getattr(box, name, None), getattr(box, of_all, None)) for name, of_all in OF_ALL.items()]
+    widths = np.array([next((value for value in pair if value is not None), 0.0) for pair in given])
+    return Contribution("as stated", "", widths, "world" if box is None else box.frame)
+
+
+def allowance(velocity: files.Velocity, shares: Sequence[Contribution]) -> Iterator[Contribution]:
+    """What the start error lacks of the least one, unless the velocity's error adds to every direction anyway.
+
+    The error set of a plan must reach farther in each direction than rounding does, which its sums repeat.
+
+    Args:
+        velocity: [uncertainty.velocity].
+        shares: of all that adds to the start error.
+    """
+    lacking = np.maximum(_LEAST - total(shares), 0.0)
+    if lacking.any() and not (velocity.translation or velocity.rotation):
+        yield Contribution("allowance for rounding", "", lacking)
+
+
+def tessellation(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tuple[Contribution, ...]:
+    """What the facets of imported parts add to the position errors: how far the true surfaces lie from them, as ε_v.
+
+    Args:
+        models, parts: by side.
+    """
+    return tuple(
+        Contribution(
+            f"{side} part, facets of its mesh", "ε_v", np.repeat([parts[side].chord_error, 0.0], 3), _SIDES[side], False
+        )
+        for side, model in models.items()
+        if model.file.mesh is not None and parts[side].chord_error > 0.0
+    )

@@ -66,7 +66,7 @@ class Verdict:
         findings: everything that stands in the way of CERTIFIED.
         witness: for REFUTED, where the parts collide.
         segments: number of segments in the plan.
-        margin: least re-derived margin of all segments that could be re-derived, m; None without any.
+        margin: least re-derived margin of all segments, m; None where one could not be re-derived.
         stated: the plan's own verdict.
         not_covered: what the plan says that it does not cover.
         taken: what of the problem was taken as the planner has it.

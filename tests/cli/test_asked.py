@@ -16,6 +16,7 @@ import pytest
 import fmopt
 from fmopt.errors import GeometryError, InputError, InterferenceError
 from fmopt.geometry.step import step_import
+from fmopt.notebook.gallery import gallery
 from tests.shared.commands import ended
 from tests.shared.files.asked import FORMS, Asked, generated, rectangle, write, write_assembly
 
@@ -325,6 +326,9 @@ def test_bodies_of_an_assembly_go_together_as_they_stand_there(tmp_path: Path, r
     write_assembly(tmp_path / "both.step", pair, depth=7.0)
     code, _, err = run("init", "both.step", "--error", ERROR, "--json")
     assert code == 0, err
+    shown = gallery(tmp_path / "both.step")
+    assert [*shown] == [f"{body}-{name}" for body in ("peg", "plate") for name in ("part", "scene", "found")]
+    assert "plate" in shown["plate-found"].title
     problem = fmopt.load(tmp_path / "both.toml")
     assert (problem.moving.name, problem.fixed.name) == ("peg", "plate")
     assert -float(problem.goal[2]) == pytest.approx(0.007, abs=1e-9)

@@ -10,8 +10,8 @@ import pytest
 
 from fmopt.errors import FmoptError
 from fmopt.task.toml import assembly_file, model_file, problem_file, tables
-from fmopt.task.toml.tables import Measured, at_most
-from fmopt.task.toml.units import EXAMPLES, evaluate
+from fmopt.task.toml.tables import Measured
+from fmopt.task.toml.units import EXAMPLES, at_most, evaluate
 from tests.shared.files.advice import features, fits, models, problems, texts, workcells
 from tests.shared.files.advice.case import Case, advice_of
 from tests.shared.files.advice.given import given

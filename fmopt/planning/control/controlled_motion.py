@@ -284,7 +284,7 @@ def _level(contact: PrimitiveContact, body: Polyhedron, fixed: Polyhedron, pose:
         return False
     a, b = pose.apply(body.vertices[list(contact.moving)])
     c, d = fixed.vertices[list(contact.fixed)]
-    return bool(np.linalg.norm(cross(b - a, d - c)) < 1e-3 * np.linalg.norm(b - a) * np.linalg.norm(d - c))
+    return bool(np.linalg.norm(cross(b - a, d - c)) < _LEVEL * np.linalg.norm(b - a) * np.linalg.norm(d - c))
 
 
 @dataclass(frozen=True, eq=False)

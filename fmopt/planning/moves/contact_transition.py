@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, compress
+from itertools import chain, compress, pairwise
 from weakref import ref
 
 import numpy as np
@@ -123,8 +123,11 @@ def _wall(assembly: Assembly, number: int, flush: bool, own: tuple[int, ...]) ->
     corners = fixed.vertices[list(face.loops[0])]
     every = np.array([i for i, edge in enumerate(fixed.edges) if number in edge.faces])
     ends = fixed.vertices[[fixed.edges[i].vertices for i in every]]
+    # Into the face, on the left of its loop: of one that is not convex some rims have most corners on the other side.
+    ahead = {*pairwise((*face.loops[0], face.loops[0][0]))}
+    along = np.array([1.0 if fixed.edges[i].vertices in ahead else -1.0 for i in every])
     inward = cross(face.normal[None], ends[:, 1] - ends[:, 0])
-    inward *= (np.sign(np.vecdot(inward, corners.mean(axis=0) - ends[:, 0])) / lengths(inward))[:, None]
+    inward *= (along / lengths(inward))[:, None]
     convex = np.array([fixed.edges[i].convex for i in every])
     # At a concave edge the face ends, but where it goes on beside that.
     ending = (np.vecdot(inward, corners[:, None] - ends[:, 0]) >= -1e-9).all(axis=0)

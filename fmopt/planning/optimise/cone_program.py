@@ -351,7 +351,7 @@ def checked(program: ConeProgram, solver: Solver) -> Solution:
     if claimed.duals is None:
         raise SolverError("the solver returned no multipliers, so its optimum is not proven")
     solution = certify(program, claimed.x, claimed.duals)
-    if abs(claimed.value - solution.value) > OPTIMAL * program.size.objective * (1.0 + abs(solution.value)):
+    if abs(claimed.value - solution.value) > OPTIMAL * (program.size.objective + abs(solution.value)):
         raise SolverError(f"the solver stated the value {claimed.value:.9g}, its point has {solution.value:.9g}")
     return solution
 

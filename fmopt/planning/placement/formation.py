@@ -31,10 +31,9 @@ _SERIES = 13  # terms of the series of a rotation
 _SMOOTH = 1e-12  # added under the root of a travel, which has no derivative where it begins
 
 Counts = tuple[int, ...]
+"""How many rows there are of each kind."""
 
 _FIXED = (("units", 6), ("p0", 3), ("R0", 9), ("start", 6), ("unit", 1))
-
-"""How many rows there are of each kind."""
 
 
 def counts(rows: Sequence[Row]) -> Counts:
@@ -93,7 +92,7 @@ def formation_derivatives(contacts: Counts, obstacles: Counts) -> Derivatives:
 
 @lru_cache(maxsize=64)
 def formation_solver(contacts: Counts, obstacles: Counts) -> Any:
-    """IPOPT for this many rows of each kind, contacts then obstacles; call it under the module's lock only.
+    """IPOPT for this many rows of each kind, contacts then obstacles; call it under the lock of `nonlinear_program`.
 
     Args:
         contacts, obstacles: as for `formation_derivatives`.

@@ -332,9 +332,9 @@ def _freely(task: Task, node: Node, name: str) -> Node | None:
         case "back":  # half of the way that it came
             to = pose.moved(0.5 * pose.local(node.moves[-1].start))
         case "off":  # away from the walls beside the corner as far as up
-            away = (goal.p - pose.apply(node.place.pivot))[:2]
+            away = (goal.p - pose.apply(node.place.pivot))[:2]  # nowhere, where the corner is over the goal
             rise = height - float(pose.apply(tip)[:, 2].min())
-            to = pose.moved([*(rise / float(np.linalg.norm(away)) * away), rise, 0.0, 0.0, 0.0])
+            to = pose.moved([*(rise / max(float(np.linalg.norm(away)), 1e-12) * away), rise, 0.0, 0.0, 0.0])
         case "upright":
             to = Pose(np.array([goal.p[0], goal.p[1], height - float((goal.R @ tip.T)[2].min())]), goal.R)
         case _:

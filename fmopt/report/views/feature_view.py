@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from fmopt.geometry.mating_features import Feature
     from fmopt.geometry.part import Part
 
-_MOST = 2  # features that are cut, the largest ones
+_MOST = 2  # features that are all cut; of more there is room for the largest alone
 
 
 def size() -> tuple[float, float]:

@@ -118,9 +118,8 @@ def cut(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> 
 
     origin = np.array([0.0, 0.0, height])
     shape = section(pieces, Pose(origin, _PLANES[plane]))
-    offset = np.array([0.0, 0.0])
     for polygon in shape.geoms:
-        loops = [1e3 * (np.asarray(loop.coords)[:-1] + offset) for loop in (polygon.exterior, *polygon.interiors)]
+        loops = [1e3 * np.asarray(loop.coords)[:-1] for loop in (polygon.exterior, *polygon.interiors)]
         axes.add_patch(
             PathPatch(_outline(loops), facecolor=PALE, edgecolor=BLUE, linewidth=0.8, hatch="////", hatch_linewidth=0.3)
         )

@@ -33,8 +33,7 @@ from fmopt.study.results.figures import changes
 from fmopt.study.results.page import framed, picture
 from fmopt.study.results.view import READ
 from fmopt.task.problem import Problem
-from fmopt.task.toml.tables import in_words
-from fmopt.task.toml.units import ANGLE, LENGTH, Dimension
+from fmopt.task.toml.units import ANGLE, LENGTH, Dimension, in_words
 
 _DIGITS = 3  # that an answer is rounded down to
 _MOTIONS = 6  # that are held fixed at most, each planned for the tolerances that the one before leaves

@@ -15,8 +15,8 @@ from fmopt.study.targets import UNIT_NAMES, Base, Target, assigned, in_file, tar
 from fmopt.task.loading import problem_of
 from fmopt.task.problem import Problem, load
 from fmopt.task.toml.source import Source, read
-from fmopt.task.toml.tables import Reading, checked, factors, in_words
-from fmopt.task.toml.units import Dimension, Quantity, QuantityError
+from fmopt.task.toml.tables import Reading, checked, factors
+from fmopt.task.toml.units import Dimension, Quantity, QuantityError, in_words
 
 _LOOSEST = 10.0  # times the present value, if the file does not say
 

@@ -297,9 +297,10 @@ class Settings(Table):
     """Length that makes rotation comparable with translation; half the diagonal of the mating section if not given."""
     reduce_errors: bool = False
     """Whether to plan for the largest share of the start errors for which there is a plan, in steps of 5 %, where there
-    is none for all of them; the verdict is NOT_PROVED then. Each share has the time limit for itself."""
+    is none for all of them; the verdict is NOT_PROVED then. Half of the time limit is for
+    all of the errors, the other half for shares of them."""
     time_limit: Duration = Field(default_factory=lambda: 600.0)
-    """Time after which no further sequence is searched for, 600 s if not given; placing and checking come on top."""
+    """Time for search and placement, 600 s if not given; what is found by then is still checked and written."""
 
 
 class ProblemFile(Table):

@@ -9,7 +9,6 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from decimal import Context, Decimal
 from typing import Annotated, Any, TypeAlias, TypeVar
 
 from pydantic import (
@@ -42,8 +41,10 @@ from fmopt.task.toml.units import (
     Dimension,
     Quantity,
     QuantityError,
+    at_most,
     did_you_mean,
     evaluate,
+    in_words,
     scaled,
 )
 
@@ -217,30 +218,6 @@ class Short:
 def fault(code: str, message: str, advice: str) -> PydanticCustomError:
     """An error that carries its own code and advice through pydantic."""
     return PydanticCustomError("fault", "{message}", {"code": code, "message": message, "advice": advice})
-
-
-def in_words(number: float, dimension: Dimension) -> str:
-    """A number in SI, in the unit that people read: lengths in mm, angles in degrees."""
-    scale, name = {
-        LENGTH: (1e-3, "mm"),
-        ANGLE: (math.pi / 180.0, "deg"),
-        SPEED: (1e-3, "mm/s"),
-        FORCE: (1.0, "N"),
-        TORQUE: (1.0, "N*m"),
-        TIME: (1.0, "s"),
-        MASS: (1.0, "kg"),
-        STIFFNESS: (1e3, "N/mm"),
-    }.get(dimension, (1.0, ""))
-    return f"{number / scale:.9g} {name}".rstrip()
-
-
-def at_most(number: float, dimension: Dimension) -> str:
-    """The same of a limit: what is read of the words is within it, where digits rounded up would not be."""
-    text = in_words(number, dimension)
-    if evaluate(text).value > number:
-        value, _, name = text.partition(" ")
-        text = f"{Context(prec=9).next_minus(Decimal(value))} {name}".rstrip()
-    return text
 
 
 Coordinate: TypeAlias = Annotated[float, Measured(LENGTH, -_KILOMETRE, _KILOMETRE)]

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from decimal import Context, Decimal
 from difflib import get_close_matches
 from fractions import Fraction
 from typing import Any
@@ -295,6 +296,30 @@ class _Parser:
             divides = self._take() == "/"
             if self.kind != "name":
                 raise QuantityError("unknown-unit", f"{self.text!r} is no unit", 'write a unit such as "N*m" or "mm/s"')
+
+
+def in_words(number: float, dimension: Dimension) -> str:
+    """A number in SI, in the unit that people read: lengths in mm, angles in degrees."""
+    scale, name = {
+        LENGTH: (1e-3, "mm"),
+        ANGLE: (math.pi / 180.0, "deg"),
+        SPEED: (1e-3, "mm/s"),
+        FORCE: (1.0, "N"),
+        TORQUE: (1.0, "N*m"),
+        TIME: (1.0, "s"),
+        MASS: (1.0, "kg"),
+        STIFFNESS: (1e3, "N/mm"),
+    }.get(dimension, (1.0, ""))
+    return f"{number / scale:.9g} {name}".rstrip()
+
+
+def at_most(number: float, dimension: Dimension) -> str:
+    """The same of a limit: what is read of the words is within it, where digits rounded up would not be."""
+    text = in_words(number, dimension)
+    if evaluate(text).value > number:
+        value, _, name = text.partition(" ")
+        text = f"{Context(prec=9).next_minus(Decimal(value))} {name}".rstrip()
+    return text
 
 
 def did_you_mean(name: str, choices: Mapping[str, object] | list[str]) -> str:

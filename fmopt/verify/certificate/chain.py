@@ -3,7 +3,7 @@
 That the pieces of a move fit executions that are longer or shorter than the move.
 
 The execution. The controller follows the commanded pieces of a move one after the other and stops as it touches: the
-piece in which it touches is cut short, or the last piece goes on. The model of `motion` measures each execution on its
+piece in which it touches is cut short, or the last piece goes on. That of `propagation` measures each execution on its
 own way instead, and stretches every piece alike. Let V′ₖ be the twist of piece k per unit of the move's progress, λ_k
 by how much more than planned an execution has progressed when, on its own way, piece k ends. What it has done then is
 the commanded motion up to s_k + λ_k, where the model has Σ_{j≤k} (s_j − s_{j−1} + λ_j − λ_{j−1}) V′ⱼ. The difference is

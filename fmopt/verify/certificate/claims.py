@@ -120,7 +120,7 @@ def _shape(what: str, stated: Sequence[Numbers], Q: Square, notes: Notes) -> Non
             floor += skew * radii[b] + _SHAPE_SKEW[b] * radius
             value = number(y)
             if abs(x - value) > RELATIVE * abs(value) + floor:
-                notes.add(f"{what}[{a}][{b}]", f"entry 0 is stated as {x!r}, but follows as {value!r}")
+                notes.add(f"{what}[{a}][{b}]", f"it is stated as {x!r}, but follows as {value!r}")
 
 
 def _generators(what: str, stated: tuple[tuple[float, ...], ...], derived: tuple[Row, ...], notes: Notes) -> None:

@@ -3,7 +3,7 @@
 The model. From an error e₀ the execution runs along the commanded twist with a drift inside the stated bounds (a ball
 of translations and a ball of turns, both at once, which grow with the distance travelled), gives way along the
 compliant directions so that held contacts stay at zero, and, when a contact m is being made, goes on until it touches.
-Errors that are fixed in the hole or in the hand move on with the part, see `errors`. Measured on its own way, at every
+Errors that are fixed in the hole or in the hand move on with the part (`error_set`). Measured on its own way, at every
 fraction s
 
     e(s) = (1 − s)(ẽ₀ + Σ T^S_i t_i) + s (ẽ₁ + Σ T^G_i t_i),   |t_i| ≤ thickness_i,

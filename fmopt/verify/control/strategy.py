@@ -198,7 +198,7 @@ def _divided(wrench: Numbers, scale: Numbers) -> Numbers:
 
 
 def _span(rows: Sequence[Numbers], most: int) -> list[Numbers]:
-    """Orthonormal rows that span the given ones, at most so many, the largest remainder first."""
+    """Orthonormal rows that span the given ones, the largest remainder first; one more than `most` where there are."""
     left = [tuple(x / math.hypot(*row) for x in row) for row in rows]
     found: list[Numbers] = []
     # One more than so many, to tell that there are too many.

@@ -322,16 +322,6 @@ def over_balls(plane: Plane, radius: int) -> Plane:
     return Plane(plane.normal, plane.offset + radius)
 
 
-def outward(plane: Plane, a: Vector, b: Vector) -> int:
-    """How far b is above a over a plane.
-
-    Args:
-        plane: with its front above.
-        a, b: m.
-    """
-    return dot(plane.normal, sub(b, a))
-
-
 def middle(points: Sequence[Vector]) -> Vector:
     """The mean of points."""
     total: Vector = (0, 0, 0)

@@ -48,7 +48,7 @@ from fmopt.verify.parts.covering import DEVIATION as COVERED
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, short
 from fmopt.verify.reading.document import Body, Part
 
-_LOSSES = 32  # at most so many deviations add up, see `facets` for the most of them
+_LOSSES = 32  # at most so many deviations add up, see `facet_margin` for the most of them
 
 _STEEP = ONE >> 6  # of the squared sine between directions: less tells a turn about their axis too badly
 _APART = ONE >> 4  # between the two directions that a wall and an angle leave an edge, at least twice that

@@ -19,7 +19,7 @@ FORCE: Dimension = (1, 1, -2, 0)
 TORQUE: Dimension = (2, 1, -2, 0)
 STIFFNESS: Dimension = (0, 1, -2, 0)
 _DEGREE = Fraction(repr(math.pi / 180.0))
-_PREFIXES = {"": 1, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "d": -1, "k": 3, "M": 6}
+_PREFIXES = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "d": -1, "k": 3, "M": 6}
 _WORDS = {"": 0, "nano": -9, "micro": -6, "milli": -3, "centi": -2, "deci": -1, "kilo": 3, "mega": 6}
 _SYMBOLS = {"m": LENGTH, "g": MASS, "s": TIME, "rad": ANGLE, "N": FORCE}
 _NAMES = {
@@ -40,7 +40,6 @@ def _units() -> dict[str, tuple[Fraction, Dimension]]:
             found[f"{before}{name}{plural}"] = Fraction(10) ** (power - 3 * (kind == MASS)), kind
     for prefix, power in _PREFIXES.items():
         for symbol, kind in _SYMBOLS.items():
-            power = 0 if prefix == "" else power
             found[prefix + symbol] = Fraction(10) ** (power - 3 * (kind == MASS)), kind
     inch = Fraction(254, 10000)
     found |= dict.fromkeys(("in", "inch", "inches"), (inch, LENGTH))

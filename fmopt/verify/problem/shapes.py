@@ -26,13 +26,11 @@ class Convex:
         rings: the outlines; neighbouring ones have parallel sides. None of them for loose points.
         points: the corners.
         turned: whether it is a solid of revolution about its z axis, for which the polyhedron stands.
-        leaning: whether it has to be upright for that.
     """
 
     rings: tuple[tuple[Point, ...], ...]
     points: tuple[Point, ...]
     turned: bool = False
-    leaning: bool = True
 
 
 SHAPES = {
@@ -99,8 +97,7 @@ def _sphere(radius: float, sides: int) -> Convex:
         angle = math.pi * k / bands
         across = 0.0 if k in (0, bands) else radius * math.sin(angle)  # sin π is not 0 in floats
         levels.append((_ring(across, sides), -radius * math.cos(angle)))
-    found = _stack(levels, turned=True)
-    return Convex(found.rings, found.points, turned=True, leaning=False)
+    return _stack(levels, turned=True)
 
 
 def _wedge(table: Table) -> Convex:

@@ -29,6 +29,8 @@ from fmopt.geometry.convex_pieces import faceted
 from fmopt.geometry.part import Part, part_of, with_balls
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed
 from fmopt.plan import parsed
+from fmopt.report.bodies import contact_place
+from fmopt.report.scene import scene_data
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.problem import load
 from fmopt.verify import CERTIFIED, NOT_PROVED, REFUTED, PlanError, verify
@@ -295,3 +297,15 @@ def test_balls_that_cannot_be_are_refused_with_their_place(tmp_path: Path, old: 
         (tmp_path / folder / f"{name}.toml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=told):
         load(tmp_path / "problems" / "ball_pin.toml")
+
+
+def test_the_scene_shows_where_a_ball_touches(ball_plan: Document) -> None:
+    plan = parsed(ball_plan)
+    shown = scene_data(plan)["contacts"]
+    touching = [contact for contact in plan.contacts if contact.kind == "ball-face"]
+    assert touching
+    for contact in touching:
+        (centre,), _, to_it = shown[contact.id]
+        place = contact_place(plan, contact.id, Pose.identity())
+        assert np.add(centre, to_it) == pytest.approx(1e3 * place, abs=1e-3)
+        assert np.linalg.norm(to_it) == pytest.approx(1e3 * plan.moving.body.balls[0][1], abs=1e-3)
