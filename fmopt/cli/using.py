@@ -78,7 +78,7 @@ def _admitted(file: Path, unverified: bool) -> tuple[Any, str]:
 
 @app.command(epilog="Examples: fmopt show models/square_peg.toml; fmopt show out/square_peg/plan.json --what states")
 def show(
-    file: Annotated[Path, typer.Argument(help="Plan (JSON; or -), problem, model or assembly (TOML).")],
+    file: Annotated[Path, typer.Argument(help="Plan (JSON; or -), problem, model or assembly (TOML), mesh or STEP.")],
     what: Annotated[
         str | None, typer.Option("--what", help="Which drawing; default: the first that --list has.")
     ] = None,

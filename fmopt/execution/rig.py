@@ -327,7 +327,7 @@ class Rig:
         new = ~on | (self.table.numbers[np.maximum(steps, 0), MOVE] != moves)
         anew = bodies[new]
         state.moving[anew], state.effort[anew] = -self.robot.settling, 1.0
-        state.gone[bodies[on & new]] = 0.0  # what has failed keeps its way, which tells early from late
+        state.gone[bodies[new & (steps != FAILED)]] = 0.0  # what failed keeps its way, which tells early from late
         self._rest(anew)
 
     def _rest(self, bodies: NDArray[np.intp]) -> None:

@@ -47,9 +47,9 @@ def gallery(file: Path) -> Mapping[str, Drawing]:
         bodies = load_part(file)
         if len(bodies) == 1:
             return _of_part(bodies[0])
-        # By number where bodies have the same name, as two of one screw do.
-        names = [body.name for body in bodies]
-        said = [name if names.count(name) == 1 else f"{name}-{k}" for k, name in enumerate(names, 1)]
+        said = [body.name for body in bodies]
+        if len({*said}) < len(said):  # with numbers, as two of one screw have one name
+            said = [f"{name}-{k}" for k, name in enumerate(said, 1)]
         return {
             f"{body}-{name}": replace(drawing, name=f"{body}-{name}")
             for body, part in zip(said, bodies, strict=True)

@@ -61,13 +61,14 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 @cache
 def folder() -> str:
     """Where what is compiled is kept: a folder of its own for each state of what kernels share, files and settings."""
-    own = os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__"
-    if not os.access(own if Path(own).exists() else _PACKAGE, os.W_OK):
+    own = Path(os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__").absolute()
+    # It need not be there yet: what is made is made in the nearest folder that is.
+    if not os.access(next(place for place in (own, *own.parents) if place.exists()), os.W_OK):
         own = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "fmopt"
     # Sorted, as a disk lists files in an order of its own, which the name must not depend on.
     shared = b"".join(path.read_bytes() for path in sorted(_PACKAGE.rglob("kernels*.py")))
     state = hashlib.sha256(shared + repr((_SETTINGS, _EFFORT)).encode()).hexdigest()
-    return str(Path(own) / f"kernels-{state[:16]}")
+    return str(own / f"kernels-{state[:16]}")
 
 
 def mark() -> Path:

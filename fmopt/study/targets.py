@@ -116,7 +116,7 @@ class Base:
         found = dict(_fields(ProblemFile, (), "", self.problem.data))
         for side, model in self.models.items():
             for name, value in parameter_values(model).items():
-                # What no file could say the value of, such as a length's reciprocal, is worked out from others.
+                # What has no unit here, as a volume or a length's reciprocal, is worked out from what has one.
                 if value.dimension != RATIO and value.dimension not in UNIT_NAMES:
                     continue
                 found[f"model.{side}.{name}"] = Target((side, "parameters", name), value.dimension)

@@ -263,7 +263,7 @@ def _settings(problem: Problem) -> Iterator[str]:
     about = "y" if problem.plane is not None else "each of x and y"
     yield (
         f"tilted by up to about {_deg(settings.max_tilt)} deg about {about} at the start; "
-        f"search and placement for at most {settings.time_limit:.6g} s"
+        f"time limit {settings.time_limit:.6g} s"
     )
 
 

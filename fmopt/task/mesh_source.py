@@ -138,5 +138,5 @@ def assumed(source: Source, part: Part) -> str:
 
 def called(said: str) -> str:
     """A part's name from that of its file, or of a body of it."""
-    name = re.sub(r"[^A-Za-z0-9_-]+", "_", said).strip("_")[:59]
-    return name if re.match(NAME, name) else f"part_{name}".rstrip("_")  # of 64 characters at most
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", said).strip("_")[:60].strip("_")
+    return name if re.match(NAME, name) else f"part_{name}"[:64].rstrip("_")

@@ -359,11 +359,16 @@ def body_width(vertices: ArrayLike) -> float:
 
 
 def as_stated(box: files.Box | None) -> Contribution:
-    """The start error as [uncertainty.start] has it, none where it is not given: each axis by its own key, or by that
-    of all three."""
-    given = [(getattr(box, name, None), getattr(box, of_all, None)) for name, of_all in OF_ALL.items()]
+    """The start error as it is stated: each axis by its own key, or by that of all three.
+
+    Args:
+        box: [uncertainty.start]; None for no error.
+    """
+    if box is None:
+        return Contribution("as stated", "", np.zeros(6))
+    given = [(getattr(box, name), getattr(box, of_all)) for name, of_all in OF_ALL.items()]
     widths = np.array([next((value for value in pair if value is not None), 0.0) for pair in given])
-    return Contribution("as stated", "", widths, "world" if box is None else box.frame)
+    return Contribution("as stated", "", widths, box.frame)
 
 
 def allowance(velocity: files.Velocity, shares: Sequence[Contribution]) -> Iterator[Contribution]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 import random
+import struct
 import zipfile
 from dataclasses import replace
 from functools import cache
@@ -283,11 +285,33 @@ def test_solids_that_are_put_together_without_end_are_refused(tmp_path: Path) ->
     with pytest.raises(NoMesh, match=r"more than 200000 triangles|too many solids"):
         triangles((tmp_path / "a.3mf").read_bytes(), "3mf", 1.0)
     points, corners = triangles_of(rounded((0.012, 0.008), 0.03))
+    once = three_mf(points, corners, "millimeter", (0.0, 0.0, 0.0))
+    with zipfile.ZipFile(io.BytesIO(once)) as archive:
+        whole = archive.read("3D/3dmodel.model").decode()
+    item = whole[whole.index("<item") : whole.index("</build>")]
+    with zipfile.ZipFile(tmp_path / "a.3mf", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("3D/3dmodel.model", whole.replace(item, 20000 * item))
+    with pytest.raises(GeometryError, match="more than 400000 points and triangles"):
+        read_triangles(tmp_path / "a.3mf")
     (tmp_path / "a.glb").write_bytes(content := glb(points, corners, {"children": [0, 0]}))
     with pytest.raises(GeometryError, match="a part of two others"):
         read_triangles(tmp_path / "a.glb")
     with pytest.raises(NoMesh, match="a part of two others"):
         triangles(content, "glb", 1.0)
+
+
+@pytest.mark.parametrize("index", [1.0, 1.5, math.inf, math.nan])
+def test_corners_of_a_package_are_counts(tmp_path: Path, index: float) -> None:
+    points, corners = triangles_of(rounded((0.012, 0.008), 0.03))
+    content = bytearray(glb(points, corners, {}))
+    at_block = content.index(corners.astype("<u4").tobytes())
+    content[at_block : at_block + 4] = struct.pack("<f", index)
+    content = content.replace(b'"componentType": 5125', b'"componentType": 5126')
+    (tmp_path / "a.glb").write_bytes(content)
+    with pytest.raises(GeometryError, match="other numbers than counts"):
+        read_triangles(tmp_path / "a.glb")
+    with pytest.raises(NoMesh, match="no counts"):
+        triangles(bytes(content), "glb", 1.0)
 
 
 def test_a_package_takes_no_unit(tmp_path: Path) -> None:

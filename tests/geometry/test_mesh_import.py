@@ -226,6 +226,7 @@ def test_lines_keep_their_numbers_where_others_go_on(tmp_path: Path) -> None:
     (tmp_path / "b.stl").write_text(stl_text(points, corners))
     one, other = (load_mesh(tmp_path / f"b.{kind}", "mm").body.volume for kind in ("obj", "stl"))
     assert one == pytest.approx(other, rel=1e-12)
+    assert len(triangles(text.encode(), "obj", 1e3)) == len(corners)
 
 
 @pytest.mark.parametrize("sides", [12, 24, 64])

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_info
 
+from fmopt.certificate.contact_implications import Assembly
 from fmopt.planning.pipeline import certified_motion
 from fmopt.runtime.compiled import undisturbed
 from fmopt.spatial.values import remembered
@@ -40,16 +41,23 @@ def test_once_for_each_object_and_arguments() -> None:
     assert pickle.loads(pickle.dumps(one)).number == 1
 
 
+def assemblies() -> int:
+    """How many there are, whether anybody can still get at them or not."""
+    return sum(isinstance(found, Assembly) for found in gc.get_objects())
+
+
 def test_nothing_holds_on_to_a_problem_that_was_solved(tmp_path: Path) -> None:
     problems = (load(straight(tmp_path)), load(ROOT / "problems" / "factory_rect_8mm_tight_300um.toml"))
     gc.collect()
     gc.disable()  # nothing waits for that
     try:
+        before = assemblies()
         for problem in problems:
             done = certified_motion(problem)
             parts = [weakref.ref(done.assembly), weakref.ref(done.placed)]
             del done
             assert [part() for part in parts] == [None, None]
+            assert assemblies() == before  # nor on those of images, for which the poses were placed
     finally:
         gc.enable()
 

@@ -22,7 +22,7 @@ from fmopt.spatial.values import Array
 
 METRES = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
 _DEEPEST = 32  # levels of solids that are made of solids
-_MOST = 400_000  # solids that are put together and their points: a few lines can say to put each of them twice
+_MOST = 400_000  # solids that are put together, points and triangles: a few lines can say to put each of them twice
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942  # kinds of chunks: the letters "JSON" and "BIN" as numbers
 _KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 
@@ -236,7 +236,10 @@ def _primitives(scene: Any, block: bytes, mesh: Any, place: Array) -> Iterator[S
             raise Broken("a mesh is not of plain triangles")
         points = _accessor(scene, block, part["attributes"]["POSITION"]).astype(np.float64).reshape(-1, 3)
         if "indices" in part:
-            triangles = _accessor(scene, block, part["indices"]).astype(np.int64).reshape(-1, 3)
+            indices = _accessor(scene, block, part["indices"])
+            if indices.dtype.kind != "u":  # others need not be whole, nor finite
+                raise Broken("its triangles name points by other numbers than counts")
+            triangles = indices.astype(np.int64).reshape(-1, 3)
         else:
             triangles = np.arange(len(points), dtype=np.int64).reshape(-1, 3)
         yield _moved(points, triangles, place)
@@ -262,9 +265,9 @@ def _few(shells: Iterator[Shell]) -> Iterator[Shell]:
     """Solids as they come, refused before there are too many."""
     count = 0
     for points, triangles in shells:
-        count += 1 + len(points)
+        count += 1 + len(points) + len(triangles)
         if count > _MOST:
-            raise Broken(f"it puts more than {_MOST} points together")
+            raise Broken(f"it puts more than {_MOST} points and triangles together")
         yield points, triangles
 
 

@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, assert_never
+from weakref import ref
 
 import numpy as np
 
@@ -38,11 +39,12 @@ from fmopt.planning.control.bias_wrench import GuardedMove, firmness, steadiness
 from fmopt.planning.control.hybrid_strategy import HybridStrategy, JamFree, hybrid_strategy, jam_free
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.spatial.se3 import Pose, cross
-from fmopt.spatial.values import Array, Value, frozen, remembered
+from fmopt.spatial.values import Array, Value, frozen, remembered, there
 from fmopt.task.problem import Problem, Specification
 
 _NEAR = 4.0  # bounds of its errors before its goal from where on a move is run as if it might meet its contacts
 _CLOSED = 1e-12  # m; contacts nearer than this touch
+_LATEST = 256  # pieces whose guarded moves are kept: those of a few sequences
 _LEVEL = 1e-3  # sine of the angle below which edges fix no normal
 
 
@@ -189,15 +191,15 @@ def guarded(
     problem: Problem, assembly: Assembly, claim: Claim, bound: float
 ) -> tuple[GuardedMove, list[PrimitiveContact], list[PrimitiveContact]]:
     """The guarded move of a piece, and the contacts that it holds and makes."""
-    move, held, made = _guarded(claim, problem, assembly, bound)
+    move, held, made = _guarded(assembly, problem, claim, bound)
     return move, [*held], [*made]
 
 
 # Firmness, steadiness, whether contacts are felt, and their derivatives all ask for it, of every sequence that is
-# tried. What is kept refers to the ends of the claim's piece, never to the claim: no cycle keeps it.
-@remembered(2)
+# tried. It is kept with the parts, as claims do not live as long, and refers to them weakly.
+@remembered(_LATEST)
 def _guarded(
-    claim: Claim, problem: Problem, assembly: Assembly, bound: float
+    assembly: Assembly, problem: Problem, claim: Claim, bound: float
 ) -> tuple[GuardedMove, tuple[PrimitiveContact, ...], tuple[PrimitiveContact, ...]]:
     piece = claim.piece
     touching = _touching(problem, tuple(dict.fromkeys((*piece.held, *piece.making))), piece.goal)
@@ -246,11 +248,11 @@ def _approach(problem: Problem, claim: Claim, move: GuardedMove, tolerance: Tole
 
 def _resisting(assembly: Assembly, held: Sequence[PrimitiveContact], claim: Claim) -> Callable[[Array], float]:
     """How much work (J) normal forces of contacts may take from a piece of motion as errors at its goal turn them."""
-    ends = claim.advance.ends
+    ends, owner = claim.advance.ends, ref(assembly)
 
     @cache  # forces are tried in rounds, for all of which it is the same
     def power() -> Array:
-        rows = contact_rows(assembly, held, (), ends.goal)
+        rows = contact_rows(there(owner), held, (), ends.goal)
         turned = Curvature.of(rows, rows, ends.extent.twist).power()
         return np.asarray(turned / np.linalg.norm(rows.N[:, :3], axis=1)[:, None])
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, compress, pairwise
+from itertools import chain, compress
 from weakref import ref
 
 import numpy as np
@@ -110,9 +110,20 @@ def _known(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> _Known:
             own = tuple(np.flatnonzero(np.abs(body @ normal - offset) <= 1e-9).tolist())
         else:
             own = tuple(sorted(i for i in wall.points if i < len(body)))
-        if len(own) > 1 and len(face.loops) == 1:
+        if len(own) > 1 and _is_convex(fixed, number):
             found.append(_wall(assembly, number, bool(wall.flush), own))
     return _Known(ref(assembly), tuple(dict.fromkeys(held)), tuple(found))
+
+
+def _is_convex(part: Polyhedron, number: int) -> bool:
+    """Whether a face is what lies within all of its rims: of others no rim says by itself what is beside the face."""
+    face = part.faces[number]
+    if len(face.loops) > 1:
+        return False
+    corners = part.vertices[list(face.loops[0])]
+    inward = cross(face.normal, np.roll(corners, -1, axis=0) - corners)
+    inward /= lengths(inward)[:, None]
+    return bool((np.vecdot(inward, corners[:, None] - corners) >= -1e-9).all())
 
 
 @remembered(_MEMORY)
@@ -123,11 +134,8 @@ def _wall(assembly: Assembly, number: int, flush: bool, own: tuple[int, ...]) ->
     corners = fixed.vertices[list(face.loops[0])]
     every = np.array([i for i, edge in enumerate(fixed.edges) if number in edge.faces])
     ends = fixed.vertices[[fixed.edges[i].vertices for i in every]]
-    # Into the face, on the left of its loop: of one that is not convex some rims have most corners on the other side.
-    ahead = {*pairwise((*face.loops[0], face.loops[0][0]))}
-    along = np.array([1.0 if fixed.edges[i].vertices in ahead else -1.0 for i in every])
     inward = cross(face.normal[None], ends[:, 1] - ends[:, 0])
-    inward *= (along / lengths(inward))[:, None]
+    inward *= (np.sign(np.vecdot(inward, corners.mean(axis=0) - ends[:, 0])) / lengths(inward))[:, None]
     convex = np.array([fixed.edges[i].convex for i in every])
     # At a concave edge the face ends, but where it goes on beside that.
     ending = (np.vecdot(inward, corners[:, None] - ends[:, 0]) >= -1e-9).all(axis=0)

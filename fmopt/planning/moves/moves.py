@@ -46,7 +46,7 @@ class Care(IntFlag):
     PLANES = 4
     """Each two parts are kept apart by the best plane that there is, not those alone that decide the margin."""
     MARGIN = FACETS | PIECES
-    """All that its margin hangs on."""
+    """All that its margin hangs on; planes between other parts are good enough for that."""
     ALL = MARGIN | PLANES
 
 

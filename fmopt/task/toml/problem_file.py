@@ -297,10 +297,10 @@ class Settings(Table):
     """Length that makes rotation comparable with translation; half the diagonal of the mating section if not given."""
     reduce_errors: bool = False
     """Whether to plan for the largest share of the start errors for which there is a plan, in steps of 5 %, where there
-    is none for all of them; the verdict is NOT_PROVED then. Half of the time limit is for
-    all of the errors, the other half for shares of them."""
+    is none for all of them; the verdict is NOT_PROVED then. Half of the time limit is for all of
+    the errors, the other half for shares of them, the same for each."""
     time_limit: Duration = Field(default_factory=lambda: 600.0)
-    """Time for search and placement, 600 s if not given; what is found by then is still checked and written."""
+    """Time for search, placement and what a plan tells besides, 600 s if not given; what there is by then counts."""
 
 
 class ProblemFile(Table):

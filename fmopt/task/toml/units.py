@@ -309,6 +309,7 @@ def in_words(number: float, dimension: Dimension) -> str:
         TIME: (1.0, "s"),
         MASS: (1.0, "kg"),
         STIFFNESS: (1e3, "N/mm"),
+        Dimension(length=2): (1e-6, "mm*mm"),
     }.get(dimension, (1.0, ""))
     return f"{number / scale:.9g} {name}".rstrip()
 

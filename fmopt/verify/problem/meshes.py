@@ -96,7 +96,8 @@ def _stl(content: bytes) -> Iterator[Triangle]:
 
 def _obj(content: bytes) -> Iterator[Triangle]:
     points: list[Point] = []
-    for line in content.splitlines():
+    # A line whose last character is a backslash goes on in the next one.
+    for line in content.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines():
         words = line.split(b"#", 1)[0].split()
         if words[:1] == [b"v"]:
             points.append((_number(words[1]), _number(words[2]), _number(words[3])))

@@ -19,6 +19,7 @@ _METRES = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.025
 _ONE: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 _DEEPEST, _LARGEST = 32, 50_000_000
 _MOST = 1_000_000  # solids that are put together and their points: a few lines can say to put each of them twice
+_COUNTS = (5121, 5123, 5125)  # kinds of numbers that are whole and not negative
 _LETTERS = {5120: "b", 5121: "B", 5122: "h", 5123: "H", 5125: "I", 5126: "f"}
 
 _UNREADABLE = (
@@ -57,7 +58,7 @@ class _Model:
     """A 3MF model: meshes, solids made of others, and what is built, each with a matrix."""
 
     def __init__(self, text: bytes) -> None:
-        self.unit, self.now, self.put = 1e-3, "", 0
+        self.unit, self.now, self.put = 1e-3, "", _Put()
         self.points: dict[str, list[Point]] = {}
         self.faces: dict[str, list[tuple[int, int, int]]] = {}
         self.parts: dict[str, list[tuple[str, Matrix]]] = {}
@@ -102,9 +103,7 @@ class _Model:
     def _of(self, name: str, place: Matrix, depth: int) -> Iterator[Triangle]:
         if depth > _DEEPEST or not (name in self.faces or name in self.parts):
             raise NoMesh("is built of a solid that is not there, or made of itself")
-        self.put += 1 + len(self.points.get(name, []))
-        if self.put > _MOST:
-            raise NoMesh("puts too many solids together")
+        self.put.more(1 + len(self.points.get(name, [])))
         if name in self.faces:
             yield from _placed(self.points.get(name, []), self.faces[name], place)
         for part, own in self.parts.get(name, ()):
@@ -172,9 +171,10 @@ def glb(content: bytes) -> Iterator[Triangle]:
 
 
 def _scene(scene: Any, block: bytes) -> Iterator[Triangle]:
+    put = _Put()
     if "nodes" not in scene:
         for mesh in scene.get("meshes", []):
-            yield from _primitives(scene, block, mesh, _ONE)
+            yield from _primitives(scene, block, mesh, _ONE, put)
         return
     listed = [child for node in scene["nodes"] for child in node.get("children", [])]
     within = {*listed}
@@ -184,19 +184,37 @@ def _scene(scene: Any, block: bytes) -> Iterator[Triangle]:
     if "scenes" in scene:
         roots = scene["scenes"][scene.get("scene", 0)]["nodes"]
     for root in roots:
-        yield from _node(scene, block, root, (_ONE, 0))
+        yield from _node(scene, block, root, (_ONE, 0), put)
 
 
-def _node(scene: Any, block: bytes, number: int, above: tuple[Matrix, int]) -> Iterator[Triangle]:
+class _Put:
+    """How many solids and points have been put together."""
+
+    def __init__(self) -> None:
+        self._count = 0
+
+    def more(self, count: int) -> None:
+        """So many more.
+
+        Raises:
+            NoMesh: they are too many.
+        """
+        self._count += count
+        if self._count > _MOST:
+            raise NoMesh("puts too many solids together")
+
+
+def _node(scene: Any, block: bytes, number: int, above: tuple[Matrix, int], put: _Put) -> Iterator[Triangle]:
     place, depth = above
     if depth > _DEEPEST:
         raise NoMesh("has a node that is a part of itself")
+    put.more(1)
     node = scene["nodes"][number]
     here = _after(_matrix(node), place)
     if "mesh" in node:
-        yield from _primitives(scene, block, scene["meshes"][node["mesh"]], here)
+        yield from _primitives(scene, block, scene["meshes"][node["mesh"]], here, put)
     for child in node.get("children", []):
-        yield from _node(scene, block, child, (here, depth + 1))
+        yield from _node(scene, block, child, (here, depth + 1), put)
 
 
 def _matrix(node: Mapping[str, Any]) -> Matrix:
@@ -215,17 +233,18 @@ def _matrix(node: Mapping[str, Any]) -> Matrix:
     return (*rows, tuple(float(t) for t in node.get("translation", (0.0, 0.0, 0.0))))
 
 
-def _primitives(scene: Any, block: bytes, mesh: Any, place: Matrix) -> Iterator[Triangle]:
+def _primitives(scene: Any, block: bytes, mesh: Any, place: Matrix, put: _Put) -> Iterator[Triangle]:
     for part in mesh["primitives"]:
         if part.get("mode", 4) != 4 or "extensions" in part:
             raise NoMesh("has a mesh that is not of plain triangles")
         rows = _numbers(scene, block, part["attributes"]["POSITION"])
         points = [(x, y, z) for x, y, z in rows]
-        order = (
-            [int(row[0]) for row in _numbers(scene, block, part["indices"])]
-            if "indices" in part
-            else range(len(points))
-        )
+        put.more(1 + len(points))
+        order: Sequence[int] = range(len(points))
+        if "indices" in part:
+            if scene["accessors"][part["indices"]]["componentType"] not in _COUNTS:
+                raise NoMesh("has a triangle whose corners are no counts")
+            order = [int(row[0]) for row in _numbers(scene, block, part["indices"])]
         if len(order) % 3:
             raise NoMesh("has a triangle that is not whole")
         yield from _placed(points, [order[k : k + 3] for k in range(0, len(order), 3)], place)
