@@ -53,8 +53,7 @@ def replay(planned: Plan, trials: Trials, number: int, file: Path) -> dict[str, 
         ticks += 1
 
     [record] = run(planned, trials, [number], look=look)
-    shown = grown(planned, trials.growth) if trials.growth else planned
-    output.save(_gif(_frames(shown, poses)), file)
+    output.save(_gif(_frames(grown(planned, trials.growth), poses)), file)
     return dict(record)
 
 

@@ -135,7 +135,7 @@ def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
     start = share * box
     # After the size was taken: what nobody knows of is no error that is counted.
     start[0] += trials.offset
-    return Draw(start, size, drift + _askew(what, program, share, trials.method == "plan"))
+    return Draw(start, size, drift + _askew(what, program, share))
 
 
 def _size(share: Array, box: Array) -> float:
@@ -143,7 +143,7 @@ def _size(share: Array, box: Array) -> float:
     return float(np.abs(share[box > 0.0]).max(initial=0.0))
 
 
-def _askew(what: Plan, program: Program, share: Array, planned: bool) -> Array:
+def _askew(what: Plan, program: Program, share: Array) -> Array:
     """What errors that are fixed in the hole and in the hand add to the velocity of each move (m, 6), at full speed.
 
     In a hole that is askew by h every motion is seen turned by it; a part that is off by g in the hand swings by ω × g.
@@ -154,7 +154,7 @@ def _askew(what: Plan, program: Program, share: Array, planned: bool) -> Array:
     hole, hand = share * boxes.get("hole", none), share * boxes.get("hand", none)
     # Backwards, so that of the pieces of a move the first one stays; so with the steps below. The steps of a baseline
     # are none of the plan's, though they have numbers, too: it goes as the part stands at the start.
-    first = {segment.move: segment for segment in reversed(what.segments)} if planned else {}
+    first = {segment.move: segment for segment in reversed(what.segments)} if program.name == "plan" else {}
     found = np.zeros((max(step.move for step in program.steps) + 1, 6))
     for step in reversed(program.steps):
         size = float(np.linalg.norm(step.twist * np.repeat([1.0, program.rho], 3)))
@@ -227,7 +227,7 @@ def run(
     is_plan = program.name == "plan"
     rows, known, fit = moves(what) if is_plan else (), contacts(what), Fit.of(what)
     friction = what.specification.friction if trials.friction is None else trials.friction
-    parts = grown(what, trials.growth) if trials.growth else what
+    parts = grown(what, trials.growth)
     put = ENGINES[trials.engine].scene(Setup(parts, fit.clearance, robot, friction, trials.time_step))
     draws = [draw(what, program, trials, number) for number in numbers]
     recovery = Recovery.of(what) if is_plan and trials.recovery else None
@@ -265,8 +265,10 @@ def grown(plan: Plan, growth: float) -> Plan:
 
     Args:
         plan: any.
-        growth: m, of either sign.
+        growth: m, of either sign; the plan itself where there is none.
     """
+    if growth == 0.0:
+        return plan
     pieces = tuple(_piece(piece, growth) for piece in plan.moving.pieces)
     body = plan.moving.body
     body = replace(body, balls=tuple((vertex, radius + growth) for vertex, radius in body.balls))

@@ -21,6 +21,7 @@ from fmopt.task.toml.source import Key, Source, read, read_bytes
 from fmopt.task.toml.tables import Measured, Table
 from fmopt.task.toml.units import (
     ANGLE,
+    AREA,
     FORCE,
     LENGTH,
     MASS,
@@ -44,7 +45,7 @@ UNIT_NAMES = {
     TORQUE: "N*m",
     MASS: "kg",
     STIFFNESS: "N/m",
-    Dimension(length=2): "m*m",  # what a model may work out for a section
+    AREA: "m*m",  # what a model may work out for a section
 }
 _LETTERS = "xyz"  # what the entries of a vector are called
 _FIXED = {"title", "units", *SIDES}  # units would change what all other numbers mean; models vary by their parameters

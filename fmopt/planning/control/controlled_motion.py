@@ -131,13 +131,13 @@ def _controlled(
     """A piece with its strategy; `at` has the number of its move, and what `bounded` says of it."""
     number, bound = at
     tolerance, specification = motion.tolerance, problem.specification
-    move, held, made = guarded(problem, motion.assembly, claim, bound)
+    move, held, made = guarded(motion.assembly, problem, claim, bound)
     approach = _approach(problem, claim, move, tolerance)
     specification = specification if approach is None else slowed(specification, approach)
     impact = None if approach is None else impact_record(specification, approach)
     strategy = hybrid_strategy(move, tolerance.rho, specification)
     free = jam_free(move, strategy, tolerance.rho, specification) if ranges else None
-    return ControlledPiece(number, claim, strategy, tuple(held), tuple(made), impact, free)
+    return ControlledPiece(number, claim, strategy, held, made, impact, free)
 
 
 def runs_against(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> bool:
@@ -184,23 +184,16 @@ def _guarded_moves(
         piece = claim.piece
         asked = turning is None or (piece.held and turns(piece.start.local(piece.goal), tolerance.rho) == turning)
         if piece.making and asked:
-            yield guarded(problem, assembly, claim, bound)[0]
-
-
-def guarded(
-    problem: Problem, assembly: Assembly, claim: Claim, bound: float
-) -> tuple[GuardedMove, list[PrimitiveContact], list[PrimitiveContact]]:
-    """The guarded move of a piece, and the contacts that it holds and makes."""
-    move, held, made = _guarded(assembly, problem, claim, bound)
-    return move, [*held], [*made]
+            yield guarded(assembly, problem, claim, bound)[0]
 
 
 # Firmness, steadiness, whether contacts are felt, and their derivatives all ask for it, of every sequence that is
 # tried. It is kept with the parts, as claims do not live as long, and refers to them weakly.
 @remembered(_LATEST)
-def _guarded(
+def guarded(
     assembly: Assembly, problem: Problem, claim: Claim, bound: float
 ) -> tuple[GuardedMove, tuple[PrimitiveContact, ...], tuple[PrimitiveContact, ...]]:
+    """The guarded move of a piece, and the contacts that it holds and makes."""
     piece = claim.piece
     touching = _touching(problem, tuple(dict.fromkeys((*piece.held, *piece.making))), piece.goal)
     held, made = (tuple(c for c in contacts if c in touching) for contacts in (piece.held, piece.making))

@@ -54,7 +54,7 @@ def holds(
         asked = least[turns(piece.start.local(piece.goal), tolerance.rho)]
         if not (piece.held and piece.making and asked > 0.0):
             continue
-        move, held, made = guarded(problem, assembly, claim, bound)
+        move, held, made = guarded(assembly, problem, claim, bound)
         balance = held_by(move, tolerance.rho, problem.specification)
         if balance is None:
             continue

@@ -115,6 +115,7 @@ def _known(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> _Known:
     return _Known(ref(assembly), tuple(dict.fromkeys(held)), tuple(found))
 
 
+@remembered(_MEMORY)
 def _is_convex(part: Polyhedron, number: int) -> bool:
     """Whether a face is what lies within all of its rims: of others no rim says by itself what is beside the face."""
     face = part.faces[number]

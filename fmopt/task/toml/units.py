@@ -62,6 +62,7 @@ FORCE = Dimension(length=1, mass=1, time=-2)
 TORQUE = Dimension(length=2, mass=1, time=-2)
 MASS = Dimension(mass=1)
 STIFFNESS = Dimension(mass=1, time=-2)
+AREA = Dimension(length=2)
 _NAMES = {
     RATIO: "a plain number",
     LENGTH: "a length",
@@ -72,7 +73,7 @@ _NAMES = {
     TORQUE: "a torque",
     MASS: "a mass",
     STIFFNESS: "a stiffness",
-    Dimension(length=2): "an area",
+    AREA: "an area",
 }
 EXAMPLES = {
     RATIO: "0.01",
@@ -309,7 +310,7 @@ def in_words(number: float, dimension: Dimension) -> str:
         TIME: (1.0, "s"),
         MASS: (1.0, "kg"),
         STIFFNESS: (1e3, "N/mm"),
-        Dimension(length=2): (1e-6, "mm*mm"),
+        AREA: (1e-6, "mm*mm"),
     }.get(dimension, (1.0, ""))
     return f"{number / scale:.9g} {name}".rstrip()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
@@ -97,7 +98,7 @@ def _stl(content: bytes) -> Iterator[Triangle]:
 def _obj(content: bytes) -> Iterator[Triangle]:
     points: list[Point] = []
     # A line whose last character is a backslash goes on in the next one.
-    for line in content.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines():
+    for line in re.sub(rb"\\(\r\n|\r|\n)", b" ", content).splitlines():
         words = line.split(b"#", 1)[0].split()
         if words[:1] == [b"v"]:
             points.append((_number(words[1]), _number(words[2]), _number(words[3])))
