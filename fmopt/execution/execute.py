@@ -6,7 +6,6 @@ The file of trials: run in chunks on all cores, kept as they end, gone on with w
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -20,6 +19,7 @@ from fmopt.execution.trials import ENGINES, LATER, METHODS, Trials, run
 from fmopt.execution.workers import spread
 from fmopt.plan import Plan
 from fmopt.runtime import output
+from fmopt.runtime.process import cores
 
 CHUNK = 125  # trials that run together; more make each cheaper
 _FEWEST = 10  # trials that are worth a process
@@ -98,7 +98,7 @@ def compare(plans: Sequence[Plan], trials: int, seed: int, settled: Settled) -> 
 
 def _summed(read: Plan, trials: Trials, file: Path, settled: Settled) -> dict[str, Any]:
     # Cores that this process may use, which may be fewer than the machine has.
-    records = run_all(read, trials, file, settled.workers or len(os.sched_getaffinity(0)), settled.advance)
+    records = run_all(read, trials, file, settled.workers or cores(), settled.advance)
     asked = read.specification.contact_force
     return {"plan": read.sha256, "trials": len(records), "contact_force": asked, **summary(records)}
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fmopt.errors import ResourceError
+from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.physics import Physics
 from fmopt.execution.engines.scene import compiled, engine, scene
 from fmopt.execution.rig import Rig
@@ -61,7 +62,7 @@ def _frames(planned: Plan, poses: list[Array]) -> list[Any]:
     """Pictures of poses (7,) of the part, position and quaternion."""
     mujoco, robot = engine(), Robot()
     # Friction and hardness do not matter: poses are shown, no time step is taken.
-    model = compiled(scene(planned, Physics(), robot.mass, robot.inertia, 0.0))
+    model = compiled(scene(Bodies.of(planned), Physics(), robot.mass, robot.inertia, 0.0))
     data, camera = mujoco.MjData(model), mujoco.MjvCamera()
     camera.azimuth, camera.elevation = 35.0, -20.0
     size = float(np.ptp(np.array(planned.moving.body.vertices)[:, 2]))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from math import sqrt
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -161,8 +161,9 @@ class Fit:
     """The fit that success is measured by: clearance a side and depth, m, the half-diagonal ρ, m, and the goal pose.
 
     Contacts of balls leave a part turned as it is, and what is fixed to it beside them where that is: `free` is what
-    the plan's error sets then leave open of the pose (6,), m and rad, and 0 without balls. `moving` and `fixed` are the
-    convex pieces of the parts, each as its planes (k, 4): outward normals, and how far they lie along these, m.
+    the plan's error sets then leave open of the pose (6,), m and rad, and 0 without balls. The part looks the same
+    after each of `turns` parts of a whole turn about the axis. `moving` and `fixed` are the convex pieces of the parts,
+    each as its planes (k, 4): outward normals, and how far they lie along these, m.
     """
 
     clearance: float
@@ -171,6 +172,7 @@ class Fit:
     goal: Pose
     loose: float
     free: tuple[float, ...] = (0.0,) * 6
+    turns: int = 1
     moving: tuple[Array, ...] = ()
     fixed: tuple[Array, ...] = ()
 
@@ -182,7 +184,7 @@ class Fit:
         loose = 0.0 if last.hybrid.felt else last.tube.box[2]
         free = (*last.tube.box, *last.tube.angles) if plan.moving.body.balls else (0.0,) * 6
         moving, fixed = (tuple(map(_planes, plan.parts[side].pieces)) for side in ("moving", "fixed"))
-        return Fit(plan.moving.measured_clearance, -float(goal.p[2]), plan.rho, goal, loose, free, moving, fixed)
+        return Fit(plan.moving.measured_clearance, -float(goal.p[2]), plan.rho, goal, loose, free, 1, moving, fixed)
 
     def meet(self, point: Array, pose: Pose, goal: Pose) -> bool:
         """Whether what touches in a point (3,) is to touch at a goal as well, as far as contacts count as closed.
@@ -327,6 +329,33 @@ def watch(logs: Sequence[Log], rig: Rig, left: Container[int] = ()) -> None:
         log.lowest = min(log.lowest, float(rig.qpos[body, 2]))
 
 
+def reasons_at_rest(fit: Fit, q: Array, v: Array, lowest: float, depth: float) -> tuple[list[str], Array, Array]:
+    """What speaks against a part being seated, in words, with how far it is from the goal: (3,), m, and (3,), rad.
+
+    Args:
+        fit: clearance and goal.
+        q, v: pose (7,) and velocity (6,) of the part, as an engine has them.
+        lowest: z of its reference point at its lowest, m.
+        depth: greatest penetration, m.
+    """
+    off = q[:3] - fit.goal.p
+    turned = between(q[3:], quaternions(fit.goal.vector()[3:]))
+    if fit.turns > 1:
+        turned[2] -= round(turned[2] * fit.turns / (2.0 * pi)) * 2.0 * pi / fit.turns
+    # From wall to wall, as the goal may lie against either, and what contacts may give way by.
+    room, free = 2.0 * (1.0 + SHARE) * fit.clearance, np.array(fit.free)
+    checks = (
+        (abs(off[2]) <= fit.clearance + fit.loose, f"{1e3 * off[2]:.3f} mm from its depth"),
+        (float((np.abs(off[:2]) - free[:2]).max()) <= room, "beside the hole"),
+        (float((np.abs(turned[:2]) - free[3:5]).max()) <= 2.0 * room / fit.depth, "tilted"),
+        (abs(turned[2]) - fit.free[5] <= 2.0 * room / fit.rho, "turned about its axis"),
+        (np.linalg.norm(v[:3]) <= _SLOW[0] and np.linalg.norm(v[3:]) <= _SLOW[1], "not at rest"),
+        (fit.goal.p[2] - lowest <= SHARE * fit.clearance + fit.loose, "overshot"),
+        (depth <= SHARE * fit.clearance, f"penetration {1e6 * depth:.1f} µm"),
+    )
+    return [words for good, words in checks if not good], off, turned
+
+
 def rest(log: Log, rig: Rig, body: int, fit: Fit) -> dict[str, Any]:
     """The verdict on the whole pose at rest, with the reasons against it.
 
@@ -336,23 +365,10 @@ def rest(log: Log, rig: Rig, body: int, fit: Fit) -> dict[str, Any]:
         body: its row.
         fit: clearance and goal.
     """
-    q, v = rig.qpos[body], rig.qvel[body]
-    off = q[:3] - fit.goal.p
-    turned = between(q[3:], quaternions(fit.goal.vector()[3:]))
-    # From wall to wall, as the goal may lie against either, and what contacts may give way by.
-    room, free = 2.0 * (1.0 + SHARE) * fit.clearance, np.array(fit.free)
-    failed = bool(rig.state.step[body] == FAILED)
-    checks = (
-        (not failed, "stopped on the way"),
-        (abs(off[2]) <= fit.clearance + fit.loose, f"{1e3 * off[2]:.3f} mm from its depth"),
-        (float((np.abs(off[:2]) - free[:2]).max()) <= room, "beside the hole"),
-        (float((np.abs(turned[:2]) - free[3:5]).max()) <= 2.0 * room / fit.depth, "tilted"),
-        (abs(turned[2]) - fit.free[5] <= 2.0 * room / fit.rho, "turned about its axis"),
-        (np.linalg.norm(v[:3]) <= _SLOW[0] and np.linalg.norm(v[3:]) <= _SLOW[1], "not at rest"),
-        (fit.goal.p[2] - log.lowest <= SHARE * fit.clearance + fit.loose, "overshot"),
-        (rig.depth[body] <= SHARE * fit.clearance, f"penetration {1e6 * rig.depth[body]:.1f} µm"),
-    )
-    reasons = [words for good, words in checks if not good]
+    depth = float(rig.depth[body])
+    reasons, off, turned = reasons_at_rest(fit, rig.qpos[body], rig.qvel[body], log.lowest, depth)
+    if rig.state.step[body] == FAILED:
+        reasons.insert(0, "stopped on the way")
     return {
         "success": not reasons,
         "reasons": reasons,
@@ -360,7 +376,7 @@ def rest(log: Log, rig: Rig, body: int, fit: Fit) -> dict[str, Any]:
         "seconds": log.spent + log.ended if np.isfinite(log.ended) else None,
         "peak_force": log.peak,
         "impact_force": log.impact,
-        "penetration": float(rig.depth[body]),
+        "penetration": depth,
         "offset": [float(value) for value in off],
         "turn": [float(value) for value in turned],
         "retries": [asdict(retry) for retry in log.retries],

@@ -18,7 +18,7 @@ from fmopt.errors import PlanFormatError, SettingsError
 from fmopt.execution.attempt import Course, carried_out
 from fmopt.execution.baselines import BASELINES
 from fmopt.execution.engines.drake_engine import DRAKE
-from fmopt.execution.engines.engine import Maker, Setup
+from fmopt.execution.engines.engine import Bodies, Maker, Setup
 from fmopt.execution.engines.mujoco_engine import MUJOCO
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import Recovery
@@ -182,16 +182,16 @@ def _ball(random: np.random.Generator, count: int) -> Array:
 
 
 class Noise:
-    """Standard normal samples (n, 6) a call, each body from its own stream, another at each attempt."""
+    """Standard normal samples (n, width) a call, each body from its own stream, another at each attempt."""
 
-    def __init__(self, seed: int, numbers: Sequence[int], attempt: int = 0) -> None:
+    def __init__(self, seed: int, numbers: Sequence[int], attempt: int = 0, width: int = 6) -> None:
         # Counted from 1: NumPy fills seeds up with zeros, so that 0 would give the stream of `draw` again.
         self.streams = [np.random.default_rng([seed, number, 1 + attempt]) for number in numbers]
-        self.block, self.used = np.zeros((len(numbers), 0, 6)), 0
+        self.block, self.used, self.width = np.zeros((len(numbers), 0, width)), 0, width
 
     def __call__(self) -> Array:
         if self.used == self.block.shape[1]:
-            self.block = np.stack([stream.standard_normal((_BLOCK, 6)) for stream in self.streams])
+            self.block = np.stack([stream.standard_normal((_BLOCK, self.width)) for stream in self.streams])
             self.used = 0
         self.used += 1
         return np.asarray(self.block[:, self.used - 1])
@@ -228,7 +228,7 @@ def run(
     rows, known, fit = moves(what) if is_plan else (), contacts(what), Fit.of(what)
     friction = what.specification.friction if trials.friction is None else trials.friction
     parts = grown(what, trials.growth)
-    put = ENGINES[trials.engine].scene(Setup(parts, fit.clearance, robot, friction, trials.time_step))
+    put = ENGINES[trials.engine].scene(Setup(Bodies.of(parts), fit.clearance, robot, friction, trials.time_step))
     draws = [draw(what, program, trials, number) for number in numbers]
     recovery = Recovery.of(what) if is_plan and trials.recovery else None
 

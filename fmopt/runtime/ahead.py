@@ -10,7 +10,6 @@ from __future__ import annotations
 import fcntl
 import importlib
 import json
-import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -21,6 +20,7 @@ from numba.core import config
 from numba.np.numpy_support import as_dtype
 
 from fmopt.runtime.compiled import LIST, mark
+from fmopt.runtime.process import cores
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -36,8 +36,8 @@ def compile_ahead(tell: Callable[[str], None] = lambda _: None) -> None:
     Args:
         tell: told how far it is.
     """
-    cores, done = _cores(), mark()
-    if config.DISABLE_JIT or cores < 2 or done.exists():
+    count, done = cores(), mark()
+    if config.DISABLE_JIT or count < 2 or done.exists():
         return
     try:
         done.parent.mkdir(parents=True, exist_ok=True)
@@ -51,22 +51,17 @@ def compile_ahead(tell: Callable[[str], None] = lambda _: None) -> None:
             tell("compiling kernels, once: another process is at it")
             fcntl.flock(lock, fcntl.LOCK_EX)
         # Asked again under the lock: whoever held it may have done it all.
-        if not done.exists() and _shared_out(json.loads(LIST.read_text()), cores, tell):
+        if not done.exists() and _shared_out(json.loads(LIST.read_text()), count, tell):
             done.touch()
 
 
-def _cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _shared_out(groups: list[Listed], cores: int, tell: Callable[[str], None]) -> bool:
+def _shared_out(groups: list[Listed], count: int, tell: Callable[[str], None]) -> bool:
     """Has children compile groups of kernels, one after the other as they come to it; whether all are compiled."""
     from multiprocessing.connection import Connection, wait
 
     total, left, finished = sum(map(len, groups)), iter(groups), 0
     with ExitStack() as stack:
-        children = [stack.enter_context(_child()) for _ in range(min(cores, len(groups)))]
+        children = [stack.enter_context(_child()) for _ in range(min(count, len(groups)))]
         while children:
             tell(f"compiling kernels, once: {finished} of {total}")
             for line in wait(children):

@@ -161,3 +161,8 @@ def _lost(unraisable: Any) -> None:
     if isinstance(unraisable.exc_value, Interruption):
         _leave(unraisable.exc_value.number)
     sys.__unraisablehook__(unraisable)
+
+
+def cores() -> int:
+    """Cores that this process may use, which are fewer than the machine has under taskset or in a container."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

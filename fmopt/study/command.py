@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import statistics
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from fmopt.runtime.process import cores
 from fmopt.study.design import Study, load_study
 from fmopt.study.evaluation import evaluate
 from fmopt.study.results.table import csv_text, parquet, results
@@ -24,12 +24,6 @@ from fmopt.task.toml.units import in_words
 
 _SHOWN = 10  # runs that a dry run lists
 _ALLOCATION = "allocation.json"
-
-
-def processors() -> int:
-    """How many processors this process may use."""
-    # Fewer than the machine has under taskset, or in a container that is given some of them.
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
@@ -72,7 +66,7 @@ def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally]
             options = Options(asked.jobs or threads, asked.limit, asked.retry_failed, executor)
             tally = run(work, folder, evaluate, options, progress)
     else:
-        options = Options(asked.jobs or processors(), asked.limit, asked.retry_failed)
+        options = Options(asked.jobs or cores(), asked.limit, asked.retry_failed)
         tally = run(work, folder, evaluate, options, progress)
     # From the store, not from memory: it has what earlier starts did, too, and nothing that is not durable.
     output.save(csv_text(results(folder)).encode(), folder / "table.csv")
@@ -219,7 +213,7 @@ def forecast(file: Path, folder: Path, asked: Asked, progress: Callable[[str], N
 def _workers(asked: Asked) -> int:
     """How many runs would be under way at a time."""
     if asked.cluster is None:
-        return asked.jobs or processors()
+        return asked.jobs or cores()
     from fmopt.study.running.cluster import cluster
 
     with cluster(asked.cluster) as (_, threads):

@@ -20,7 +20,7 @@ from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Bare, Model, load_model, overrides_of, reaching
 from fmopt.task.object_model.tree import ObjectTree
-from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
+from fmopt.task.problem import Attributes, Problem, RobotProperties, Settings, Specification, VelocityError
 from fmopt.task.sizes import (
     configuration_faults,
     force_faults,
@@ -259,6 +259,8 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     box = total(shares)
     refuse_wild(source, shares)
     refuse_far(source, box, (moving, fixed))
+    stated = file.specification.friction
+    friction = () if stated is None else (stated,) if isinstance(stated, float) else stated
     return Problem(
         title=file.title or f"{parts['moving'].name} into {parts['fixed'].name}",
         path=source.path,
@@ -281,7 +283,9 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
         budget=shares if sources or len(shares) > 1 else (),
         plane=plane,
         velocity_error=VelocityError(**file.uncertainty.velocity.model_dump()),
-        specification=Specification(**file.specification.model_dump()),
+        specification=Specification(**{**file.specification.model_dump(), "friction": max(friction, default=0.3)}),
+        friction=(min(friction, default=0.1), max(friction, default=0.5)),
+        robot=RobotProperties(**file.robot.model_dump()),
         settings=Settings(**file.settings.model_dump()),
     )
 

@@ -45,12 +45,28 @@ class Specification:
 
 
 @dataclass(frozen=True)
+class RobotProperties:
+    """Stiffness of held axes (N/m and N·m/rad), apparent mass (kg) and its radius of gyration (m)."""
+
+    stiffness: float
+    turning: float
+    mass: float
+    gyration: float
+
+
+@dataclass(frozen=True)
 class Settings:
     """How the plan is computed: methods, greatest tilt (rad), characteristic length (m or None), time (s).
 
-    `reduce_errors`: whether a plan for a share of the start errors is wanted where there is none for all of them.
+    `evidence`: whether a plan that is tested is asked for or one that is certified; `min_rate` the rate with which a
+    tested one seats at least, by so many `draws`. `reduce_errors`: whether a plan for a share of the start errors is
+    wanted where there is none for all of them.
     """
 
+    evidence: Literal["tested", "certified"]
+    min_rate: float
+    draws: int
+    seed: int
     method: Literal["sound", "dakin1993"]
     placement: Literal["socp+nlp", "descent"]
     max_tilt: float
@@ -123,6 +139,8 @@ class Problem(Value):
         plane: the profiles of a planar problem, whose parts are solids of the same contacts; None in space.
         velocity_error: fractions of the speed.
         specification: speed, forces, friction.
+        friction: interval of the coefficient of friction that trials draw from.
+        robot: that carries presses out.
         settings: how the plan is computed.
     """
 
@@ -148,6 +166,8 @@ class Problem(Value):
     plane: Profiles | None
     velocity_error: VelocityError
     specification: Specification
+    friction: tuple[float, float]
+    robot: RobotProperties
     settings: Settings
 
     def __post_init__(self) -> None:

@@ -17,7 +17,7 @@ from fmopt.cli import app
 from fmopt.errors import FmoptError, ResourceError, SettingsError
 from fmopt.execution import execute as running
 from fmopt.execution.engines.drake_engine import DRAKE, with_corners
-from fmopt.execution.engines.engine import Engine, Setup
+from fmopt.execution.engines.engine import Bodies, Engine, Setup
 from fmopt.execution.engines.mujoco_engine import MUJOCO
 from fmopt.execution.execute import run_all
 from fmopt.execution.robot import Robot
@@ -38,7 +38,7 @@ def records(square_peg_plan: Plan) -> list[Any]:
 
 def setup(document: Plan, time_step: float | None = None) -> Setup:
     clearance = float(document["parts"]["moving"]["measured_clearance"])
-    return Setup(parsed(document), clearance, Robot(), 0.3, time_step)
+    return Setup(Bodies.of(parsed(document)), clearance, Robot(), 0.3, time_step)
 
 
 def placed(document: Plan, shifts: Array, name: str) -> Engine:

@@ -12,6 +12,7 @@ import pytest
 
 from fmopt.errors import PlanFormatError
 from fmopt.execution.attempt import Course, carried_out
+from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.mujoco_engine import MujocoEngine
 from fmopt.execution.engines.physics import Physics
 from fmopt.execution.engines.scene import compiled, scene
@@ -63,7 +64,7 @@ class Bench:
         self.document, self.attempts, self.spoilt, robot = document, attempts, spoilt, Robot()
         self.fit, self.robot, self.program = Fit.of(parsed(document)), robot, planned(parsed(document), robot)
         physics = Physics.of_fit(self.fit.clearance, robot.period)
-        self.model = compiled(scene(parsed(document), physics, robot.mass, robot.inertia, 0.3))
+        self.model = compiled(scene(Bodies.of(parsed(document)), physics, robot.mass, robot.inertia, 0.3))
         self.recovery = recovery_of(document) if recovery else None
         self.seen: list[tuple[bool, Array]] = []
 

@@ -11,6 +11,7 @@ import pytest
 
 from fmopt.errors import SettingsError
 from fmopt.execution.engines import mujoco_engine
+from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.mujoco_engine import MujocoEngine
 from fmopt.execution.engines.physics import Physics
 from fmopt.execution.engines.scene import compiled, engine, scene
@@ -43,7 +44,7 @@ TURNED = np.array(
 def test_the_engines_defaults_are_refused_with_every_reason(square_peg_plan: dict[str, Any]) -> None:
     of_mujoco = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0), "impratio": 1.0, "cone": "pyramidal"}
     with pytest.raises(SettingsError) as caught:
-        scene(parsed(square_peg_plan), Physics(**of_mujoco), 1.0, 1e-3, 0.3)  # type: ignore[arg-type]
+        scene(Bodies.of(parsed(square_peg_plan)), Physics(**of_mujoco), 1.0, 1e-3, 0.3)  # type: ignore[arg-type]
     for words in ("give way over 0.02 s", "impedance from 0.9", "impratio 1", "pyramidal friction cones"):
         assert words in caught.value.message
     assert caught.value.exit_code == 2
@@ -65,7 +66,7 @@ def test_each_setting_that_lies_is_refused(change: dict[str, Any], words: str) -
 def test_the_scene_has_the_plans_pieces_where_they_are(square_peg_plan: dict[str, Any]) -> None:
     mujoco = engine()
 
-    model = compiled(scene(parsed(square_peg_plan), Physics(), 1.0, 1e-3, 0.3))
+    model = compiled(scene(Bodies.of(parsed(square_peg_plan)), Physics(), 1.0, 1e-3, 0.3))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     for side in ("fixed", "moving"):
@@ -127,7 +128,7 @@ def _drifted(plan: dict[str, Any], program: Program, robot: Robot, pace: float, 
     up = np.array([0.0, 0.0, pace * program.speed, 0.0, 0.0, 0.0])
     free = Step("up", 0, Pose.identity(), np.eye(6), up, np.zeros((2, 6)), 0.0005, 10.0, 20.0, DONE, DONE)
     alone = replace(program, steps=(free,))
-    model = compiled(scene(parsed(plan), Physics(), robot.mass, robot.inertia, program.friction))
+    model = compiled(scene(Bodies.of(parsed(plan)), Physics(), robot.mass, robot.inertia, program.friction))
     start = program.start.vector()
     p, q = start[None, :3], quaternions(start[None, 3:])
     rig = Rig(MujocoEngine(model, (p, q)), alone, robot, error[None, None], lambda: np.zeros((1, 6)))
@@ -145,7 +146,7 @@ def _deepest(plan: Plan, p: Array, q: Array) -> Array:
         for part in (problem.fixed, problem.moving)
     )
     parts = replace(plan, fixed=replace(plan.fixed, pieces=fixed), moving=replace(plan.moving, pieces=moving))
-    model = compiled(scene(parts, Physics.of_fit(6.87e-5, robot.period), robot.mass, robot.inertia, 0.3))
+    model = compiled(scene(Bodies.of(parts), Physics.of_fit(6.87e-5, robot.period), robot.mass, robot.inertia, 0.3))
     up, n = np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.0]), len(p)
     step = Step("up", 0, Pose.identity(), np.eye(6), up, np.zeros((2, 6)), 1.0, 10.0, 0.0, DONE, DONE)
     program = Program("still", Pose.identity(), 0.01, 0.02, (step,), 0.0, (1e-9, 1e-9))
@@ -172,7 +173,7 @@ def test_no_more_pushes_than_is_felt_where_the_plan_says_that_its_push_would_pry
     for segment in document["segments"]:
         segment["hybrid"]["stays"] = stays
     program = planned(parsed(document), robot)
-    model = compiled(scene(parsed(document), Physics(), robot.mass, robot.inertia, program.friction))
+    model = compiled(scene(Bodies.of(parsed(document)), Physics(), robot.mass, robot.inertia, program.friction))
     start = program.start.vector()
     moves = 1 + max(step.move for step in program.steps)
     starts = start[None, :3], quaternions(start[None, 3:])

@@ -29,7 +29,7 @@ import json, sys
 from pathlib import Path
 from fmopt.runtime import ahead, compiled
 ahead.LIST = compiled.LIST = Path(sys.argv[1])
-ahead._cores = lambda: 2
+ahead.cores = lambda: 2
 words = []
 ahead.compile_ahead(words.append)
 print(json.dumps(words))

@@ -12,17 +12,18 @@ they leave the solid as it is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from fmopt.errors import FmoptError, ResourceError
+from fmopt.errors import FmoptError, ResourceError, SettingsError
 from fmopt.execution.engines.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.engines.physics import Physics
-from fmopt.execution.engines.scene import balls, pieces
 from fmopt.execution.rotation import from_quaternions
 from fmopt.spatial.values import Array
 
@@ -30,6 +31,8 @@ _STIFF = 4e7  # N/m of each part at a contact, at least
 _BENT = 1000.0  # N that would bend it by the clearance
 _STEPS = 0.5  # of MuJoCo's time step: the kick of a contact that jumps between the ends of flush faces grows with it
 _SHIFTS = (0.0, 1e-9, -2e-9, 4e-9)  # m, by which a part is moved for its contacts to be looked for again
+
+_DAMPED = 0.9  # of the momentum of the part that damping takes in a time step, at most
 
 _SIZE = 0.001  # m across a corner
 _LARGEST = 0.5  # of the piece
@@ -48,8 +51,10 @@ class DrakeEngine:
     def __init__(self, diagram: Any, starts: tuple[Array, Array]) -> None:
         n = len(starts[0])
         self.qpos, self.qvel, self.depth = np.hstack(starts), np.zeros((n, 6)), np.zeros(n)
+        self._damping = np.zeros((n, 3))
         self._diagram, self._plant = diagram, diagram.GetSubsystemByName("plant")
         self._part = self._plant.GetBodyByName("part")
+        self._mass = float(self._part.default_mass())
         self._found = self._plant.get_contact_results_output_port()
         self._pressed = self._plant.get_generalized_contact_forces_output_port(self._part.model_instance())
         self._roots = [diagram.CreateDefaultContext() for _ in range(n)]
@@ -57,12 +62,18 @@ class DrakeEngine:
         port = self._plant.get_applied_generalized_force_input_port()
         self._applied = [port.FixValue(context, np.zeros(6)).GetMutableData() for context in self._contexts]
         self._reaction, self._deepest = np.zeros((n, 6)), np.zeros(n)  # of the last time step
+        self._over_period = np.zeros((n, 6))
         self._results: list[Any] = [None] * n
 
     @property
     def reaction(self) -> Array:
         """As `Engine`."""
         return self._reaction.copy()
+
+    @property
+    def reaction_over_period(self) -> Array:
+        """As `Engine`."""
+        return self._over_period.copy()
 
     @property
     def contacts(self) -> Array:
@@ -76,17 +87,26 @@ class DrakeEngine:
                 row[k] = 1.0, *force, -one.point_pair().depth, *one.contact_point()
         return rows
 
-    def advance(self, wrench: Array, period: float) -> None:
+    def damp(self, damping: Array) -> None:
+        """As `Engine`, explicitly: no more than the apparent mass lets a time step take."""
+        self._damping = np.minimum(damping, _DAMPED * self._mass / self._plant.time_step())
+
+    def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
         """As `Engine`; the library has rotations first, and turning in axes of the world."""
         R = from_quaternions(self.qpos[:, 3:])
         turning = np.einsum("nij,nj->ni", R, self.qvel[:, 3:])
         # Anew in each period: who owns the arrays may have written to them.
         states = np.hstack([self.qpos[:, 3:], self.qpos[:, :3], turning, self.qvel[:, :3]])
-        for k, context in enumerate(self._contexts):
+        for k in range(len(states)) if bodies is None else bodies:
+            context = self._contexts[k]
             self._plant.SetPositionsAndVelocities(context, states[k])
-            self._applied[k].get_mutable_value().SetFromVector(np.roll(wrench[k], 3))
-            for _ in range(max(round(period / self._plant.time_step()), 1)):
+            steps, self._over_period[k] = max(round(period / self._plant.time_step()), 1), 0.0
+            for _ in range(steps):
+                damped = -self._damping[k] * self._plant.GetVelocities(context)[3:]
+                applied = np.concatenate([wrench[k, 3:], wrench[k, :3] + damped])
+                self._applied[k].get_mutable_value().SetFromVector(applied)
                 self._step(k)
+                self._over_period[k] += self._reaction[k] / steps
             states[k] = self._plant.GetPositionsAndVelocities(context)
         q, turning = states[:, :4], states[:, 7:10]
         self.qpos[:, :3], self.qpos[:, 3:] = states[:, 4:7], q / np.linalg.norm(q, axis=1, keepdims=True)
@@ -151,6 +171,8 @@ def _library() -> Any:
 def _put(setup: Setup) -> Put:
     """The scene, with contacts as stiff as the clearance asks for, relaxing over the time constant of MuJoCo's."""
     _library()
+    if np.ndim(setup.friction) and np.ptp(setup.friction) > 0.0:
+        raise SettingsError("Drake's scene has one coefficient of friction", "give a single value, or use mujoco")
     from pydrake.geometry import Sphere
     from pydrake.math import RigidTransform
     from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
@@ -170,13 +192,13 @@ def _put(setup: Setup) -> Put:
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(config, builder)
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))  # the robot bears the weight
-    inertia = UnitInertia.TriaxiallySymmetric(robot.gyration**2)
+    inertia = UnitInertia.TriaxiallySymmetric(robot.inertia / robot.mass)
     part = plant.AddRigidBody("part", SpatialInertia(robot.mass, np.zeros(3), inertia))
     material = _material(setup, physics.contact[0])
-    _register(plant, plant.world_body(), "fixed", pieces(setup.plan, "fixed"), material)
-    corners = [corner for piece in pieces(setup.plan, "moving") for corner in with_corners(piece)]
+    _register(plant, plant.world_body(), "fixed", setup.bodies.fixed, material)
+    corners = [corner for piece in setup.bodies.moving for corner in with_corners(piece)]
     _register(plant, part, "moving", corners, material)
-    for i, (centre, radius) in enumerate(balls(setup.plan.moving.body)):
+    for i, (centre, radius) in enumerate(setup.bodies.balls):
         at, name = RigidTransform(centre), f"ball{i}"
         plant.RegisterCollisionGeometry(part, at, Sphere(radius), name, material)
     plant.Finalize()
@@ -189,13 +211,13 @@ def _material(setup: Setup, relaxation: float) -> Any:
     from pydrake.multibody.plant import CoulombFriction
 
     material = ProximityProperties()
-    friction = CoulombFriction(setup.friction, setup.friction)
+    friction = CoulombFriction(*(2 * [float(np.max(setup.friction))]))
     AddContactMaterial(material, point_stiffness=max(_STIFF, _BENT / setup.clearance), friction=friction)
     material.AddProperty("material", "relaxation_time", relaxation)
     return material
 
 
-def _register(plant: Any, body: Any, side: str, hulls: list[Array], material: Any) -> None:
+def _register(plant: Any, body: Any, side: str, hulls: Sequence[Array], material: Any) -> None:
     from pydrake.geometry import Convex
     from pydrake.math import RigidTransform
 

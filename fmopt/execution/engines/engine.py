@@ -6,8 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from fmopt.execution.robot import Robot
-from fmopt.plan import Plan
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.plan import Body, Plan
 from fmopt.spatial.values import Array
 
 THROWN = 5e-5  # m, by which contacts do not deepen in one time step; more is a fault of the engine's collision
@@ -27,13 +29,18 @@ class Engine(Protocol):
     qvel: Array
     depth: Array
 
-    def advance(self, wrench: Array, period: float) -> None:
+    def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
         """Moves the bodies on.
 
         Args:
-            wrench: (n, 6), about the reference points, axes of B, N and N·m.
+            wrench: (n, 6), about the reference points, axes of B, N and N·m; of all bodies.
             period: s; at least one step of the engine.
+            bodies: which of them; None for all.
         """
+        ...
+
+    def damp(self, damping: Array) -> None:
+        """Damps translations along x, y, z of B by (n, 3), N·s/m, from now on; the engine integrates it implicitly."""
         ...
 
     @property
@@ -42,9 +49,53 @@ class Engine(Protocol):
         ...
 
     @property
+    def reaction_over_period(self) -> Array:
+        """Means (n, 6) of such wrenches over the time steps of the last period."""
+        ...
+
+    @property
     def contacts(self) -> Array:
         """Contacts (n, k, FIELDS) of the last time step, k of the engine's choice; rows of zeros where none is."""
         ...
+
+
+class Apparent(Protocol):
+    """The robot as the engine sees it: apparent mass (kg) and inertia (kg·m²), and its controller's period (s)."""
+
+    @property
+    def mass(self) -> float: ...
+
+    @property
+    def inertia(self) -> float: ...
+
+    @property
+    def period(self) -> float: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Both parts as convex bodies: vertices (v, 3) of their pieces, m, and balls (centre, radius) of the moving part.
+
+    The moving part is in its body frame, the fixed one in the B-frame.
+    """
+
+    moving: tuple[Array, ...]
+    fixed: tuple[Array, ...]
+    balls: tuple[tuple[Array, float], ...] = ()
+
+    @staticmethod
+    def of(plan: Plan) -> Bodies:
+        """The parts of a plan."""
+        moving, fixed = (tuple(np.array(piece.vertices) for piece in plan.parts[side].pieces) for side in _SIDES)
+        return Bodies(moving, fixed, _balls(plan.moving.body))
+
+
+_SIDES = ("moving", "fixed")
+
+
+def _balls(body: Body) -> tuple[tuple[Array, float], ...]:
+    """Centres (3,) and radii of the balls of a part, m."""
+    return tuple((np.array(body.vertices[vertex]), radius) for vertex, radius in body.balls)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,18 +103,20 @@ class Setup:
     """What a scene is made of.
 
     Args:
-        plan: its parts are used.
+        bodies: both parts.
         clearance: a side, m, which says how hard contacts have to be.
         robot: whose apparent mass and period it is.
-        friction: coefficient.
+        friction: coefficient, or (n,) of each body.
         time_step: s; None for what the clearance asks for.
+        threads: that step the bodies; one where cores are taken by processes, a chunk each.
     """
 
-    plan: Plan
+    bodies: Bodies
     clearance: float
-    robot: Robot
-    friction: float
+    robot: Apparent
+    friction: float | Array
     time_step: float | None = None
+    threads: int = 1
 
 
 Put = Callable[[tuple[Array, Array]], Engine]

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmopt.execution.engines.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.engines.physics import Physics
@@ -21,14 +22,18 @@ class MujocoEngine:
 
     Args:
         model: of the scene.
+        friction: coefficients (n,) of the bodies; None for that of the model.
+        threads: that step the bodies.
         starts: positions (n, 3) and quaternions (n, 4) of the bodies.
     """
 
-    def __init__(self, model: Any, starts: tuple[Array, Array]) -> None:
+    def __init__(self, model: Any, friction: Array | None, threads: int, starts: tuple[Array, Array]) -> None:
         from mujoco.batch import Batch
 
         n = len(starts[0])
-        self._batch: Any = Batch(model, n, 1)  # one thread: cores are taken by processes, a chunk each
+        self._batch: Any = Batch(model, n, threads)
+        if friction is not None:
+            self._batch.expand("geom_friction")[:, :, 0] = friction[:, None]
         # Views of the batch's own memory: what is written to them is the state of the next time step.
         self.qpos, self.qvel, self._applied, self._constraint, self._sensor = (
             self._batch.bind(name) for name in ("qpos", "qvel", "qfrc_applied", "qfrc_constraint", "sensordata")
@@ -37,35 +42,54 @@ class MujocoEngine:
         self._fields = [self.qpos, self.qvel, self._batch.bind("qacc_warmstart")]
         self.qpos[:, :3], self.qpos[:, 3:] = starts
         self._time_step = float(model.opt.timestep)
+        self._damping: Array | None = None
+        self._pressed = np.zeros((n, 6))
         self.depth, self._deepest = np.zeros(n), np.zeros(n)  # greatest penetration so far and now, m
 
     @property
     def reaction(self) -> Array:
-        """As `Engine`; the library has torques in axes of the part."""
+        """As `Engine`."""
+        return self._in_base(self._constraint)
+
+    @property
+    def reaction_over_period(self) -> Array:
+        """As `Engine`."""
+        return self._in_base(self._pressed)
+
+    def _in_base(self, wrench: Array) -> Array:
+        """Wrenches (n, 6) as the library has them, with torques in axes of the part, in axes of B."""
         R = from_quaternions(self.qpos[:, 3:])
-        return np.hstack([self._constraint[:, :3], np.einsum("nij,nj->ni", R, self._constraint[:, 3:])])
+        return np.hstack([wrench[:, :3], np.einsum("nij,nj->ni", R, wrench[:, 3:])])
 
     @property
     def contacts(self) -> Array:
         """As `Engine`."""
         return np.asarray(self._sensor).reshape(len(self.qpos), CONTACTS, FIELDS)
 
-    def advance(self, wrench: Array, period: float) -> None:
+    def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
         """As `Engine`."""
         R = from_quaternions(self.qpos[:, 3:])
         self._applied[:, :3] = wrench[:, :3]
         self._applied[:, 3:] = np.einsum("nji,nj->ni", R, wrench[:, 3:])
-        for _ in range(max(round(period / self._time_step), 1)):
-            self._step()
+        steps, self._pressed = max(round(period / self._time_step), 1), np.zeros_like(wrench)
+        for _ in range(steps):
+            self._step(bodies)
+            self._pressed += self._constraint / steps
 
-    def _step(self) -> None:
+    def damp(self, damping: Array) -> None:
+        """As `Engine`; a free body has its translations along the axes of the world."""
+        if self._damping is None:
+            self._damping = self._batch.expand("dof_damping")
+        self._damping[:, :3] = damping
+
+    def _step(self, bodies: NDArray[np.intp] | None) -> None:
         """One time step, taken again by bodies for which the engine found a contact that cannot be.
 
         Where faces lie flat on each other, the engine's collision of convex bodies now and then, at one pose and not at
         the next, takes another face for the nearest, and a contact as deep as the part is thick throws the part away.
         """
         before = [field.copy() for field in self._fields]
-        self._batch.step()
+        self._batch.step(bodies)
         deepest = self._deepest_now()
         for shift in _SHIFTS:
             thrown = np.flatnonzero(deepest > self._deepest + THROWN)
@@ -87,8 +111,9 @@ class MujocoEngine:
 
 def _put(setup: Setup) -> Put:
     physics, robot = Physics.of_fit(setup.clearance, setup.robot.period, setup.time_step), setup.robot
-    model = compiled(scene(setup.plan, physics, robot.mass, robot.inertia, setup.friction))
-    return partial(MujocoEngine, model)
+    least = float(np.min(setup.friction))
+    model = compiled(scene(setup.bodies, physics, robot.mass, robot.inertia, least))
+    return partial(MujocoEngine, model, None if isinstance(setup.friction, float) else setup.friction, setup.threads)
 
 
 MUJOCO = Maker(engine, _put)

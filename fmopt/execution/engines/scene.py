@@ -1,20 +1,18 @@
-"""The scene: a plan's convex pieces as they are, the fixed part in the world, the moving part as the robot's tool.
+"""The scene: the parts' convex pieces as they are, the fixed part in the world, the moving part as the robot's tool.
 
-Pieces become convex meshes, which the engine collides by their exact hulls; round surfaces are the plan's n-gons. The
+Pieces become convex meshes, which the engine collides by their exact hulls; round surfaces are n-gons. The
 moving part is one free body about its reference point, with the apparent mass of the robot; its weight is compensated.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
-
 from fmopt.errors import ResourceError
+from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.physics import Physics
-from fmopt.plan import Body, Plan
 from fmopt.spatial.values import Array
 
 CONTACTS = 16  # contacts that a sensor reports
@@ -52,11 +50,11 @@ _SCENE = """\
 """
 
 
-def scene(plan: Plan, physics: Physics, mass: float, inertia: float, friction: float) -> str:
+def scene(bodies: Bodies, physics: Physics, mass: float, inertia: float, friction: float) -> str:
     """The scene as MJCF.
 
     Args:
-        plan: its parts are used.
+        bodies: both parts.
         physics: trusted settings.
         mass: apparent mass of robot and part, kg.
         inertia: about each axis through the moving frame's origin, kg·m².
@@ -66,7 +64,7 @@ def scene(plan: Plan, physics: Physics, mass: float, inertia: float, friction: f
         SettingsError: the settings cannot be trusted.
     """
     physics.trusted()
-    found = {side: pieces(plan, side) for side in ("fixed", "moving")}
+    found = {"fixed": bodies.fixed, "moving": bodies.moving}
     meshes = [_mesh(f"{side}{i}", vertices) for side in found for i, vertices in enumerate(found[side])]
     return _SCENE.format(
         step=physics.time_step,
@@ -78,26 +76,11 @@ def scene(plan: Plan, physics: Physics, mass: float, inertia: float, friction: f
         friction=friction,
         meshes="\n".join(meshes),
         fixed=_geoms("fixed", len(found["fixed"]), "0.6 0.65 0.7 0.35"),  # see-through, for what goes on in the hole
-        moving=_geoms("moving", len(found["moving"]), _COLOUR) + _spheres(plan.moving.body),
+        moving=_geoms("moving", len(found["moving"]), _COLOUR) + _spheres(bodies.balls),
         mass=mass,
         inertia=inertia,
         contacts=CONTACTS,
     )
-
-
-def pieces(plan: Plan, side: str) -> list[Array]:
-    """The vertices (v, 3) of the convex pieces of a part, m.
-
-    Args:
-        plan: any.
-        side: "moving", in its body frame, or "fixed", in the B-frame.
-    """
-    return [np.array(piece.vertices) for piece in plan.parts[side].pieces]
-
-
-def balls(body: Body) -> list[tuple[Array, float]]:
-    """Centres (3,) and radii of the balls of a part, m."""
-    return [(np.array(body.vertices[vertex]), radius) for vertex, radius in body.balls]
 
 
 def engine() -> Any:
@@ -134,9 +117,9 @@ def _geoms(side: str, count: int, colour: str) -> str:
     return "\n".join(f'      <geom name="{side}{i}" mesh="{side}{i}" rgba="{colour}"/>' for i in range(count))
 
 
-def _spheres(body: Body) -> str:
+def _spheres(balls: Iterable[tuple[Array, float]]) -> str:
     """The balls of the moving part, which the engine collides as they are."""
-    listed = enumerate(balls(body))
+    listed = enumerate(balls)
     return "".join(
         f'\n      <geom name="ball{i}" type="sphere" size="{radius!r}" pos="{_numbers(at.tolist())}" rgba="{_COLOUR}"/>'
         for i, (at, radius) in listed

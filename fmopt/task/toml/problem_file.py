@@ -270,8 +270,9 @@ class Specification(Table):
     """Force with which a wanted contact is held, 20 N if not given."""
     torque_limit: Torque = 1.0
     """Greatest torque about the leading face's centre, 1 N*m if not given."""
-    friction: Friction = 0.3
-    """Coefficient of friction between the parts, 0.3 if not given."""
+    friction: Friction | tuple[Friction, Friction] | None = None
+    """Coefficient of friction between the parts, or the interval that it lies in. Guarded moves are planned for the
+    greatest, 0.3 if not given; trials draw from the interval, 0.1 to 0.5 if not given."""
     termination_force: Force = 2.0
     """Change of contact force that ends a guarded move, 2 N if not given; at most contact_force, best well below."""
     impact_force: Force | None = None
@@ -283,8 +284,31 @@ class Specification(Table):
     """Stiffness of contact, part, sensor and robot in series; plain numbers are in N/m."""
 
 
+class RobotTable(Table):
+    """The robot that carries presses out, as it is felt at the moving part."""
+
+    stiffness: Stiffness = 20_000.0
+    """Of axes held in position, 20 N/mm if not given; plain numbers are in N/m."""
+    turning: Torque = 100.0
+    """Torque that turns a held axis by one radian, 100 N*m if not given."""
+    mass: Mass = 2.0
+    """Apparent mass, 2 kg if not given; plain numbers are in kg."""
+    gyration: Distance = 0.07
+    """Radius of gyration of that mass about the leading face's centre, 70 mm if not given."""
+
+
 class Settings(Table):
     """How the plan is computed."""
+
+    evidence: Literal["tested", "certified"] = "tested"
+    """What is asked for: "tested", a plan of presses that seats in the physics engine, or "certified", guarded moves
+    with a proof. Planar problems are always planned for a proof."""
+    min_rate: Ratio = 0.9
+    """Rate with which a tested plan has to seat, by the lower bound that its trials give."""
+    draws: Annotated[int, Field(ge=10, le=10_000)] = 96
+    """Trials of that bound, fixed beforehand; the 64 vertices of the start errors come on top."""
+    seed: Annotated[int, Field(ge=0, le=2**31)] = 1
+    """Of all that is drawn."""
 
     method: Literal["sound", "dakin1993"] = "sound"
     """How uncertainty propagates; "dakin1993" is the paper's recipe, which under-covers, for comparison."""
@@ -323,6 +347,7 @@ class ProblemFile(Table):
     uncertainty: Uncertainty = Field(default_factory=Uncertainty)
     """How far off the part may start, which nobody but you can know: [uncertainty] start, or its sources."""
     specification: Specification = Field(default_factory=Specification)
+    robot: RobotTable = Field(default_factory=RobotTable)
     settings: Settings = Field(default_factory=Settings)
 
 

@@ -229,7 +229,8 @@ class Problem:
         """What is given of speed, forces and friction, by name."""
         table = self._maybe("specification").only(*(name for name, _ in (*_SPECIFIED, *_IMPACT)))
         found = {
-            name: table.number(name, kind, 0.0, 1e12) if table.has(name) else _USUAL[name] for name, kind in _SPECIFIED
+            name: max(table.interval(name, kind, 0.0, 1e12)) if table.has(name) else _USUAL[name]
+            for name, kind in _SPECIFIED
         }
         return found | {name: table.number(name, kind, 0.0, 1e12) for name, kind in _IMPACT if table.has(name)}
 
@@ -241,8 +242,8 @@ class Problem:
     @cached_property
     def settings(self) -> Table:
         """The table [settings]."""
-        known = ("method", "placement", "max_tilt", "characteristic_length", "reduce_errors", "time_limit")
-        return self._maybe("settings").only(*known)
+        known = "method placement max_tilt characteristic_length reduce_errors time_limit evidence min_rate draws seed"
+        return self._maybe("settings").only(*known.split())
 
     def _maybe(self, key: str) -> Table:
         """A table that may be missing, which is then empty."""
@@ -320,7 +321,7 @@ def load_problem(
     """
     known = ("title", "units", "moving", "fixed", "goal", "clearance", "start", "grasp", "uncertainty")
     whole = read(path, None, "") if data is None else with_units(path, data)
-    table = spelled_out(whole).only(*known, "specification", "settings")
+    table = spelled_out(whole).only(*known, "specification", "robot", "settings")
     models, names = {}, {}
     for side in ("moving", "fixed"):
         operand = table.table(side).only("model", "unit", "body", "feature", "parameters")

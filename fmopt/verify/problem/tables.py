@@ -187,6 +187,12 @@ class Table:
         """
         return self._number(key, self.value(key), kind, low, high)
 
+    def interval(self, key: str, kind: Dimension, low: float = 0.0, high: float = FAR) -> tuple[float, ...]:
+        """The quantity under a key, or both ends of an interval of it, in SI; arguments as of `number`."""
+        value = self.value(key)
+        ends = value if isinstance(value, list) and len(value) == 2 else [value]
+        return tuple(self._number(key, end, kind, low, high) for end in ends)
+
     def maybe(self, key: str, kind: Dimension, low: float = 0.0, high: float = FAR) -> float | None:
         """The same, None where the key is missing.
 

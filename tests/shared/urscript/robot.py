@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.physics import Physics
 from fmopt.execution.engines.scene import compiled, engine, scene
 from fmopt.execution.robot import Robot
@@ -40,7 +41,7 @@ class ForceModeRobot:
         self.robot, self.fit = Robot(), Fit.of(plan)
         robot, friction = self.robot, plan.specification.friction
         physics = Physics.of_fit(self.fit.clearance, robot.period)
-        self.model = compiled(scene(plan, physics, robot.mass, robot.inertia, friction))
+        self.model = compiled(scene(Bodies.of(plan), physics, robot.mass, robot.inertia, friction))
         self.data, self.mujoco = engine().MjData(self.model), engine()
         start = moves(plan)[0].start
         real = Pose(start.p + error[:3], exp(error[3:]) @ start.R)

@@ -1,0 +1,109 @@
+"""Evidence: a frozen plan of presses carried out for draws that nothing was chosen on, and for all vertices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from scipy.stats import binomtest
+
+from fmopt.execution.engines.engine import Bodies
+from fmopt.execution.press_rig import Outcome
+from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors, vertex_errors
+from fmopt.plan.evidence import CONFIDENCE, MIN_VERTICES, VERTICES, Evidence, TrialOutcome
+from fmopt.plan.press import Conditions, PressPlan
+from fmopt.runtime.process import cores
+
+Interval = tuple[float, float]
+
+
+def success_interval(successes: int, trials: int, confidence: float = 0.95) -> Interval:
+    """Two-sided Clopper–Pearson interval of a success rate; (0, 1) without trials."""
+    if not trials:
+        return 0.0, 1.0
+    found = binomtest(successes, trials).proportion_ci(confidence, method="exact")
+    return float(found.low), float(found.high)
+
+
+def lower_bound(successes: int, trials: int, confidence: float = CONFIDENCE) -> float:
+    """One-sided Clopper–Pearson lower bound of a success rate; 0 without trials."""
+    if not trials:
+        return 0.0
+    return float(binomtest(successes, trials, alternative="greater").proportion_ci(confidence, method="exact").low)
+
+
+@dataclass(frozen=True)
+class Examination:
+    """How a plan is examined.
+
+    Attributes:
+        draws: fixed beforehand.
+        min_rate: that the bound has to reach.
+        seed: of the draws.
+        examined: number of the plan among those examined for the problem, from 1.
+    """
+
+    draws: int
+    min_rate: float
+    seed: int
+    examined: int = 1
+
+
+def examine(
+    bodies: Bodies, plan: PressPlan, conditions: Conditions, asked: Examination, subject: str,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Evidence:  # fmt: skip
+    """Carries a plan out for all draws and vertices, whatever comes of the first ones.
+
+    Args:
+        bodies: both parts.
+        plan: frozen.
+        conditions: that are drawn from.
+        asked: draws, rate and seed.
+        subject: digest of what is carried out.
+        progress: told in words.
+    """
+    presses, threads = count_presses(plan), cores()
+    progress(f"evidence: {asked.draws} draws and {VERTICES} vertices")
+    numbers = range(asked.draws)
+    errors = drawn_errors(conditions, presses, asked.seed, numbers)
+    drawn = carry_out(bodies, plan, errors, asked.seed, numbers, threads=threads)
+    corners = range(asked.draws, asked.draws + VERTICES)
+    vertices = carry_out(bodies, plan, vertex_errors(conditions, presses), asked.seed, corners, threads=threads)
+    seated, at_vertices = count_seated(drawn), count_seated(vertices)
+    bound = lower_bound(seated, asked.draws)
+    return Evidence(
+        level="tested" if bound >= asked.min_rate and at_vertices >= MIN_VERTICES else "below",
+        draws=asked.draws,
+        seated=seated,
+        first_tries=sum(one.seated and one.attempt == 0 for one in drawn),
+        confidence=CONFIDENCE,
+        bound=bound,
+        min_rate=asked.min_rate,
+        vertices=VERTICES,
+        vertices_seated=at_vertices,
+        examined=asked.examined,
+        seed=asked.seed,
+        engine=f"mujoco {_version()}",
+        conditions=conditions,
+        subject=subject,
+        outcomes=tuple(map(_stated, drawn)),
+        vertex_outcomes=tuple(map(_stated, vertices)),
+    )
+
+
+def count_seated(outcomes: Sequence[Outcome]) -> int:
+    """How many trials seat."""
+    return sum(one.seated for one in outcomes)
+
+
+def _stated(one: Outcome) -> TrialOutcome:
+    return TrialOutcome(
+        one.seated, one.attempt, one.press, one.seconds, one.peak_force, tuple(one.reasons), one.offset, one.turn
+    )  # fmt: skip
+
+
+def _version() -> str:
+    import mujoco
+
+    return str(mujoco.__version__)

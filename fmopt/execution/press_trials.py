@@ -1,0 +1,133 @@
+"""Trials of presses: what is off in each is drawn from its seed and number, or is a vertex of all intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import product
+
+import numpy as np
+
+from fmopt.execution.engines.engine import Bodies, Setup
+from fmopt.execution.press_rig import Errors, Outcome, PressRig
+from fmopt.execution.rotation import product as turned
+from fmopt.execution.rotation import quaternions
+from fmopt.execution.summary import Fit
+from fmopt.execution.trials import ENGINES, Noise
+from fmopt.plan.press import Conditions, PressPlan, Seat
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+
+VERTICES = 64
+SOFT = 2.0  # times as soft as for guarded moves contacts may be: presses meet them at half the speed
+# Columns of a two-level design: each is the product of the signs of these start errors.
+_FRICTION, _STIFFNESS, _ADMITTANCE = (0, 1, 2), (1, 3, 4), (2, 4, 5)
+_OFFSETS = ((0, 3), (1, 4), (2, 5), (0, 1, 5), (0, 2, 4), (1, 2, 3))
+_DRIFTS = ((0, 4), (1, 5), (2, 3), (0, 5), (1, 3), (2, 4))
+_NOISE = 0x6E6F6973  # sets the streams of noise apart from those of errors
+
+
+def fit_of(seat: Seat) -> Fit:
+    """The fit that success is measured by."""
+    free = (0.0, 0.0, 0.0, 0.0, 0.0, math.pi if seat.free_turn else 0.0)
+    goal = Pose.from_vector(seat.goal)
+    return Fit(seat.clearance, seat.depth, seat.rho, goal, seat.loose, free, seat.symmetry)
+
+
+def drawn_errors(
+    conditions: Conditions, presses: int, seed: int, numbers: Sequence[int], corners: float = 0.0
+) -> Errors:
+    """Errors of trials, each from its own stream.
+
+    Args:
+        conditions: boxes and intervals that they are drawn from.
+        presses: of the plan.
+        seed, numbers: of the stream, and of the trials in it.
+        corners: share of the trials whose start error is at a vertex of its box, for choosing among plans.
+    """
+    rows = [_drawn(conditions, presses, np.random.default_rng([seed, number]), corners) for number in numbers]
+    return Errors(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _drawn(conditions: Conditions, presses: int, random: np.random.Generator, corners: float) -> tuple[Array, ...]:
+    share = random.uniform(-1.0, 1.0, 6)
+    if random.uniform() < corners:
+        share = np.sign(share)
+    friction = random.uniform(*conditions.friction)
+    stiffness, admittance = (
+        math.exp(random.uniform(math.log(low), math.log(high)))
+        for low, high in (conditions.stiffness, conditions.admittance)
+    )
+    offset = random.uniform(-1.0, 1.0, 6) * np.repeat(conditions.offset, 3)
+    ball = random.normal(size=(presses, 2, 3))
+    ball *= random.uniform(size=(presses, 2, 1)) ** (1.0 / 3.0) / np.linalg.norm(ball, axis=2, keepdims=True)
+    drift = conditions.drift * ball.reshape(presses, 6).T
+    return (
+        share * np.array(conditions.start),
+        np.array(friction),
+        np.array(stiffness),
+        np.array(admittance),
+        offset,
+        drift,
+    )
+
+
+def vertex_errors(conditions: Conditions, presses: int) -> Errors:
+    """Errors at the 64 vertices of the start box; the ends of the other intervals follow a two-level design."""
+    signs = np.array(list(product((-1.0, 1.0), repeat=6)))
+
+    def column(axes: Sequence[int]) -> Array:
+        return np.asarray(signs[:, list(axes)].prod(axis=1))
+
+    def ends(interval: tuple[float, float], axes: Sequence[int]) -> Array:
+        return np.where(column(axes) > 0.0, interval[1], interval[0])
+
+    offset = np.stack([column(axes) for axes in _OFFSETS], axis=1) * np.repeat(conditions.offset, 3)
+    drift = np.stack([column(axes) for axes in _DRIFTS], axis=1) / math.sqrt(3.0) * conditions.drift
+    return Errors(
+        signs * np.array(conditions.start),
+        ends(conditions.friction, _FRICTION),
+        ends(conditions.stiffness, _STIFFNESS),
+        ends(conditions.admittance, _ADMITTANCE),
+        offset,
+        np.repeat(drift[:, :, None], presses, axis=2),
+    )
+
+
+def carry_out(
+    bodies: Bodies,
+    plan: PressPlan,
+    errors: Errors,
+    seed: int,
+    numbers: Sequence[int],
+    courses: Sequence[Sequence[int]] | None = None,
+    engine: str = "mujoco",
+    time_step: float | None = None,
+    threads: int = 1,
+    look: Callable[[PressRig], None] | None = None,
+) -> list[Outcome]:
+    """Carries a plan out, once for each row of errors.
+
+    Args:
+        bodies: both parts.
+        plan: of presses.
+        errors: of the trials.
+        seed, numbers: of the streams of noise.
+        courses: for each trial its attempts in order, by number; all of them if not given.
+        engine: "mujoco" or "drake".
+        time_step: of the physics, s; None for what the clearance asks for.
+        threads: that step the bodies.
+        look: shown the rig in every period.
+    """
+    friction = errors.friction if np.ptp(errors.friction) > 0.0 else float(errors.friction[0])
+    put = ENGINES[engine].scene(Setup(bodies, SOFT * plan.seat.clearance, plan.robot, friction, time_step, threads))
+    courses = courses or [range(len(plan.attempts))] * len(errors.start)
+    start = np.array([plan.attempts[course[0]].start for course in courses])
+    starts = start[:, :3] + errors.start[:, :3], turned(quaternions(errors.start[:, 3:]), quaternions(start[:, 3:]))
+    noise = Noise(seed ^ _NOISE, numbers, width=12)
+    return PressRig(put(starts), plan, courses, errors, fit_of(plan.seat), noise, look).run()
+
+
+def count_presses(plan: PressPlan) -> int:
+    """Presses of all attempts of a plan."""
+    return sum(len(attempt.presses) for attempt in plan.attempts)

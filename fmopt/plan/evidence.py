@@ -1,0 +1,75 @@
+"""Evidence that a plan seats: outcomes of trials in the physics engine, with the lower bound of their rate."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import ConfigDict, Field, TypeAdapter
+from pydantic.dataclasses import dataclass
+
+from fmopt.plan.press import Conditions
+
+_FORM = ConfigDict(extra="forbid", allow_inf_nan=False)
+CONFIDENCE = 0.975  # of the bound: two plans at most are examined, so that the answer holds at 0.95
+MIN_VERTICES = 58  # of the 64 that have to seat
+VERTICES = 64
+
+Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
+Count: TypeAlias = Annotated[int, Field(ge=0, le=100_000)]
+Three: TypeAlias = tuple[float, float, float]
+
+
+@dataclass(frozen=True, config=_FORM)
+class TrialOutcome:
+    """One trial: whether it seats, at which attempt (from 0), how long (s), its greatest force (N), where it rests.
+
+    `press` is the last one that it was at, `reasons` say what speaks against it; `offset` (m) and `turn` (rad) are from
+    the goal.
+    """
+
+    seated: bool
+    attempt: Count
+    press: str
+    seconds: float
+    peak_force: float
+    reasons: tuple[str, ...]
+    offset: Three
+    turn: Three
+
+
+@dataclass(frozen=True, config=_FORM)
+class Evidence:
+    """What trials of the plan came to.
+
+    Attributes:
+        level: "tested" where the bound is at least `min_rate` and enough vertices seat, else "below".
+        draws, seated, first_tries: uniform draws, how many of them seat, and how many at the first attempt.
+        confidence, bound: one-sided Clopper–Pearson lower bound of the rate with which draws seat.
+        min_rate: asked for.
+        vertices, vertices_seated: of the start box, with the ends of the other intervals; no bound is told of these.
+        examined: which plan this is of those that were examined for the problem, from 1; there are two at most.
+        seed: of the draws; `engine` with its version.
+        conditions: boxes and intervals that are drawn from.
+        subject: SHA-256 of parts, presses, robot and goal that were carried out.
+        outcomes, vertex_outcomes: of each draw in order.
+    """
+
+    level: Literal["tested", "below"]
+    draws: Count
+    seated: Count
+    first_tries: Count
+    confidence: Share
+    bound: Share
+    min_rate: Share
+    vertices: Count
+    vertices_seated: Count
+    examined: Annotated[int, Field(ge=1, le=2)]
+    seed: Annotated[int, Field(ge=0, lt=2**63)]
+    engine: str
+    conditions: Conditions
+    subject: str
+    outcomes: tuple[TrialOutcome, ...]
+    vertex_outcomes: tuple[TrialOutcome, ...]
+
+
+EVIDENCE = TypeAdapter(Evidence)

@@ -1,0 +1,235 @@
+"""Presses as a plan states them: position axes follow a twist, force axes give way under a wrench, until standstill.
+
+The task frame has the axes of the B-frame and stays there; twists, wrenches and travels are about the reference point
+of the moving part. Each trial runs the attempts in order: where one fails, the part backs out along its way and the
+next one begins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import ConfigDict, Field, TypeAdapter
+from pydantic.dataclasses import dataclass
+
+_FORM = ConfigDict(extra="forbid", allow_inf_nan=False, strict=False)
+MAX_PRESSES = 40  # of an attempt
+MAX_ATTEMPTS = 3  # of a plan; candidates are compared as many attempts
+
+Six: TypeAlias = tuple[float, float, float, float, float, float]
+Point: TypeAlias = tuple[float, float, float]
+Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
+Next: TypeAlias = Literal["next", "seated", "retry", "fail"]
+
+
+@dataclass(frozen=True, config=_FORM)
+class Standstill:
+    """The part has moved by less than `displacement` (m, turns times the arm of the robot) within `window` (s).
+
+    It is measured from `armed` (s after the begin of the press) on. Where `below` (m, z of the reference point in B) is
+    stated and the part stands higher, `else_then` follows in place of `then`.
+    """
+
+    displacement: Positive
+    window: Positive
+    armed: float
+    then: Next = "next"
+    below: float | None = None
+    else_then: Next = "retry"
+    kind: Literal["standstill"] = "standstill"
+
+
+@dataclass(frozen=True, config=_FORM)
+class Level:
+    """The reference point is at or below `z` (m in B)."""
+
+    z: float
+    then: Next = "next"
+    kind: Literal["level"] = "level"
+
+
+@dataclass(frozen=True, config=_FORM)
+class Travel:
+    """The part has moved by `distance` (m) along force axes, or the twist has led it by `angle` (rad)."""
+
+    distance: float | None = None
+    angle: float | None = None
+    then: Next = "next"
+    kind: Literal["travel"] = "travel"
+
+
+@dataclass(frozen=True, config=_FORM)
+class Force:
+    """The filtered contact force on position axes exceeds `force` (N)."""
+
+    force: Positive
+    then: Next = "next"
+    kind: Literal["force"] = "force"
+
+
+@dataclass(frozen=True, config=_FORM)
+class Time:
+    """`seconds` are used up; no standstill is ever taken for reached by that."""
+
+    seconds: Positive
+    then: Next = "retry"
+    kind: Literal["time"] = "time"
+
+
+End: TypeAlias = Annotated[Standstill | Level | Travel | Force | Time, Field(discriminator="kind")]
+
+
+@dataclass(frozen=True, config=_FORM)
+class Rocking:
+    """The attitude follows a cone of half-angle `angle` (rad), `rate` times a second, that opens and closes again.
+
+    It is fully open after a quarter of `seconds` and closed at their end.
+    """
+
+    angle: Positive
+    rate: Positive
+    seconds: Positive
+
+
+@dataclass(frozen=True, config=_FORM)
+class Press:
+    """One press.
+
+    Attributes:
+        name: for people.
+        gives: which of x, y, z and of the turns about them give way under the wrench; the others follow the twist.
+        twist: (6,) of position axes, m/s and rad/s.
+        wrench: (6,) of force axes, N and N·m, about the reference point.
+        reference: point (3,) of the moving part, m.
+        ramp: s over which the wrench comes up from that of the press before.
+        speed: (6,) limits of force axes, m/s and rad/s: damping is raised until the wrench alone moves no faster.
+        reach: limits of travel of force axes, m and rad, beyond which the press fails.
+        ends: whichever comes first, in this order.
+        rocking: of the attitude, instead of a twist about position axes.
+    """
+
+    name: str
+    gives: tuple[bool, bool, bool, bool, bool, bool]
+    twist: Six
+    wrench: Six
+    speed: Six
+    reach: tuple[float, float]
+    ends: Annotated[tuple[End, ...], Field(min_length=1, max_length=8)]
+    reference: Point = (0.0, 0.0, 0.0)
+    ramp: float = 0.1
+    rocking: Rocking | None = None
+
+
+@dataclass(frozen=True, config=_FORM)
+class Attempt:
+    """A commanded start pose (6,), m and rad, and the presses from there; `source` names the generator."""
+
+    start: Six
+    presses: Annotated[tuple[Press, ...], Field(min_length=1, max_length=MAX_PRESSES)]
+    source: str = ""
+
+
+@dataclass(frozen=True, config=_FORM)
+class PressRobot:
+    """The robot that carries presses out, about the reference point of the moving part.
+
+    Attributes:
+        stiffness: of held axes, N/m and N·m/rad.
+        damping: of axes that give way, N·s/m and N·m·s/rad.
+        mass, inertia: apparent, kg and kg·m².
+        limits: greatest force and torque of the servo, N and N·m.
+        arm: m, by which turns count as displacements.
+        back: m/s and rad/s with which the part backs out.
+        period, delay: of the controller and of its measurements, s.
+        cut_off: of the low-pass filter on the wrench, Hz.
+        noise: standard deviations of a raw sample: N, N·m, m, rad.
+    """
+
+    stiffness: tuple[Positive, Positive]
+    damping: tuple[Positive, Positive]
+    mass: Positive
+    inertia: Positive
+    limits: tuple[Positive, Positive]
+    arm: Positive
+    back: tuple[Positive, Positive] = (0.05, 0.5)
+    period: Positive = 0.001
+    delay: float = 0.02
+    cut_off: Positive = 60.0
+    noise: tuple[float, float, float, float] = (0.1, 0.002, 2e-6, 3e-5)
+
+
+@dataclass(frozen=True, config=_FORM)
+class Seat:
+    """What counts as seated.
+
+    Attributes:
+        goal: pose (6,) of the moving part, m and rad.
+        clearance: a side, m.
+        depth: of the leading face below the mouth, m.
+        rho: characteristic length, m.
+        loose: what the height may be off by where nothing stops the part, m.
+        free_turn: whether the turn about the axis does not count.
+        symmetry: number of turns about the axis that take the part to itself.
+    """
+
+    goal: Six
+    clearance: Positive
+    depth: Positive
+    rho: Positive
+    loose: float = 0.0
+    free_turn: bool = False
+    symmetry: Annotated[int, Field(ge=1)] = 1
+
+
+@dataclass(frozen=True, config=_FORM)
+class PressPlan:
+    """Attempts in order, what carries them out, and the height (m in B) to which the part is lifted between two."""
+
+    robot: PressRobot
+    attempts: Annotated[tuple[Attempt, ...], Field(min_length=1)]
+    clear: float
+    seat: Seat
+
+    def strengthened(self, factor: float) -> PressPlan:
+        """All wrenches times a factor, damping likewise: ways and speeds stay."""
+        robot = self.robot
+        damping = factor * robot.damping[0], factor * robot.damping[1]
+        return replace(
+            self,
+            robot=replace(robot, damping=damping),
+            attempts=tuple(_strengthened(one, factor) for one in self.attempts),
+        )
+
+
+def _strengthened(attempt: Attempt, factor: float) -> Attempt:
+    return replace(attempt, presses=tuple(_stronger(press, factor) for press in attempt.presses))
+
+
+def _stronger(press: Press, factor: float) -> Press:
+    x, y, z, rx, ry, rz = (factor * value for value in press.wrench)
+    ends = tuple(replace(end, force=factor * end.force) if isinstance(end, Force) else end for end in press.ends)
+    return replace(press, wrench=(x, y, z, rx, ry, rz), ends=ends)
+
+
+PRESS_PLAN = TypeAdapter(PressPlan)
+
+
+@dataclass(frozen=True, config=_FORM)
+class Conditions:
+    """What evidence is drawn from: half-widths of the start errors, and intervals of what else is not known.
+
+    Attributes:
+        start: (6,), m and rad.
+        friction: coefficient.
+        stiffness, admittance: factors of the robot's, log-uniform.
+        offset: of the wrench, either way, N and N·m.
+        drift: of the twist, as a share of it.
+    """
+
+    start: Six
+    friction: tuple[float, float] = (0.1, 0.5)
+    stiffness: tuple[Positive, Positive] = (0.5, 3.0)
+    admittance: tuple[Positive, Positive] = (1.0 / 3.0, 3.0)
+    offset: tuple[float, float] = (1.0, 0.05)
+    drift: float = 0.01

@@ -1,0 +1,1 @@
+"""Presses: sequences proposed from the mouth of the hole, chosen and examined in the physics engine."""

@@ -1,0 +1,120 @@
+"""Where the tip comes down: inside the mouth for every start error, each wall one row of a linear program."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import linprog
+
+from fmopt.errors import SearchError
+from fmopt.planning.press.task import Corner, PressTask
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.spatial.values import Array
+
+_HEIGHT = 0.05  # of the size, from the lowest point for every error to the mouth
+_LOW = 0.02  # of the tilted height of the tip, by which vertices count as lowest
+_FAR = 1.1  # times its support that the tip keeps from walls that it is not pressed against
+_SURE = 1.05  # likewise from those that it is
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A tilted start pose whose lowest point comes down inside the mouth.
+
+    Attributes:
+        pose: of the moving part.
+        descent: way of the lowest point to the mouth's plane, m.
+        share: of the wanted distances from walls that all of them keep; less than one where the mouth is too narrow.
+    """
+
+    pose: Pose
+    descent: float
+    share: float
+
+
+def attitude(lean: float, tilt: float) -> Array:
+    """Rotation matrix (3, 3) of a part that leans by `tilt` with its low side in direction `lean`, rad."""
+    return exp(tilt * np.array([-math.sin(lean), math.cos(lean), 0.0]))
+
+
+def low_vertex(task: PressTask, R: Array, towards: Array) -> Array:
+    """The lowest vertex (3,) of the tip in an attitude, of several the one farthest in a direction (2,)."""
+    tips = task.tip @ R.T
+    spread = max(float(np.ptp(tips[:, 2])), 1e-9)
+    low = tips[:, 2] <= tips[:, 2].min() + _LOW * spread
+    return np.asarray(task.tip[low][int(np.argmax((tips[low, :2] @ towards).round(9)))])
+
+
+def support(task: PressTask, direction: Array, arm: Array) -> float:
+    """How far start errors move a point in a direction (3,), m, at most.
+
+    Args:
+        task: with the box of the errors.
+        direction: unit vector, axes of B.
+        arm: (3,) from the origin of the moving part to the point, axes of B, m.
+    """
+    return float(np.abs(direction) @ task.box[:3] + np.abs(np.cross(arm, direction)) @ task.box[3:])
+
+
+def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, distance: float) -> Entry:
+    """The tip beside a corner: at a distance from its walls, inside of all others, for every start error.
+
+    Args:
+        task: the insertion.
+        corner: of the mouth.
+        tilt, lean: of the part, rad.
+        distance: wanted from the corner's walls, m.
+
+    Raises:
+        SearchError: the mouth leaves no place.
+    """
+    R = task.goal.R @ np.eye(3)
+    R = attitude(lean, tilt) @ R
+    u = np.array([math.cos(corner.angle), math.sin(corner.angle)])
+    tip = low_vertex(task, R, u)
+    seat = (task.goal.R @ tip + task.goal.p)[:2]
+    arm = R @ tip
+    walls, offsets, wanted = [], [], []
+    for normal in corner.walls:
+        walls.append(normal)
+        offsets.append(float(normal @ seat))
+        wanted.append(max(distance, _SURE * support(task, np.append(normal, 0.0), arm)))
+    ring = np.array(task.mouth.simplify(1e-6).exterior.coords)
+    for a, b in pairwise(ring):
+        along = (b - a) / np.linalg.norm(b - a)
+        normal = np.array([along[1], -along[0]])
+        if not task.mouth.exterior.is_ccw:
+            normal = -normal
+        # Walls that the seat is not inside of belong to other arms of the mouth.
+        if normal @ seat <= normal @ a and not any(normal @ wall > 1.0 - 1e-6 for wall in corner.walls):
+            walls.append(normal)
+            offsets.append(float(normal @ a))
+            wanted.append(_FAR * support(task, np.append(normal, 0.0), arm))
+    place, share = _placed(np.array(walls), np.array(offsets), np.array(wanted))
+    height = lowest_height(task, R, tip)
+    p = np.append(place, height) - arm
+    return Entry(Pose(p, R), height, share)
+
+
+def lowest_height(task: PressTask, R: Array, tip: Array) -> float:
+    """Height of the tip over the mouth at which no start error takes it below, with some room, m."""
+    down = np.array([0.0, 0.0, -1.0])
+    drop = max(support(task, down, R @ vertex) - float((R @ (vertex - tip))[2]) for vertex in task.tip)
+    return max(_HEIGHT * task.size + max(drop, 0.0), task.problem.approach)
+
+
+def _placed(walls: Array, offsets: Array, wanted: Array) -> tuple[Array, float]:
+    """The place (2,) that keeps the largest share, up to one, of its distances; then the one nearest to two walls."""
+    bounds = [(None, None), (None, None), (None, 1.0)]
+    rows = np.hstack([walls, wanted[:, None]])
+    first = linprog([0.0, 0.0, -1.0], A_ub=rows, b_ub=offsets, bounds=bounds, method="highs")
+    if first.x is None or first.x[2] <= 0.0:
+        raise SearchError("the mouth leaves no place for the tip", "lower the start errors")
+    share = float(first.x[2]) - 1e-9
+    second = linprog(
+        -walls[:2].sum(axis=0), A_ub=walls, b_ub=offsets - share * wanted, bounds=[(None, None)] * 2, method="highs"
+    )
+    return np.array(first.x[:2] if second.x is None else second.x), share

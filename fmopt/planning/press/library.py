@@ -1,0 +1,240 @@
+"""The library of corner presses: five sets of dimensionless numbers, from which sequences are made for any mouth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmopt.plan.press import (
+    Attempt,
+    End,
+    Level,
+    Point,
+    Press,
+    PressRobot,
+    Rocking,
+    Six,
+    Standstill,
+    Time,
+    Travel,
+)
+from fmopt.planning.press.entry import Entry, corner_entry
+from fmopt.planning.press.task import Corner, PressTask
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+
+FORCE = 8.0  # N, lateral force of a press at strength 1
+AXIAL = 20.0  # N, of the last press
+TURNING = 0.25  # rad/s, upright
+LATERAL_SPEED, AXIAL_SPEED, TURN_SPEED = 0.02, 0.012, 1.0  # m/s and rad/s, limits of axes that give way
+COME_DOWN = 4.0, 0.01  # N and m/s
+DATUM, SLIDE = (10.0, 2.0), (3.0, 4.0)  # N, lateral and axial
+ROCK = Rocking(math.radians(3.0), 2.0, 2.0)
+ROCK_FORCE = 5.0  # N
+_LAST = (3.5e-4, 4e-4)  # m above the goal of a through hole where the last press begins, and its speed in m/s
+_ARM = 0.01  # m, least lever that turns count by
+_DAMPING = 400.0  # N·s/m
+_LEVER = 0.02  # m, least that damping of turns is made of
+DELAY = 0.02  # s, of measurements
+
+ALL, NONE, XYZ, XYZ_YAW = (True,) * 6, (False,) * 6, (True,) * 3 + (False,) * 3, (True,) * 3 + (False, False, True)
+ONLY_Z = (False, False, True, False, False, False)
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Dimensionless numbers of a corner press.
+
+    Attributes:
+        tilt: of the start, rad.
+        distance: of the tip from the corner's walls, in lateral errors.
+        down: depth of the tip below the mouth before it is pressed, in sizes.
+        kappa: axial over lateral force of the press.
+        hold, axial: lateral force while turning upright, in that of the press; axial in that lateral one.
+        yaw: whether yaw gives way then.
+        end: lateral over axial force of the last press.
+    """
+
+    tilt: float
+    distance: float
+    down: float
+    kappa: float
+    hold: float
+    axial: float
+    yaw: bool
+    end: float
+    rock: bool = False
+
+
+LIBRARY = (
+    Numbers(math.radians(4.5), 1.65, 0.115, 0.39, 0.89, 0.90, True, 0.12),
+    Numbers(math.radians(8.0), 1.65, 0.100, 0.39, 0.89, 0.90, True, 0.12),
+    Numbers(math.radians(13.0), 1.75, 0.054, 0.48, 0.91, 0.49, False, 0.05),
+    Numbers(math.radians(12.0), 1.45, 0.050, 0.22, 0.66, 0.45, True, 0.05),
+    Numbers(math.radians(6.0), 1.85, 0.120, 0.60, 0.60, 0.90, True, 0.20),
+)
+_CORNER = 2.3  # lateral errors from the corner along its bisector, at least
+
+
+def robot_of(task: PressTask, stiffness: tuple[float, float], mass: tuple[float, float]) -> PressRobot:
+    """The robot of a task at strength 1.
+
+    Args:
+        task: the insertion.
+        stiffness: of held axes, N/m and N·m/rad.
+        mass: apparent mass and inertia, kg and kg·m².
+    """
+    lever = max(0.5 * task.size, _LEVER)
+    asked = task.problem.specification
+    limits = asked.contact_force, asked.torque_limit
+    return PressRobot(stiffness, (_DAMPING, _DAMPING * lever**2), *mass, limits=limits, arm=max(0.5 * task.size, _ARM))
+
+
+def corner_attempt(task: PressTask, corner: Corner, numbers: Numbers, lean: float | None = None) -> Attempt:
+    """The sequence of a corner: come down tilted, press into it, turn upright, datum and slide at shelves, go in.
+
+    Args:
+        task: the insertion.
+        corner: of the mouth.
+        numbers: of the sequence.
+        lean: direction of the low side, rad; that of the corner if not given.
+
+    Raises:
+        SearchError: the mouth leaves no place for the tip.
+    """
+    lean = corner.angle if lean is None else lean
+    half = 0.5 * (math.pi - corner.turn)
+    distance = task.lateral * max(numbers.distance, _CORNER * math.sin(half))
+    entry = corner_entry(task, corner, numbers.tilt, lean, distance)
+    u = direction(corner.angle)
+    down = come_down(task, entry, numbers.down * task.size)
+    return Attempt(six_of(entry.pose), (down, *into_the_mouth(task, u, lean, numbers)), "corner")
+
+
+def into_the_mouth(task: PressTask, u: Array, lean: float, numbers: Numbers) -> tuple[Press, ...]:
+    """Press towards a direction (3,), turn upright under the press, settle, and go in.
+
+    Args:
+        task: the insertion, the tip inside the mouth.
+        u: unit vector of the lateral force.
+        lean: direction of the low side, rad.
+        numbers: of the sequence.
+    """
+    press = Press(
+        "press into the corner", XYZ, (0.0,) * 6, six(FORCE * u, -numbers.kappa * FORCE), _SPEEDS,
+        (3.0 * task.lateral + 0.5 * task.size, 1.0), (standstill(), Time(5.0, "retry")),
+    )  # fmt: skip
+    hold = numbers.hold * FORCE
+    upright = turn_upright(task, numbers.tilt, lean, six(hold * u, -numbers.axial * hold), numbers.yaw)
+    return (press, *upright, *to_the_goal(task, u, numbers.end, numbers.rock))
+
+
+def direction(angle: float) -> Array:
+    """Unit vector (3,) across the axis."""
+    return np.array([math.cos(angle), math.sin(angle), 0.0])
+
+
+def six_of(pose: Pose) -> Six:
+    """A pose as six numbers."""
+    x, y, z, rx, ry, rz = pose.vector().tolist()
+    return x, y, z, rx, ry, rz
+
+
+_SPEEDS: Six = (LATERAL_SPEED, LATERAL_SPEED, AXIAL_SPEED) + (TURN_SPEED,) * 3
+
+
+def six(lateral: Array, axial: float) -> Six:
+    """A wrench of a lateral force (3,) and an axial one."""
+    return float(lateral[0]), float(lateral[1]), float(axial), 0.0, 0.0, 0.0
+
+
+def standstill(displacement: float = 3e-5, window: float = 0.15) -> Standstill:
+    """Standstill after the ramp of the wrench."""
+    return Standstill(displacement, window, 0.1)
+
+
+def come_down(task: PressTask, entry: Entry, below: float) -> Press:
+    """Down from the start under a light force, the other axes held, until the tip is below the mouth or stands."""
+    force, speed = COME_DOWN
+    way = entry.descent + below
+    speeds: Six = (*_SPEEDS[:2], speed, *_SPEEDS[3:])
+    ends = (Travel(distance=way), standstill(5e-5, 0.1), Time(4.0 * way / speed + 1.0, "retry"))
+    return Press("come down", ONLY_Z, (0.0,) * 6, (0.0, 0.0, -force, 0.0, 0.0, 0.0), speeds, (2.0 * way, 1.0), ends)
+
+
+def turn_upright(task: PressTask, tilt: float, lean: float, wrench: Six, yaw: bool) -> tuple[Press, Press]:
+    """Turn upright about the corner while the force holds, then settle."""
+    axis = np.array([-math.sin(lean), math.cos(lean), 0.0])
+    rx, ry, _ = (-TURNING * axis).tolist()
+    gives = XYZ_YAW if yaw else XYZ
+    floor = levels(task)
+    turn = Press(
+        "turn upright", gives, (0.0, 0.0, 0.0, rx, ry, 0.0), wrench, _SPEEDS, (0.05, 1.0),
+        (*floor, Travel(angle=tilt), Time(3.0 * tilt / TURNING + 1.0, "retry")),
+    )  # fmt: skip
+    settle = Press("settle", gives, (0.0,) * 6, wrench, _SPEEDS, (0.05, 1.0), (*floor, standstill(), Time(6.0, "next")))
+    return turn, settle
+
+
+def levels(task: PressTask) -> tuple[End, ...]:
+    """The end of presses on the way in a through hole, close above the goal, from where the part is lowered slowly."""
+    return (Level(_LAST[0] - task.depth),) if task.through else ()
+
+
+def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Press, ...]:
+    """What follows once the part is upright in the mouth: shelves, rocking, the last press.
+
+    Args:
+        task: the insertion.
+        u: (3,) direction of the lateral force.
+        end: lateral over axial force of the last press.
+        rock: whether the part is rocked before.
+    """
+    presses = [press for lever in task.shelves for press in shelf(task, u, lever)]
+    floor = levels(task)
+    if rock:
+        wrench = six(end * ROCK_FORCE * u, -ROCK_FORCE)
+        ends = (*floor, Time(ROCK.seconds, "next"))
+        presses.append(Press("rock", XYZ, (0.0,) * 6, wrench, _SPEEDS, (task.depth + 0.02, 1.0), ends, rocking=ROCK))
+    wrench = six(end * AXIAL * u, -AXIAL)
+    reach = task.depth + 0.02, 1.0
+    if not task.through:
+        ends = (replace(standstill(5e-5, 0.3), then="seated", below=deepest_known(task)), Time(6.0, "retry"))
+        return (*presses, Press("go in", ALL, (0.0,) * 6, wrench, _SPEEDS, reach, ends))
+    stuck = replace(standstill(5e-5, 0.3), then="retry")
+    speed = _LAST[1]
+    ends = (*floor, stuck, Time(6.0, "retry"))
+    presses.append(Press("go in", ALL, (0.0,) * 6, wrench, _SPEEDS, reach, ends))
+    slow: Six = (*_SPEEDS[:2], speed, *_SPEEDS[3:])
+    there = Level(speed * DELAY - task.depth, "seated")  # the part goes on for as long as the measurement takes
+    ends = (there, replace(standstill(2e-5, 0.3), then="retry"), Time(4.0, "retry"))
+    presses.append(Press("lower to the depth", ALL, (0.0,) * 6, wrench, slow, reach, ends))
+    return tuple(presses)
+
+
+def deepest_known(task: PressTask) -> float:
+    """Highest measured z of a part that is seated, m."""
+    return -task.depth + task.clearance.per_side + float(task.box[2]) + 1e-4
+
+
+def shelf(task: PressTask, u: Array, lever: float) -> tuple[Press, Press]:
+    """Datum and slide: two walls and the shelf fix the part, then it goes away from the walls until it drops.
+
+    Args:
+        task: the insertion.
+        u: (3,) direction of the two walls.
+        lever: height over the tip of the walls that are engaged, m.
+    """
+    line: Point = (0.0, 0.0, lever)
+    floor = levels(task)
+    datum = Press(
+        "datum on the shelf", ALL, (0.0,) * 6, six(DATUM[0] * u, -DATUM[1]), _SPEEDS, (0.05, 1.0),
+        (*floor, standstill(2e-5, 0.25), Time(4.0, "next")), line,
+    )  # fmt: skip
+    slide = Press(
+        "slide off the shelf", XYZ, (0.0,) * 6, six(-SLIDE[0] * u, -SLIDE[1]), _SPEEDS, (task.depth + 0.02, 1.0),
+        (*floor, standstill(), Time(4.0, "next")),
+    )  # fmt: skip
+    return datum, slide

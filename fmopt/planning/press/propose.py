@@ -1,0 +1,54 @@
+"""Candidates for an insertion, from every generator that has any. A new generator is a file and a line in here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from fmopt.errors import SearchError
+from fmopt.plan.press import Attempt
+from fmopt.planning.press.crossing import crossings
+from fmopt.planning.press.library import LIBRARY, corner_attempt
+from fmopt.planning.press.round_pin import round_presses
+from fmopt.planning.press.straight import straight_presses
+from fmopt.planning.press.task import Corner, PressTask
+
+_MOST_CORNERS = 3
+_LONG = 2.0  # sides of the mouth, from which a part leans along the longer one as well
+GENERATORS = (straight_presses, round_presses, crossings)
+
+
+def proposals(task: PressTask) -> list[Attempt]:
+    """Attempts that could seat the part, in the order of their generators.
+
+    Raises:
+        SearchError: no generator has any.
+    """
+    found = [attempt for generator in GENERATORS for attempt in generator(task)]
+    found += [] if task.round else [*corner_presses(task)]
+    if not found:
+        raise SearchError("no press was found that comes down inside the mouth", "lower the start errors")
+    return found
+
+
+def corner_presses(task: PressTask) -> Iterator[Attempt]:
+    """Sequences of the library at a few corners, leaning towards the corner, or along a mouth that is long."""
+    for corner in _few(task.corners):
+        leans: list[float | None] = [None]
+        if task.size >= _LONG * task.width:
+            along = task.long_axis
+            leans.insert(0, along if math.cos(corner.angle - along) >= 0.0 else along + math.pi)
+        for lean in leans:
+            for numbers in LIBRARY:
+                try:
+                    yield corner_attempt(task, corner, numbers, lean)
+                except SearchError:  # another corner may have room where this one has none
+                    break
+
+
+def _few(corners: tuple[Corner, ...]) -> tuple[Corner, ...]:
+    """The sharpest corner, and some of the others in their order."""
+    if len(corners) <= _MOST_CORNERS:
+        return corners
+    step = max((len(corners) - 1) // (_MOST_CORNERS - 1), 1)
+    return (corners[0], *corners[1::step])[:_MOST_CORNERS]

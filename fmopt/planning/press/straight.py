@@ -1,0 +1,32 @@
+"""Chamfers wider than the errors: straight down, all axes giving way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fmopt.plan.press import Attempt
+from fmopt.planning.press.entry import Entry, lowest_height, support
+from fmopt.planning.press.library import come_down, direction, six_of, to_the_goal
+from fmopt.planning.press.task import PressTask
+from fmopt.spatial.se3 import Pose
+
+_CHAMFERED = 0.02  # of the size, by which the mouth is wider than the tip all around where there is a chamfer
+
+
+def straight_presses(task: PressTask) -> Iterator[Attempt]:
+    """The attempt that goes straight in, where the mouth holds the tip for every start error or has a chamfer."""
+    from shapely import MultiPoint
+
+    tips = (task.goal.R @ task.tip.T).T
+    room = float(MultiPoint((tips + task.goal.p)[:, :2]).convex_hull.exterior.distance(task.mouth.exterior))
+    off = max(support(task, direction(angle), tip) for tip in tips for angle in np.linspace(0.0, np.pi, 8))
+    if room < min(off, _CHAMFERED * task.size):
+        return
+    height = lowest_height(task, task.goal.R, task.tip[0])
+    place = np.append(task.goal.p[:2], height - float(task.tip[0, 2]))
+    pose = Pose(place, task.goal.R)
+    down = come_down(task, Entry(pose, height, 1.0), 0.0)
+    for end in (0.0, 0.05):
+        yield Attempt(six_of(pose), (down, *to_the_goal(task, direction(0.0), end, task.round)), "straight")

@@ -1,0 +1,230 @@
+"""An insertion as presses see it: the mouth and its corners, the tip, the shelves on the way, and what is known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmopt.execution.engines.engine import Bodies
+from fmopt.geometry.clearance import Clearance, interference
+from fmopt.geometry.part import Part
+from fmopt.geometry.section import section_limit
+from fmopt.plan.press import Seat
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+from fmopt.task.problem import Problem
+from fmopt.task.sizes import characteristic_length
+
+if TYPE_CHECKING:
+    from shapely import Polygon
+
+_LEVEL = 2e-6  # m above or below a step, where its sections are taken
+_TIP = 1e-6  # m within which vertices belong to the leading face
+_STRAIGHT = 1e-6  # m by which corners of an outline may be off a straight side
+_PLAY_DROP = 0.6  # of the play above a shelf, below which the play is smaller there
+_MAX_SYMMETRY = 60
+_ROUND = 0.1  # of the clearance, by which an outline that counts as round is off its circle
+
+
+@dataclass(frozen=True, eq=False)
+class Corner:
+    """A corner of the mouth that its convex hull has, too.
+
+    Attributes:
+        at: (2,), m.
+        walls: outward unit normals (2, 2) of the sides before and after it.
+        angle: direction of the mean of these normals, rad.
+        turn: exterior angle, rad.
+    """
+
+    at: Array
+    walls: Array
+    angle: float
+    turn: float
+
+
+@dataclass(frozen=True, eq=False)
+class PressTask:
+    """What presses are proposed for.
+
+    Attributes:
+        problem: the task.
+        moving, fixed: the parts as presses take them.
+        clearance: as measured.
+        box: half-widths (6,) of the start errors, m and rad.
+    """
+
+    problem: Problem
+    moving: Part
+    fixed: Part
+    clearance: Clearance
+    box: Array
+
+    @property
+    def goal(self) -> Pose:
+        """Pose of the moving part when seated."""
+        return Pose.from_vector(self.problem.goal)
+
+    @property
+    def lateral(self) -> float:
+        """Greatest start error across the axis along x or y, m."""
+        return float(max(self.box[0], self.box[1]))
+
+    @property
+    def depth(self) -> float:
+        """How far the leading face goes below the mouth, m."""
+        return -float(self.problem.goal[2])
+
+    @cached_property
+    def through(self) -> bool:
+        """Whether nothing stops the part within a clearance of the goal."""
+        lowered = Pose(self.goal.p - np.array([0.0, 0.0, self.clearance.per_side]), self.goal.R)
+        return interference(self.moving, self.fixed, lowered).depth <= 1e-9
+
+    @cached_property
+    def tip(self) -> Array:
+        """Vertices (n, 3) of the leading face, m, in the frame of the moving part."""
+        vertices = np.vstack([body.vertices for body in self.moving.bodies])
+        return np.unique(vertices[vertices[:, 2] < vertices[:, 2].min() + _TIP].round(12), axis=0)
+
+    @cached_property
+    def outline(self) -> Polygon:
+        """The outline of the moving part at its widest below the mouth, seated, m, in the B-frame."""
+        heights = sorted({0.0, *(z for z in self._levels(self.moving) if 0.0 < z < self.depth)})
+        return max((self._outline(z + _LEVEL) for z in heights), key=lambda shape: float(shape.area))
+
+    @cached_property
+    def size(self) -> float:
+        """Length of the longer side of the outline's least rectangle, m."""
+        corners = np.array(self.outline.minimum_rotated_rectangle.exterior.coords)
+        return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).max())
+
+    @cached_property
+    def width(self) -> float:
+        """Length of the shorter side of the least rectangle about the mouth, m."""
+        corners = np.array(self.mouth.minimum_rotated_rectangle.exterior.coords)
+        return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).min())
+
+    @property
+    def long_axis(self) -> float:
+        """Direction of the longer side of the mouth, rad."""
+        sides = np.diff(np.array(self.mouth.minimum_rotated_rectangle.exterior.coords), axis=0)
+        longest = sides[int(np.argmax(np.linalg.norm(sides, axis=1).round(9)))]
+        return math.atan2(longest[1], longest[0])
+
+    @cached_property
+    def mouth(self) -> Polygon:
+        """The opening of the fixed part just below the mouth's plane, m."""
+        return self._opening(0.0)
+
+    @cached_property
+    def round(self) -> bool:
+        """Whether the outline is round, so that the turn about the axis does not count."""
+        ring = np.array(self.outline.exterior.coords)[:-1]
+        centre = ring.mean(axis=0)
+        radii = np.linalg.norm(ring - centre, axis=1)
+        middles = np.linalg.norm(0.5 * (ring + np.roll(ring, -1, axis=0)) - centre, axis=1)
+        return len(ring) >= 12 and float(radii.max() - middles.min()) <= _ROUND * self.clearance.per_side
+
+    @cached_property
+    def symmetry(self) -> int:
+        """Number of turns about the axis that take the outline to itself."""
+        from shapely.affinity import rotate
+
+        least = 0.1 * self.clearance.per_side * float(self.outline.length)
+        for count in range(_MAX_SYMMETRY, 1, -1):
+            turned = rotate(self.outline, 360.0 / count, origin=(0.0, 0.0))
+            if float(turned.symmetric_difference(self.outline).area) < least:
+                return count
+        return 1
+
+    @cached_property
+    def corners(self) -> tuple[Corner, ...]:
+        """Corners of the mouth on its convex hull, sharpest first."""
+        from shapely import Point
+        from shapely.geometry.polygon import orient
+
+        ring = np.array(orient(self.mouth.simplify(_STRAIGHT)).exterior.coords)[:-1]
+        hull, found = self.mouth.convex_hull.exterior, []
+        for i, at in enumerate(ring):
+            a, b = at - ring[i - 1], ring[(i + 1) % len(ring)] - at
+            walls = np.array([np.array([v[1], -v[0]]) / np.linalg.norm(v) for v in (a, b)])
+            if a[0] * b[1] - a[1] * b[0] > 0.0 and hull.distance(Point(at)) < _STRAIGHT:
+                mean = walls.sum(axis=0)
+                turn = math.acos(float(np.clip(walls[0] @ walls[1], -1.0, 1.0)))
+                found.append(Corner(at, walls, math.atan2(mean[1], mean[0]), turn))
+        return tuple(sorted(found, key=lambda corner: (-round(corner.turn, 6), corner.angle)))
+
+    @cached_property
+    def shelves(self) -> tuple[float, ...]:
+        """Height over the tip, m, of the walls engaged at each shelf, in the order that they are met.
+
+        At a shelf a step of the one part reaches a step of the other, and the play drops.
+        """
+        met, depth, eps = [], self.depth, _LEVEL
+        for own in (0.0, *(z for z in self._levels(self.moving) if eps < z < depth)):
+            grows = own == 0.0 or self._outline(own + eps).area > 1.01 * self._outline(own - eps).area
+            for other in (*(z for z in self._levels(self.fixed) if -depth + eps < z < -eps), 0.0):
+                gone = own - other
+                if not grows or not eps < gone < depth - eps:
+                    continue
+                above = self._play(own + eps, other + eps) if other < 0.0 else math.inf
+                if self._play(own + eps, other - eps) < _PLAY_DROP * above:
+                    engaged = np.linspace(eps, gone - eps, 40)
+                    plays = np.array([self._play(h, h - gone) for h in engaged])
+                    met.append((gone, float(engaged[plays < 1.1 * plays.min() + 1e-7].mean())))
+        return tuple(lever for _, lever in sorted(met))
+
+    @property
+    def bodies(self) -> Bodies:
+        """Both parts as the engine takes them."""
+        body = self.moving.polyhedron
+        balls = tuple((body.vertices[n], radius) for n, radius in body.balls)
+        moving, fixed = (tuple(piece.vertices for piece in part.pieces) for part in (self.moving, self.fixed))
+        return Bodies(moving, fixed, balls)
+
+    @property
+    def seat(self) -> Seat:
+        """What counts as seated."""
+        x, y, z, rx, ry, rz = self.problem.goal.tolist()
+        rho = characteristic_length(self.problem, self.clearance)
+        loose = float(self.box[2]) if self.through else 0.0
+        goal = (x, y, z, rx, ry, rz)
+        return Seat(goal, self.clearance.per_side, self.depth, rho, loose, self.round, self.symmetry)
+
+    def _outline(self, z: float) -> Polygon:
+        """The largest outline of the moving part at a height in its own frame, m, as it is seated."""
+        from shapely import Polygon
+        from shapely.affinity import affine_transform
+
+        shapes = section_limit(self.moving.bodies, _level(z), 1).geoms
+        outer = Polygon(max(shapes, key=lambda shape: float(shape.area)).exterior) if shapes else Polygon()
+        R, p = self.goal.R, self.goal.p
+        return affine_transform(outer, [R[0, 0], R[0, 1], R[1, 0], R[1, 1], p[0], p[1]])
+
+    def _opening(self, z: float) -> Polygon:
+        """The opening of the fixed part just below a height, m: what of the plane around the axis has no material."""
+        from shapely import Point, Polygon, box
+
+        reach = 4.0 * float(np.abs(self.outline.bounds).max()) + 4.0 * float(self.box[0] + self.box[1])
+        material = section_limit(self.fixed.bodies, _level(z), -1)
+        free = box(-reach, -reach, reach, reach).difference(material)
+        axis = Point(self.outline.centroid)
+        found: Polygon = min(getattr(free, "geoms", [free]), key=lambda shape: float(shape.distance(axis)))
+        return Polygon(found.exterior)
+
+    def _play(self, own: float, other: float) -> float:
+        """Distance between the outline at a height of the moving part and the opening at one of the fixed part, m."""
+        return float(self._outline(own).exterior.distance(self._opening(other).exterior))
+
+    @staticmethod
+    def _levels(part: Part) -> list[float]:
+        return sorted({round(float(z), 8) for body in part.bodies for z in body.vertices[:, 2]})
+
+
+def _level(z: float) -> Pose:
+    return Pose(np.array([0.0, 0.0, z]), np.eye(3))
