@@ -277,10 +277,7 @@ EXAMPLES = dict(examples())
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_examples_in_docstrings_do_as_they_say(
-    name: str, square_peg_plan_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_examples_in_docstrings_do_as_they_say(name: str, square_peg_plan_file: Path) -> None:
     Path("out/square_peg").mkdir(parents=True)
     shutil.copy(square_peg_plan_file, "out/square_peg/plan.json")
     said: list[str] = []

@@ -86,6 +86,11 @@ def test_tests_stand_in_rooms_of_the_package_and_share_by_no_test() -> None:
     assert needed("from tests.verify.test_plan import spoilt", tests) == {"tests.verify.test_plan"}
 
 
+def test_a_test_starts_in_an_empty_folder_of_its_own(tmp_path: Path) -> None:
+    assert Path.cwd() == tmp_path.resolve()
+    assert [*Path().iterdir()] == []
+
+
 def test_no_entries_of_a_folder_need_each_other() -> None:
     texts = sources()
     rooms = sorted({tuple(name.split(".")[:k]) for name in texts for k in range(1, name.count(".") + 1)})
