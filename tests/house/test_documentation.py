@@ -5,6 +5,7 @@ import doctest
 import importlib
 import re
 import shutil
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -242,6 +243,22 @@ def test_what_raises_on_purpose_says_so() -> None:
             silent += [f"{file}: {name}: {error}" for error in sorted(raised) if error not in said]
     assert silent == []
     assert seen > 50
+
+
+def astray(text: str) -> list[str]:
+    """The strings of a source that explain nothing: neither docstrings nor right behind an assignment."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        body = getattr(node, "body", None)
+        for before, one in pairwise(body if isinstance(body, list) else ()):
+            if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant) and isinstance(one.value.value, str):
+                found += [] if isinstance(before, ast.Assign | ast.AnnAssign) else [one.value.value]
+    return found
+
+
+def test_what_a_name_stands_for_is_said_right_behind_it() -> None:
+    assert [f"{file}: {one}" for file in FILES for one in astray((PACKAGE / file).read_text(encoding="utf-8"))] == []
+    assert astray("'''What.'''\nA = 1\n'''One.'''\n'''Two.'''\ndef f():\n    '''Three.'''\n") == ["Two."]
 
 
 def test_public_face_is_complete() -> None:
