@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,19 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """Compiles kernels side by side before workers begin, rather than in each of them."""
     if session.config.getoption("numprocesses", None):
         compile_ahead()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _session_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keeps fixtures of modules and of the session out of the folder where pytest was started."""
+    with contextlib.chdir(tmp_path_factory.mktemp("session")):
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _test_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Starts each test in an empty folder: commands write to `out/` of the current one, and find there what is old."""
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture(scope="session")

@@ -43,9 +43,8 @@ def read_once() -> Iterator[None]:
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
-    """Runs a command in this process and a folder of its own: exit code, output, errors."""
-    monkeypatch.chdir(tmp_path)
+def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
+    """Runs a command in this process: exit code, output, errors."""
 
     def command(*words: str | Path) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["fmopt", *map(str, words)])

@@ -10,6 +10,7 @@ import pytest
 from typer.main import get_command
 
 from fmopt.cli import app, main
+from tests import ROOT
 
 # Of each option: whether a negative number, nought, and a huge one can be meant.
 MEANT = {
@@ -58,7 +59,7 @@ def test_numbers_that_cannot_be_meant_are_bad_input(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     command, flag = option.rsplit(" ", 1)
-    file = "problems/studies/square_peg_clearance.toml" if command.startswith("study") else square_peg_plan_file
+    file = ROOT / "problems/studies/square_peg_clearance.toml" if command.startswith("study") else square_peg_plan_file
     rest = {"export": ["--to", "ros2", "--base", *"000000"], "study run": ["--dry-run"]}.get(command, [])
     values = 6 if flag == "--base" else 1
     refused = [

@@ -20,9 +20,8 @@ Command = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def fmopt(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> Command:
-    """Runs a command in this process and a folder of its own: exit code, output, errors."""
-    monkeypatch.chdir(tmp_path)
+def fmopt(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Command:
+    """Runs a command in this process: exit code, output, errors."""
 
     def run(*words: str | Path, given: bytes = b"") -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["fmopt", *map(str, words)])

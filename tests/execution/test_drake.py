@@ -175,11 +175,8 @@ def test_the_command_names_the_missing_extra_in_one_line(
 
 
 @pytest.mark.slow
-def test_from_python_each_engine_has_its_own_folder(
-    square_peg_plan_file: Path, records: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_from_python_each_engine_has_its_own_folder(square_peg_plan_file: Path, records: list[Any]) -> None:
     plan = fmopt.read(square_peg_plan_file)
-    monkeypatch.chdir(tmp_path)
     found = plan.execute(Trials(1, seed=1, engine="drake"), workers=1)
     assert found.folder.name == f"trials-{plan.document['sha256'][:12]}-drake"
     assert found.records == json.loads(json.dumps(records[:1]))

@@ -185,10 +185,8 @@ SIZES = [
 
 
 @pytest.mark.parametrize(("unit", "words"), SIZES)
-def test_an_implausible_mesh_is_told_with_its_unit(
-    folder: Path, unit: str, words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(folder)
+@pytest.mark.usefixtures("folder")
+def test_an_implausible_mesh_is_told_with_its_unit(unit: str, words: str) -> None:
     edit(Path("plate.toml"), 'unit = "mm"', f'unit = "{unit}"')
     for command in ("check", "solve"):
         code, said = run((command, "problem.toml"))
@@ -198,11 +196,8 @@ def test_an_implausible_mesh_is_told_with_its_unit(
 
 
 @pytest.mark.parametrize(("unit", "words"), [("m", "60 m long"), ("um", "60 µm long")])
-def test_an_implausible_model_is_told_with_its_unit(
-    unit: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_implausible_model_is_told_with_its_unit(unit: str, words: str, tmp_path: Path) -> None:
     KINDS["problem"](tmp_path)
-    monkeypatch.chdir(tmp_path)
     edit(Path("models/square_hole_block.toml"), 'length = "mm"', f'length = "{unit}"')
     for command in ("check", "solve"):
         code, said = run((command, "problems/square_peg.toml"))
@@ -221,10 +216,9 @@ def test_an_implausible_model_is_told_with_its_unit(
     ],
 )
 def test_what_a_plan_cannot_say_is_refused_by_the_check(
-    file: str, old: str, new: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    file: str, old: str, new: str, words: str, tmp_path: Path
 ) -> None:
     KINDS["problem"](tmp_path)
-    monkeypatch.chdir(tmp_path)
     edit(Path(file), old, new)
     code, said = run(("check", "problems/square_peg.toml"))
     assert code == 2
@@ -308,11 +302,8 @@ def test_the_kernels_process_ends_with_its_owner(block: Path, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("width", ["2e-8", "6e-5"])
-def test_a_solid_of_next_to_no_thickness_is_refused(
-    width: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_solid_of_next_to_no_thickness_is_refused(width: str, tmp_path: Path) -> None:
     KINDS["model"](tmp_path)
-    monkeypatch.chdir(tmp_path)
     edit(Path("models/keyed_shaft.toml"), "across = 20 ", f"across = {width} ")
     code, said = run(("check", "problems/keyed_shaft.toml"))
     assert code == 2

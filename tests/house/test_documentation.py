@@ -5,6 +5,7 @@ import doctest
 import importlib
 import re
 import shutil
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -244,6 +245,22 @@ def test_what_raises_on_purpose_says_so() -> None:
     assert seen > 50
 
 
+def astray(text: str) -> list[str]:
+    """The strings of a source that explain nothing: neither docstrings nor right behind an assignment."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        body = getattr(node, "body", None)
+        for before, one in pairwise(body if isinstance(body, list) else ()):
+            if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant) and isinstance(one.value.value, str):
+                found += [] if isinstance(before, ast.Assign | ast.AnnAssign) else [one.value.value]
+    return found
+
+
+def test_what_a_name_stands_for_is_said_right_behind_it() -> None:
+    assert [f"{file}: {one}" for file in FILES for one in astray((PACKAGE / file).read_text(encoding="utf-8"))] == []
+    assert astray("'''What.'''\nA = 1\n'''One.'''\n'''Two.'''\ndef f():\n    '''Three.'''\n") == ["Two."]
+
+
 def test_public_face_is_complete() -> None:
     for name in fmopt.__all__:
         assert getattr(fmopt, name).__doc__, name
@@ -277,10 +294,7 @@ EXAMPLES = dict(examples())
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_examples_in_docstrings_do_as_they_say(
-    name: str, square_peg_plan_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_examples_in_docstrings_do_as_they_say(name: str, square_peg_plan_file: Path) -> None:
     Path("out/square_peg").mkdir(parents=True)
     shutil.copy(square_peg_plan_file, "out/square_peg/plan.json")
     said: list[str] = []

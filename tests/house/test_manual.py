@@ -253,14 +253,13 @@ def test_every_block_is_of_a_kind_that_is_tested() -> None:
 
 
 @pytest.fixture
-def place(tmp_path: Path, square_peg_plan_file: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def place(tmp_path: Path, square_peg_plan_file: Path) -> Path:
     """A folder with what the examples take for granted: the shipped files, and a plan of the square peg."""
     for folder in ("problems", "models"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     (tmp_path / "out" / "square_peg").mkdir(parents=True)
     shutil.copy(square_peg_plan_file, tmp_path / "out" / "square_peg" / "plan.json")
     write_stl(tmp_path / "models" / "my_peg.stl", Box((0.02, 0.02, 0.04)))
-    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 

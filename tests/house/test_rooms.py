@@ -1,4 +1,4 @@
-"""Rooms that are seen at a glance: few entries at each level, none that need each other, files of a readable length."""
+"""Rooms: no entries of a folder need each other; tests stand in rooms of the package, each starts in a new folder."""
 
 from __future__ import annotations
 
@@ -6,20 +6,11 @@ import ast
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import pytest
-
 import fmopt
 from tests import ROOT
 
 PACKAGE = Path(fmopt.__file__).parent
 TESTS = ROOT / "tests"
-MOST_ENTRIES = 20
-MOST_LINES = 400
-
-
-def entries(folder: Path) -> list[str]:
-    """What stands in a folder of the package."""
-    return sorted(path.name for path in folder.iterdir() if path.name != "__pycache__")
 
 
 def needed(text: str, known: Iterable[str]) -> set[str]:
@@ -40,11 +31,6 @@ def in_circles(ways: Mapping[str, set[str]]) -> set[str]:
     while ends := {name for name, others in left.items() if not others & left.keys() - {name}}:
         left = {name: others for name, others in left.items() if name not in ends}
     return {*left}
-
-
-def folders(root: Path) -> list[Path]:
-    inside = (path for path in root.rglob("*") if path.is_dir() and "__pycache__" not in path.parts)
-    return [root, *sorted(inside)]
 
 
 def sources() -> dict[str, str]:
@@ -69,12 +55,6 @@ def entries_needed(folder: tuple[str, ...], texts: Mapping[str, str]) -> dict[st
     return ways
 
 
-@pytest.mark.parametrize("root", [PACKAGE, TESTS], ids=["package", "tests"])
-def test_no_folder_has_more_than_twenty_entries(root: Path) -> None:
-    assert len(folders(root)) > 20
-    assert {str(folder): found for folder in folders(root) if len(found := entries(folder)) > MOST_ENTRIES} == {}
-
-
 def test_tests_stand_in_rooms_of_the_package_and_share_by_no_test() -> None:
     files = sorted(TESTS.rglob("*.py"))
     rooms = {file.relative_to(TESTS).parts[0] for file in files if file.name.startswith("test_")}
@@ -84,6 +64,11 @@ def test_tests_stand_in_rooms_of_the_package_and_share_by_no_test() -> None:
     assert len(tests) > 150
     assert {str(file): found for file in files if (found := needed(file.read_text("utf-8"), tests))} == {}
     assert needed("from tests.verify.test_plan import spoilt", tests) == {"tests.verify.test_plan"}
+
+
+def test_a_test_starts_in_an_empty_folder_of_its_own(tmp_path: Path) -> None:
+    assert Path.cwd() == tmp_path.resolve()
+    assert [*Path().iterdir()] == []
 
 
 def test_no_entries_of_a_folder_need_each_other() -> None:
@@ -106,12 +91,3 @@ def test_circles_are_seen() -> None:
     }
     assert entries_needed(("fmopt",), texts) == {"a": {"b"}, "b": {"a"}}
     assert entries_needed(("fmopt", "b"), texts) == {"two": set(), "three": set(), "__init__": set()}
-
-
-def test_no_file_is_long() -> None:
-    lines = {path.relative_to(PACKAGE).as_posix(): len(path.read_text("utf-8").splitlines()) for path in python_files()}
-    assert {name: count for name, count in lines.items() if count > MOST_LINES} == {}
-
-
-def python_files() -> list[Path]:
-    return sorted(PACKAGE.rglob("*.py"))

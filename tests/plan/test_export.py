@@ -498,10 +498,7 @@ def test_the_command_writes_each_format(square_peg_plan_file: Path, tmp_path: Pa
 
 
 @pytest.mark.parametrize("to", ["csv", "json", "urscript"])
-def test_a_dash_is_standard_output(
-    square_peg_plan_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, to: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_dash_is_standard_output(square_peg_plan_file: Path, tmp_path: Path, to: str) -> None:
     line = ["export", str(square_peg_plan_file), "--to", to, "--base", "0.4", "-0.1", "0.2", "0", "0", "0", "--out"]
     assert CliRunner().invoke(app, [*line, str(tmp_path / "file")]).exit_code == 0
     said = CliRunner().invoke(app, [*line, "-"])

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from tests import ROOT
 from tests.shared.process_calls import PROBLEM, alive, as_a_shell_starts, called, started
 
 SOON = 5.0  # s within which a signal ends a command: one, and the rest for a machine with more work than processors
@@ -31,7 +30,7 @@ def test_standard_input_that_is_closed_is_no_fault_of_ours(name: str, tmp_path: 
     more = {"export": "--to csv"}.get(name, "")
     line = f"'{sys.executable}' -m fmopt {name} - {more} --out '{tmp_path / 'out'}' <&-"
     line = line if name not in ("verify", "check") else line.partition(" --out")[0] + " <&-"
-    done = subprocess.run(["bash", "-c", line], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 4, done.stderr
     assert "Bad file descriptor" in done.stderr
     assert not (tmp_path / "out").exists()
@@ -39,7 +38,7 @@ def test_standard_input_that_is_closed_is_no_fault_of_ours(name: str, tmp_path: 
 
 def test_a_file_does_not_get_the_number_of_a_closed_stream(tmp_path: Path) -> None:
     line = f"'{sys.executable}' -m fmopt examples --out '{tmp_path / 'examples'}' >&- 2>&- <&-"
-    done = subprocess.run(["bash", "-c", line], cwd=ROOT, timeout=60, check=False)
+    done = subprocess.run(["bash", "-c", line], timeout=60, check=False)
     assert done.returncode == 4
     assert {path.name for path in (tmp_path / "examples").iterdir()} == {"models", "problems"}
     assert not any(b"wrote" in path.read_bytes() for path in (tmp_path / "examples").rglob("*.toml"))
@@ -71,7 +70,7 @@ def test_a_signal_ends_a_command_that_is_inside_a_library(number: signal.Signals
         "process.run(command)\n"
     )
     command = [sys.executable, "-c", code, str(tmp_path / "bag"), str(int(number))]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE)
     assert process.stdout is not None
     with process.stdout:
         process.stdout.readline()
@@ -101,7 +100,7 @@ def test_a_signal_that_a_library_turns_into_an_error_of_its_own_is_still_one(num
     )
     command = [sys.executable, "-c", code, str(int(number))]
     done = subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False, preexec_fn=as_a_shell_starts
+        command, capture_output=True, text=True, timeout=60, check=False, preexec_fn=as_a_shell_starts
     )
     assert (done.returncode, done.stderr) == (128 + number, "interrupted\n")
 
@@ -110,7 +109,7 @@ def test_signals_that_who_started_it_ignores_are_ignored() -> None:
     code = "from fmopt.runtime import process; process.run(lambda: os.kill(os.getpid(), signal.SIGHUP) or 7)"
     code = f"import os, signal; {code}"
     line = f"trap '' HUP; exec '{sys.executable}' -c '{code}'"
-    assert subprocess.run(["bash", "-c", line], cwd=ROOT, timeout=60, check=False).returncode == 7
+    assert subprocess.run(["bash", "-c", line], timeout=60, check=False).returncode == 7
 
 
 def test_a_child_ends_with_its_parent_however_that_ends(tmp_path: Path) -> None:
@@ -123,7 +122,7 @@ def test_a_child_ends_with_its_parent_however_that_ends(tmp_path: Path) -> None:
     )
     mark = f"child-{tmp_path.name}"
     environment = {**os.environ, "FMOPT_TEST": mark}
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", code], env=environment, timeout=60, check=False)
     assert done.returncode == -signal.SIGKILL
     began = time.monotonic()
     while alive(mark) and time.monotonic() - began < SOON:

@@ -66,7 +66,6 @@ def started(arguments: list[str], mark: str, **streams: object) -> subprocess.Po
     """The command as a process of its own, whose children bear the mark in their environment."""
     return subprocess.Popen(
         [sys.executable, "-m", "fmopt", *arguments],
-        cwd=ROOT,
         env={**os.environ, "FMOPT_TEST": mark},
         preexec_fn=as_a_shell_starts,
         **{"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams},  # type: ignore[arg-type]
@@ -110,7 +109,7 @@ def _broken(plan: Path, chance: random.Random, found: Calls) -> None:
     }[kind]
     words = " ".join(f"'{word}'" for word in (sys.executable, "-m", "fmopt", *arguments))
     done = subprocess.run(
-        ["bash", "-c", f"{words} {redirected}"], cwd=ROOT, capture_output=True, text=True, timeout=120, check=False
+        ["bash", "-c", f"{words} {redirected}"], capture_output=True, text=True, timeout=120, check=False
     )
     # A reader that leaves late leaves nothing undone.
     wanted = {"full": {4}, "closed": {4}, "left": {0, 141}, "said nowhere": {0}, "deaf": {4}}[kind]

@@ -171,7 +171,7 @@ def test_importing_loads_nothing_heavy_and_loading_no_unit_library() -> None:
     heavy = "{'casadi', 'cvxpy', 'manifold3d', 'matplotlib', 'pint', 'pydantic', 'scipy', 'sympy', 'trimesh'}"
     program = f"import sys, fmopt.task.problem as p; print(sorted({heavy} & set(sys.modules)))"
     program += f"\np.load({str(PROBLEMS[-1])!r}); print('pint' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.split("\n")[:2] == ["[]", "False"]
 
 
