@@ -48,7 +48,7 @@ _ALIKE = 0.55  # cosine above which two sides are no corner
 _APART = 0.7  # sine of the angle between two walls, from which each of them tells little of what the other does
 _FLUSH = 1e-7  # of the longest side, by which corners of a side may be off it
 _DOWN = -0.9  # upward part of a normal, below which a face is one that leads
-_BLUNT, _SHARE = math.radians(40.0), 0.45  # turns at corners, and share of the width, below which a part is round
+_BLUNT = math.cos(math.radians(40.0))  # between the inward normals of two sides, below which they stand at an angle
 _UPRIGHT, _SAME = 1e-9, 1e-9  # upward part of a wall's normal, and m, that are nothing but rounding
 _TAPERED = 0.5  # of the part's width, how far up chamfers of its tip reach at most
 _ON_PLANE = 1e-12  # m
@@ -241,13 +241,6 @@ def corner_turns(tip: Array) -> Array:
     return np.asarray((headings - np.roll(headings, 1)) % (2.0 * math.pi))
 
 
-def next_to_round(moving: Part) -> bool:
-    """Whether no corner of the tip is one that two walls could hold, and no side is long."""
-    tip = leading_corners(moving)
-    longest = float(np.linalg.norm(_sides(tip), axis=1).max())
-    return float(corner_turns(tip).max()) < _BLUNT and longest < _SHARE * float(np.ptp(tip[:, :2], axis=0).max())
-
-
 def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """The sides of the leading face on both ways from a corner: inward normal (2,) and a point (2,) on each.
 
@@ -363,7 +356,7 @@ def far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
 def _at_an_angle(inward: Array, sides: NDArray[np.intp]) -> tuple[int, int]:
     """The first and the last of some sides around a corner, of inward normals (n, 2), that stand at an angle."""
     first, last = 0, len(sides) - 1
-    if inward[sides[first]] @ inward[sides[last]] < math.cos(_BLUNT):
+    if inward[sides[first]] @ inward[sides[last]] < _BLUNT:
         return int(sides[first]), int(sides[last])
     while inward[sides[first]] @ inward[sides[last]] > _ALIKE and first + 1 < last:
         # The one from which it is less far to the corner goes on, so that of eight sides two at right angles are found.

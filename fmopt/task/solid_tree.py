@@ -150,12 +150,15 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
             ) from error
     root = file.part or ""
     solid = _solid(source, file, root)
+    if any(isinstance(table, files.Turned) for table in file.solids.values()):
+        from fmopt.task.round_solids import round_notes
+
+        notes += round_notes(file)
     try:
         part = replace(part_of(file.name, solid, features), notes=notes)
     except GeometryError as error:
         place = source.place(("solids", root), of_key=True)
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
-
     try:
         return with_balls(part, _balls(file)) if file.balls else part
     except GeometryError as error:
@@ -252,35 +255,35 @@ def _whole_chain(source: Source, file: files.ModelFile) -> Chain:
     return found
 
 
-def _chain(source: Source, file: files.ModelFile, name: str) -> Chain:
-    """The chain of a named solid, its terms called by the names of the file."""
+def _chain(source: Source, file: files.ModelFile, name: str, hollow: bool = False) -> Chain:
+    """The chain of a named solid, its terms called by the names of the file; `hollow` where it is taken away."""
     from fmopt.task.object_model.tree import Term, joined, moved_chain, without
 
     table = file.solids[name]
     match table:
         case files.Union(of=of):
-            first, *others = (_chain(source, file, target) for target in of)
+            first, *others = (_chain(source, file, target, hollow) for target in of)
             for other in others:
                 first = joined(first, other)
         case files.Difference(of=base, minus=minus):
-            first = _chain(source, file, base)
+            first = _chain(source, file, base, hollow)
             for target in minus:
-                first = without(first, _chain(source, file, target))
+                first = without(first, _chain(source, file, target, not hollow))
         case files.Prism(holes=holes) if holes:  # a feature may be made of each hole alone
             outer, cuts = _prism(table)
             tools = tuple(Term("+", f"{name}-hole-{i}", cut) for i, cut in enumerate(cuts, 1))
             first = without((Term("+", name, outer),), tools)
         case _:
-            return (Term("+", name, _solid(source, file, name)),)  # placed by `at` and `turn` already
+            return (Term("+", name, _solid(source, file, name, hollow)),)  # placed by `at` and `turn` already
     return moved_chain(first, Pose.from_vector([*table.at, *table.turn]))
 
 
-def _solid(source: Source, file: files.ModelFile, name: str) -> csg.Solid:
+def _solid(source: Source, file: files.ModelFile, name: str, hollow: bool = False) -> csg.Solid:
     from fmopt.geometry import csg
 
     table = file.solids[name]
     try:
-        solid = _shape(source, file, table)
+        solid = _shape(source, file, table, hollow)
     except GeometryError as error:
         place = source.place(("solids", name), of_key=True)
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
@@ -297,16 +300,16 @@ def _extruded(file: files.ModelFile, profile: files.Profile) -> csg.Solid:
     return ridge(profile.polygons[0]) if moving else slab(profile.polygons)
 
 
-def _shape(source: Source, file: files.ModelFile, table: files.Shape) -> csg.Solid:
+def _shape(source: Source, file: files.ModelFile, table: files.Shape, hollow: bool) -> csg.Solid:
     from fmopt.geometry import csg
 
     match table:
         case files.Box(size=size, chamfer=chamfer):
             return csg.chamfered_box(size, chamfer) if chamfer > 0.0 else csg.Box(size)
-        case files.Cylinder(radius=radius, height=height, sides=sides):
-            return csg.Cylinder(radius, height, sides)
-        case files.Cone(radius_bottom=bottom, radius_top=top, height=height, sides=sides):
-            return csg.Cone(bottom, top, height, sides)
+        case files.Cylinder() | files.Cone():
+            from fmopt.task.round_solids import round_solid
+
+            return round_solid(table, hollow)
         case files.Sphere(radius=radius, sides=sides):
             return csg.Sphere(radius, sides)
         case files.Prism():
@@ -321,9 +324,10 @@ def _shape(source: Source, file: files.ModelFile, table: files.Shape) -> csg.Sol
         case files.Hull(points=points):
             return csg.Hull(points)
         case files.Union(of=of):
-            return csg.Union(tuple(_solid(source, file, target) for target in of))
+            return csg.Union(tuple(_solid(source, file, target, hollow) for target in of))
         case files.Difference(of=base, minus=minus):
-            return csg.Difference(_solid(source, file, base), tuple(_solid(source, file, target) for target in minus))
+            tools = tuple(_solid(source, file, target, not hollow) for target in minus)
+            return csg.Difference(_solid(source, file, base, hollow), tools)
         case _:
             assert_never(table)
 

@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 
 from fmopt.geometry.part import Part as PlannersPart
-from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.task.problem import Problem as PlannersProblem
 from fmopt.task.problem import load
 from fmopt.task.sizes import characteristic_length, measured_clearance
@@ -25,20 +24,13 @@ from fmopt.verify.problem import ProblemError, differences
 from fmopt.verify.problem.compare import half_diagonals
 from fmopt.verify.problem.problem import Problem, load_problem
 from fmopt.verify.problem.quantities import LENGTH, UNITS, NoQuantity, Quantity, evaluate
-from fmopt.verify.problem.solids import Comparison, of_piece, tree_of
 from fmopt.verify.problem.sources import Boxed, by_frame, total
-from fmopt.verify.reading.document import Body
 from fmopt.verify.reading.parse import parse
 from tests import ROOT
+from tests.shared.same_solid import assert_same_solid, body
 
 SHIPPED = sorted((ROOT / "problems").glob("*.toml"))
 PEG = ROOT / "problems" / "square_peg.toml"
-
-
-def body(polyhedron: Polyhedron) -> Body:
-    return Body(
-        tuple(tuple(row) for row in polyhedron.vertices.tolist()), tuple(face.loops for face in polyhedron.faces)
-    )
 
 
 def sides(problem: PlannersProblem) -> dict[str, PlannersPart]:
@@ -48,13 +40,6 @@ def sides(problem: PlannersProblem) -> dict[str, PlannersPart]:
 def boxes(read: Problem, problem: PlannersProblem) -> list[Boxed]:
     corners = {side: body(part.polyhedron).vertices for side, part in sides(problem).items()}
     return read.start_boxes(corners["moving"], corners["fixed"], {})
-
-
-def assert_same_solid(read: Problem, side: str, part: PlannersPart) -> None:
-    solid = read.model(side).solid
-    assert solid is not None
-    comparison = Comparison(tree_of(solid, read.frame(side)), [of_piece(body(piece)) for piece in part.pieces])
-    assert (comparison.outside(), comparison.uncovered()) == (None, None)
 
 
 def assert_same_errors(read: Problem, problem: PlannersProblem) -> None:

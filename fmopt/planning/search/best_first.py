@@ -4,8 +4,7 @@ Nodes are contact states with their error sets; arcs are guarded moves along one
 cost of a sequence has the three terms of [DakinPopplestone1993] section 3: the number of transitions, how hard the
 force signature of a wanted contact is to tell from that of the likeliest wrong one, and the danger of meeting an
 obstacle on the way, as a reciprocal of the certified margin. Each freedom that is still to be taken away costs one
-transition and one roomy move at least, and so does each move of a part that is next to round, which touches walls to
-learn where it is and then goes straight in. That bound is admissible; the order of expansion weighs it more, so that an
+transition and one roomy move at least. That bound is admissible; the order of expansion weighs it more, so that an
 answer comes soon, and the least bound among the states left open, or dropped for a way to the same contacts that costs
 and risks no more, says how much better another sequence could be: the gap.
 """

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from fmopt.certificate.assembly import Assembly
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
-from fmopt.geometry.section import corner_walls, leading_corners, next_to_round, outline
+from fmopt.geometry.section import corner_walls, leading_corners, outline
 from fmopt.planning.search.entry import Shape, lowest, start_spread, swung_by, turned_axes
 from fmopt.spatial.values import Array
 
@@ -107,8 +107,6 @@ def ample(moving: Part, per_side: float, start_box: Array) -> Array:
     lateral, tip = float(wider[:2].max()), leading_corners(moving)
     least = np.full(6, _TURNED * lateral / swung_by(tip, np.ones(6)))
     least[:2], least[2] = lateral, 0.0
-    if next_to_round(moving):  # it turns about its axis as it likes
-        least[5] = 0.0
     return np.asarray(np.maximum(wider, least))
 
 
@@ -118,7 +116,6 @@ def likely_shapes(
     """Tilted ways to begin, the likeliest first: the corner goes in at once, touches the top first, or lies flat on it.
 
     The further errors are beyond the clearance, the more it is worth to lay the part flat: that is tried first or last.
-    It is tried first, too, where the part is next to round: no corner of it then takes all freedoms away.
     Of corners that differ each has its turn, with its walls as axes; `obtuse_shapes` are for those that turn by little.
     Where errors are uneven or small, the first few are for them; then shapes for `ample` ones take turns with
     the others.
@@ -146,7 +143,7 @@ def _shapes(
     """Shapes that leave room for errors; the rest as of `likely_shapes`."""
     spread, play = start_spread(moving, start_box), clearance.play
     funnel = funnel_depth(fixed), funnel_width(fixed)
-    first = spread >= _FAR * clearance.per_side or next_to_round(moving)
+    first = spread >= _FAR * clearance.per_side
 
     def towards(way: Way) -> Iterator[Shape]:
         if way.wall is not None:

@@ -18,7 +18,7 @@ from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.facet_bounds import INSIDE
 from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.errors import InfeasibleError
-from fmopt.geometry.section import corner_walls, leading_corners, next_to_round
+from fmopt.geometry.section import corner_walls
 from fmopt.planning.moves.contact_transition import described, on_wall
 from fmopt.planning.moves.moves import Care, Move, Reached, Tried, unroll
 from fmopt.planning.search.entry import Entry, deeper, turned_axes
@@ -40,11 +40,8 @@ from fmopt.planning.search.guarded_move import (
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array
 
-_IN = ("off", "upright", "in")  # moves of a part that contacts have told where it is
-_FREE = ("back", *_IN)  # those that may give contacts up
 ASKEW = "'"  # ends the name of a freedom along or about an axis of a side that lies askew
 _ALIGNED = 1e-6  # rad, by which axes are turned against each other that are the same
-_AGAINST = 0.5  # share of the reaction of a touch that is against the motion at least
 
 
 @dataclass(frozen=True)
@@ -114,19 +111,9 @@ class Task:
         """Whether the moving part has balls, which contacts do not keep from turning."""
         return bool(self.assembly.moving.polyhedron.balls)
 
-    @cached_property
-    def blunt(self) -> bool:
-        """Whether the moving part is next to round, so that no corner of it takes all freedoms away."""
-        return not (self.askew or self.assembly.planar) and next_to_round(self.assembly.moving)
-
     @property
     def final_rank(self) -> int:
-        """How many freedoms the contacts of the seated part take away, at most.
-
-        Of a part that is next to round, how many transitions lead to the seat at least: a touch of a wall, and on.
-        """
-        if self.blunt:
-            return 1 + len(_IN)
+        """How many freedoms the contacts of the seated part take away, at most."""
         near = near_contacts(self.assembly.moving.polyhedron, self.assembly.fixed.polyhedron, self.goal, 1e-6, 1e-3)
         stops = [c for c in near if abs(contact_rows(self.assembly, [c], (), self.goal).f[0]) < 1e-9]
         return self.pinned_upright + (1 if stops else 0)
@@ -251,13 +238,8 @@ def _instead(assembly: Assembly, one: PrimitiveContact, other: PrimitiveContact)
 
 def successors(task: Task, node: Node) -> Iterator[Node]:
     """The states that guarded moves from a state lead to."""
-    if task.blunt and node.place.held:
-        yield from _told(task, node)
-        return
     tried = Tried()
     for freedom, near in _nearby(task, node):
-        if task.blunt and (freedom.twist[3:].any() or freedom.name in node.names):
-            continue  # it is to touch walls that lie in different directions
         after = _along(task, node, freedom, near, tried)
         if after is not None:
             yield after
@@ -296,56 +278,8 @@ def _given_up(task: Task, node: Node) -> Iterator[Node]:
             yield after
 
 
-def _told(task: Task, node: Node) -> Iterator[Node]:
-    """What a part that is next to round does once a contact has told where it is.
-
-    Along a wall it would come to the next one at too small an angle. So it goes back from the contact to meet another
-    one, or, once it knows its place to within the clearance, leaves it, stands up over the mouth and goes straight in.
-    """
-    if float(node.reached.errors.support(np.eye(2, 6)).max()) < task.costs.scale:
-        seated: Node | None = node
-        for name in _IN:
-            seated = None if seated is None else _freely(task, seated, name)
-        if seated is not None:
-            yield seated
-    elif (back := _freely(task, node, "back")) is not None:
-        yield back
-
-
-def _climbs(task: Task, move: Move) -> bool:
-    """Whether a part that goes on after a touch climbs what it touches: it then takes its place to be another.
-
-    The servo gives way across the motion, the more the less of the reaction is against that.
-    """
-    normal = contact_rows(task.assembly, move.making[:1], move.making, move.goal).N[0, :3]
-    way = move.goal.p - move.start.p
-    return float(normal @ way) > -_AGAINST * float(np.linalg.norm(normal) * np.linalg.norm(way))
-
-
-def _freely(task: Task, node: Node, name: str) -> Node | None:
-    """The state after a move that gives up all contacts, None when it cannot be certified."""
-    if node.place.held and _climbs(task, node.moves[-1]):
-        return None
-    pose, goal, tip = node.place.pose, task.goal, leading_corners(task.assembly.moving)
-    height = float(_likely(node.reached.errors)[0]) + task.costs.scale
-    match name:
-        case "back":  # half of the way that it came
-            to = pose.moved(0.5 * pose.local(node.moves[-1].start))
-        case "off":  # away from the walls beside the corner as far as up
-            away = (goal.p - pose.apply(node.place.pivot))[:2]  # nowhere, where the corner is over the goal
-            rise = height - float(pose.apply(tip)[:, 2].min())
-            to = pose.moved([*(rise / max(float(np.linalg.norm(away)), 1e-12) * away), rise, 0.0, 0.0, 0.0])
-        case "upright":
-            to = Pose(np.array([goal.p[0], goal.p[1], height - float((goal.R @ tip.T)[2].min())]), goal.R)
-        case _:
-            to = goal
-    return successor_by(task, node, Move(pose, to, (), (), node.place.held), name)
-
-
 def follow(task: Task, node: Node, name: str) -> Node | None:
     """The state that the guarded move along one freedom leads to, None when it cannot be certified."""
-    if name in _FREE:
-        return _freely(task, node, name)
     for freedom in _freedoms(task, node):
         if freedom.name == name:
             near = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
@@ -368,7 +302,7 @@ def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
 def _headings(task: Task, node: Node) -> list[float]:
     """Turns about z of the axes that moves go along and about, rad: the entry's, and by an eighth at most others."""
     found = [node.entry.heading]
-    if not task.askew or task.assembly.planar or task.rounded or task.blunt:
+    if not task.askew or task.assembly.planar or task.rounded:
         return found
     walls = node.entry.walls
     for normal in walls if walls is not None else (n for n, _ in corner_walls(task.assembly.moving, node.place.pivot)):

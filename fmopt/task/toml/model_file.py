@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from fmopt.task.toml.tables import (
     Coordinate,
@@ -26,6 +26,7 @@ from fmopt.task.toml.tables import (
     Table,
     Title,
     Vector,
+    fault,
 )
 
 
@@ -53,23 +54,37 @@ class Box(_Placed):
     """Leg of the 45° cut on the four upright edges."""
 
 
-class Cylinder(_Placed):
-    """A cylinder about z, standing on z = 0; the planner sees the inscribed prism with `sides` corners."""
+class Turned(_Placed):
+    """A solid of revolution, for which a polyhedron stands: by `sides` the inscribed one, or one by `sagitta`."""
+
+    sides: Annotated[int, Field(ge=3, le=1998)] = 64  # and two ends: 2,000 faces are the most of a part
+    """Corners around, on the true circles."""
+    sagitta: Length | None = None
+    """In place of `sides`: how far the polyhedron may lie from the round surface, on the safe side of it: around what
+    is solid, inside what is taken away. A twentieth of the clearance a side, say, or less."""
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Turned:
+        if {"sides", "sagitta"} <= self.model_fields_set:
+            raise fault("conflict", "both sides and sagitta are given", "give one of them")
+        return self
+
+
+class Cylinder(Turned):
+    """A cylinder about z, standing on z = 0."""
 
     shape: Literal["cylinder"]
     radius: Length
     height: Length
-    sides: Annotated[int, Field(ge=3, le=1998)] = 64  # and two ends: 2,000 faces are the most of a part
 
 
-class Cone(_Placed):
+class Cone(Turned):
     """A truncated cone about z, standing on z = 0; one radius may be zero."""
 
     shape: Literal["cone"]
     radius_bottom: Distance
     radius_top: Distance
     height: Length
-    sides: Annotated[int, Field(ge=3, le=1998)] = 64
 
 
 class Sphere(_Placed):

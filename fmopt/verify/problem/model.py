@@ -190,8 +190,8 @@ class _Tree:
         self._tables = tables
         self._count = 0
 
-    def solid(self, name: str, above: tuple[str, ...] = ()) -> Solid:
-        """The solid of that name, with all that it is made of.
+    def solid(self, name: str, above: tuple[str, ...] = (), hollow: bool = False) -> Solid:
+        """The solid of that name, with all that it is made of; `hollow` where it is taken away.
 
         Raises:
             ProblemError: one is missing or wrong, made of itself, or there are too many.
@@ -208,17 +208,17 @@ class _Tree:
         within = (*above, name)
         if kind == "union":
             parts = table.only("shape", "at", "turn", "of").names_of("of")
-            return Solid(name, None, tuple(self.solid(part, within) for part in parts), (), at, turn)
+            return Solid(name, None, tuple(self.solid(part, within, hollow) for part in parts), (), at, turn)
         if kind == "difference":
             tools = table.only("shape", "at", "turn", "of", "minus").names_of("minus")
-            base = (self.solid(table.text("of"), within),)
-            return Solid(name, None, base, tuple(self.solid(tool, within) for tool in tools), at, turn)
+            base = (self.solid(table.text("of"), within, hollow),)
+            return Solid(name, None, base, tuple(self.solid(tool, within, not hollow) for tool in tools), at, turn)
         if kind == "prism":
             outer, cuts = prism(table.only("shape", "at", "turn", "polygon", "height", "holes"))
             return _united(name, outer, cuts, at, turn)
         if kind == "stack":
             return _united(name, stack(table.only("shape", "at", "turn", "sections")), (), at, turn)
-        return Solid(name, shape(table.only("shape", "at", "turn", *SHAPES[kind]), kind), (), (), at, turn)
+        return Solid(name, shape(table.only("shape", "at", "turn", *SHAPES[kind]), kind, hollow), (), (), at, turn)
 
 
 def _united(

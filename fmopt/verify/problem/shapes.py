@@ -1,7 +1,7 @@
 """The convex solids of model files as stacks of parallel outlines, or as points to be hulled; lengths in m.
 
 A curved solid stands for the polyhedron inscribed in it: the corners of its outlines lie on the true circle, midway
-between them one flat looks along +x.
+between them one flat looks along +x. By its sagitta it stands for the one around it, where it is not taken away.
 """
 
 from __future__ import annotations
@@ -35,20 +35,21 @@ class Convex:
 
 SHAPES = {
     "box": ("size", "chamfer"),
-    "cylinder": ("radius", "height", "sides"),
-    "cone": ("radius_bottom", "radius_top", "height", "sides"),
+    "cylinder": ("radius", "height", "sides", "sagitta"),
+    "cone": ("radius_bottom", "radius_top", "height", "sides", "sagitta"),
     "sphere": ("radius", "sides"),
     "wedge": ("size", "top_x"),
     "hull": ("points",),
 }
 
 
-def shape(table: Table, kind: str) -> Convex:
+def shape(table: Table, kind: str, hollow: bool) -> Convex:
     """The convex solid that a table describes.
 
     Args:
         table: with its sizes.
         kind: which keys it has.
+        hollow: whether it is taken away.
 
     Raises:
         ProblemError: a key is missing or wrong.
@@ -56,10 +57,10 @@ def shape(table: Table, kind: str) -> Convex:
     if kind == "box":
         return _box(table)
     if kind == "cylinder":
-        sides, radius = table.count("sides", 64, MOST_CORNERS), table.number("radius", LENGTH, 1e-9)
-        return _stack([(_ring(radius, sides), z) for z in (0.0, table.number("height", LENGTH, 1e-9))], turned=True)
+        radius, height = table.number("radius", LENGTH, 1e-9), table.number("height", LENGTH, 1e-9)
+        return _turned(table, [(radius, 0.0), (radius, height)], hollow)
     if kind == "cone":
-        return _cone(table)
+        return _cone(table, hollow)
     if kind == "sphere":
         return _sphere(table.number("radius", LENGTH, 1e-9), table.count("sides", 16, 256))
     if kind == "wedge":
@@ -82,12 +83,26 @@ def _box(table: Table) -> Convex:
     return _stack([(outline, 0.0), (outline, z)])
 
 
-def _cone(table: Table) -> Convex:
+def _cone(table: Table, hollow: bool) -> Convex:
     bottom, top = table.number("radius_bottom", LENGTH), table.number("radius_top", LENGTH)
     if not max(bottom, top) > 0.0:
         raise table.error("radius_top", "is zero, as is radius_bottom")
-    sides, height = table.count("sides", 64, MOST_CORNERS), table.number("height", LENGTH, 1e-9)
-    return _stack([(_ring(bottom, sides), 0.0), (_ring(top, sides), height)], turned=True)
+    return _turned(table, [(bottom, 0.0), (top, table.number("height", LENGTH, 1e-9))], hollow)
+
+
+def _turned(table: Table, levels: Sequence[tuple[float, float]], hollow: bool) -> Convex:
+    """The polyhedron of circles by radius and height, with as many sides as the table has, or as its sagitta asks."""
+    sides, factor = table.count("sides", 64, MOST_CORNERS), 1.0
+    if table.has("sagitta"):
+        if table.has("sides"):
+            raise table.error("sagitta", "is given beside sides")
+        radius = max(radius for radius, _ in levels)
+        turn = math.acos(radius / (radius + table.number("sagitta", LENGTH, 1e-9)))
+        sides = 4 * math.ceil(0.25 * math.pi / turn)
+        if sides > MOST_CORNERS:
+            raise table.error("sagitta", f"asks for more than {MOST_CORNERS} sides")
+        factor = 1.0 if hollow else 1.0 / math.cos(math.pi / sides)
+    return _stack([(_ring(factor * radius, sides), z) for radius, z in levels], turned=True)
 
 
 def _sphere(radius: float, sides: int) -> Convex:

@@ -20,7 +20,7 @@ from fmopt.task.object_model.workcell import Link, Ref
 from fmopt.task.problem import load
 from fmopt.task.task_command import is_round, task_command
 from tests import ROOT
-from tests.shared.same_volume import assert_same_volume
+from tests.shared.same_solid import assert_same_volume
 
 ASSEMBLY = ROOT / "problems" / "assemblies" / "lee_huang_bush.toml"
 

@@ -34,7 +34,7 @@ from fmopt.task.object_model.tree import (
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.toml.source import Place
 from tests import ROOT
-from tests.shared.same_volume import assert_same_volume
+from tests.shared.same_solid import assert_same_volume
 
 MODELS = sorted((ROOT / "models").glob("*.toml"))
 HERE = Pose.identity()

@@ -76,9 +76,9 @@ def sized(z: str, parameters: str = "w = 50\n") -> str:
     return f"{box(f'20, 20, {z}')}[parameters]\n{parameters}"
 
 
-def rod(sides: int) -> str:
+def rod(sides: int, more: str = "") -> str:
     """A cylinder of so many sides."""
-    return f'part = "rod"\n[solids.rod]\nshape = "cylinder"\nradius = 10\nheight = 30\nsides = {sides}\n{PIN}'
+    return f'part = "rod"\n[solids.rod]\nshape = "cylinder"\nradius = 10\nheight = 30\nsides = {sides}\n{more}{PIN}'
 
 
 def ball(sides: int) -> str:
@@ -264,6 +264,14 @@ ABOUT_KEYS = (
     ),
     edited("few sides", "it should be greater than or equal to 3", model, rod(2), rod(3)),
     edited("many sides", "it should be less than or equal to 1998", model, rod(3000), rod(1998), slow=True),
+    edited("sides twice", "give one of them", model, rod(20, "sagitta = 0.1\n"), rod(20)),
+    edited(
+        "sides without end",
+        "give one for which 1998 sides do",
+        model,
+        rod(20).replace("sides = 20", "sagitta = 1e-6"),
+        rod(20).replace("sides = 20", "sagitta = 0.01"),
+    ),
     edited("many meridians", "it should be less than or equal to 62", model, ball(100), ball(62), slow=True),
     edited("no file", "it should have at least 1 character", problem, f'moving = ""\n{ALONE[20:]}{FIXED}', WHOLE),
 )
