@@ -179,7 +179,7 @@ class UnprovedError(FmoptError):
 
 
 class PlanFormatError(FmoptError):
-    """A plan file that is no `fmopt.plan/1` document."""
+    """A plan file that is no `fmopt.plan/2` document."""
 
     exit_code = 2
 

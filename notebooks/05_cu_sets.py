@@ -11,9 +11,8 @@ from functools import partial
 import numpy as np
 
 import fmopt
-from fmopt.papers.basanez_suarez.account import contact_records, surface_record
+from fmopt.papers.basanez_suarez.account import contact_sets, surface
 from fmopt.papers.basanez_suarez.contact import CU, Kind, Range
-from fmopt.plan import boundary, surface
 from fmopt.report.views import planar_view, surface_view
 
 MM = 1e-3
@@ -29,7 +28,7 @@ def contact(kind, spread, radius):
 
 def drawing(cu, phi):
     """The sets of a contact at an orientation φ, as a drawing."""
-    sets = [boundary(record) for record in contact_records(cu, phi, MM * np.array([15.0, 22.0]))]
+    sets = contact_sets(cu, phi, MM * np.array([15.0, 22.0]))
     title = f"{cu.name}: where the feature may be, and reference points that may touch"
     return fmopt.Drawing("sets", title, title, planar_view.sets_size(sets), paint=partial(planar_view.paint_sets, sets))
 
@@ -73,7 +72,7 @@ fmopt.slider("±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(Kind.TYPE_2,
 # Stacked over φ, the sets are a body around the nominal C-surface.
 
 # %%
-bodies = [surface(surface_record(contact(kind, 0.15, 1.5 * MM))) for kind in (Kind.TYPE_1, Kind.TYPE_2)]
+bodies = [surface(contact(kind, 0.15, 1.5 * MM)) for kind in (Kind.TYPE_1, Kind.TYPE_2)]
 title = "CU of both types over φ"
 fmopt.Drawing("surfaces", title, title, surface_view.paper(2), paint=partial(surface_view.paint_surfaces, bodies))
 

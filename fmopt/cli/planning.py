@@ -17,6 +17,7 @@ from fmopt.plan import STDIO, Plan
 if TYPE_CHECKING:
     from fmopt.verify import Verdict
     from fmopt.verify.problem import Given
+    from fmopt.verify.reading import document as proof
 
 
 Error = Annotated[
@@ -139,7 +140,7 @@ def _findings(verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def _margins(plan: Plan) -> dict[str, Any]:
+def _margins(plan: proof.Plan) -> dict[str, Any]:
     """What each segment states, in m; stated, not proved, unless the verdict is CERTIFIED."""
     return {
         "segment_margins": [
@@ -160,12 +161,14 @@ def verify(
     from fmopt import plan
     from fmopt import verify as independent
     from fmopt.verify.problem import ProblemError, held
+    from fmopt.verify.reading.parse import parse
 
     if file != STDIO and not file.is_file():
         what = "is no file" if file.exists() else "no such file"
         raise ResourceError(f"{file}: {what}", "give the plan.json of a solved problem")
-    read = plan.read(file)
+    document = plan.read_document(file)
     try:
+        read = parse(document)
         verdict = independent.judge(read)
         if problem is not None:
             # The planner is loaded only where the check comes to a file that it cannot read by itself.

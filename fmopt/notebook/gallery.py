@@ -114,10 +114,8 @@ def _tasks(file: Path) -> dict[str, Drawing]:
 
 
 def _paint_task(found: Answer, sheet: Any) -> None:
-    from fmopt.papers.lee_huang.mapping import answered, records
-    from fmopt.plan import diagram
+    from fmopt.papers.lee_huang.mapping import answered, diagrams
     from fmopt.report.views import diagram_view
 
     mapping = answered(found, [0.0] * 6, _RHO)
-    drawn = records(mapping, float(-mapping.path.nodes[-1, 2]) or _RHO)
-    diagram_view.paint([diagram(record) for record in drawn], sheet)
+    diagram_view.paint(diagrams(mapping, float(-mapping.path.nodes[-1, 2]) or _RHO), sheet)

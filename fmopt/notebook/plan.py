@@ -83,7 +83,7 @@ class Plan:
     Square peg in a blind square hole, 0.1 mm clearance a side: CERTIFIED, ... moves, least margin ... µm
 
     Args:
-        document: the plan file, `fmopt.plan/1`. It is sealed: once something in it is changed, nothing is proved.
+        document: the plan file, `fmopt.plan/2`. It is sealed: once something in it is changed, nothing is proved.
         seconds: how long the stages took, by name; empty for a plan that was read.
         name: of its file, for who has to be told that it is none.
         stated: what the document states, as values.

@@ -91,21 +91,18 @@ def _seating(problem: Problem) -> str:
 
 def _paint_diagrams(problem: Problem, sheet: Any) -> None:
     from fmopt.notebook.stages import nominal
-    from fmopt.papers.lee_huang.mapping import records
-    from fmopt.plan import diagram
+    from fmopt.papers.lee_huang.mapping import diagrams
     from fmopt.report.views import diagram_view
 
-    found = records(nominal(problem).planes, problem.peg.length)
-    diagram_view.paint([diagram(record) for record in found], sheet)
+    diagram_view.paint(diagrams(nominal(problem).planes, problem.peg.length), sheet)
 
 
 def _diagrams(mapping: Diagrams) -> Iterable[Drawing]:
-    from fmopt.papers.lee_huang.mapping import records
-    from fmopt.plan import diagram
+    from fmopt.papers.lee_huang.mapping import diagrams
     from fmopt.report.views import diagram_view
 
     length = float(-mapping.path.nodes[-1, 2]) or 0.01
-    found = [diagram(record) for record in records(mapping, length)]
+    found = diagrams(mapping, length)
     yield Drawing(
         "diagrams",
         diagram_view.TITLE,

@@ -1,7 +1,7 @@
-"""The plan file `fmopt.plan/1`: one self-contained JSON document, where makers and users of plans meet.
+"""The plan file `fmopt.plan/2`: one self-contained JSON document, where makers and users of plans meet.
 
 All values are SI. Same input, same machine, same bytes: keys are sorted, numbers are the shortest that read back
-exactly, and the document ends with a digest of itself.
+exactly, and the document ends with a digest of itself. The check judges all of it but the part `description`.
 """
 
 from __future__ import annotations
@@ -10,51 +10,26 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.runtime import output
-from fmopt.verify.reading.diagnostics import (
-    Boundary,
-    Curve,
-    Diagnostics,
-    Diagram,
-    ErrorTolerance,
-    Interval,
-    Phase,
-    Planar,
-    PlanarSegment,
-    Polyline,
-    Search,
-    SearchedState,
-    Slice,
-    Surface,
-    ToleranceEnd,
-)
+from fmopt.verify.reading import document as proof
 from fmopt.verify.reading.document import (
     Body,
     Contact,
-    ContactClaim,
-    CriticalPoint,
     Hybrid,
     JamFree,
-    Lift,
     MoveRecovery,
-    Nominal,
     Part,
-    Plan,
-    PositionForce,
     Recovery,
     Segment,
-    Separation,
-    Specification,
-    Tube,
     UnplannedContact,
-    Witness,
 )
 from fmopt.verify.reading.parse import parse
-from fmopt.verify.reading.parse_diagnostics import read_boundary, read_diagram, read_surface
 from fmopt.verify.reading.reader import (
     FORMAT,
     FRAMES,
@@ -65,23 +40,66 @@ from fmopt.verify.reading.reader import (
     UNSEEN,
     Numbers,
     PlanError,
-    Reader,
     content,
     decoded,
 )
 
+if TYPE_CHECKING:
+    from fmopt.plan.description import CriticalPoint, Description, Nominal, PositionForce, Search
+    from fmopt.plan.diagnostics import Diagnostics
+    from fmopt.plan.error_sets import ErrorSet
+
 __all__ = [
-    "FORMAT", "FRAMES", "NOT_COVERED", "NOT_COVERED_OFF_FORM", "STDIO", "UNITS", "Body", "Boundary", "Contact",
-    "ContactClaim", "CriticalPoint", "Curve", "Diagnostics", "Diagram", "ErrorTolerance", "Hybrid", "Interval",
-    "JamFree", "Lift", "MoveRecovery", "Nominal", "Numbers", "Part", "Phase", "Plan", "Planar", "PlanarSegment",
-    "Polyline", "PositionForce", "Recovery", "Search", "SearchedState", "Segment", "Separation", "Slice",
-    "Specification", "Surface", "ToleranceEnd", "Tube", "UnplannedContact", "Witness", "boundary", "canonical",
-    "clean", "diagram", "digest", "line", "parsed", "read", "read_document", "rounded_down", "sealed", "surface",
-    "write",
+    "FORMAT", "FRAMES", "NOT_COVERED", "NOT_COVERED_OFF_FORM", "STDIO", "UNITS", "Body", "Contact", "Hybrid", "JamFree",
+    "MoveRecovery", "Numbers", "Part", "Plan", "Recovery", "Segment", "UnplannedContact", "canonical", "clean",
+    "digest", "line", "parsed", "read", "read_document", "rounded_down", "sealed", "write",
 ]  # fmt: skip
 
 STDIO = Path("-")  # standard input or output, in place of a file
 _ROUNDING = 1e-13  # m: what floating point may leave of a margin
+
+
+@dataclass(frozen=True)
+class Plan(proof.Plan):
+    """A plan: the part that the check judges, and the description.
+
+    Attributes:
+        description: how the motion was found, and what surrounds it.
+    """
+
+    description: Description = field(kw_only=True)
+
+    @property
+    def search(self) -> Search | None:
+        """How the sequence of moves was found."""
+        return self.description.search
+
+    @property
+    def nominal(self) -> Nominal | None:
+        """The nominal trajectory, with S(t)."""
+        return self.description.nominal
+
+    @property
+    def position_force(self) -> tuple[PositionForce, ...]:
+        """Rows of Pₐ(t) and Fₐ(t) along the nominal trajectory."""
+        return self.description.position_force
+
+    @property
+    def critical_points(self) -> tuple[CriticalPoint, ...]:
+        """Poses near which contact states were looked for."""
+        return self.description.critical_points
+
+    @property
+    def diagnostics(self) -> Diagnostics | None:
+        """How the plan was found."""
+        return self.description.diagnostics
+
+    @cached_property
+    def error_sets(self) -> tuple[ErrorSet, ...]:
+        """The error set at the start and at the end of each segment, as far as the check can derive them."""
+        from fmopt.plan.error_sets import error_sets
+
+        return error_sets(self)
 
 
 def canonical(document: Mapping[str, Any]) -> str:
@@ -163,26 +181,14 @@ def parsed(document: Any, name: str = "") -> Plan:
     Raises:
         PlanFormatError: it is none.
     """
+    from fmopt.plan.description import Description
+
     try:
-        return parse(document)
+        judged = parse(document)
+        return Plan(**vars(judged), description=Description.parsed(document.get("description", {})))
     except PlanError as error:
         # The reader of plans stands alone, as the check does; this error has advice and an exit code.
         raise _refused(name, error) from error
-
-
-def diagram(record: Mapping[str, Any]) -> Diagram:
-    """A cut-diagram as `fmopt.papers.lee_huang.mapping` makes it, as a plan would hold it."""
-    return read_diagram(Reader(clean(record)))
-
-
-def boundary(record: Mapping[str, Any]) -> Boundary:
-    """A set as `fmopt.papers.basanez_suarez.account.boundary_record` makes it, as a plan would hold it."""
-    return read_boundary(Reader(clean(record)))
-
-
-def surface(record: Mapping[str, Any]) -> Surface:
-    """Configurations as `fmopt.papers.basanez_suarez.account.surface_record` makes them, as a plan would hold them."""
-    return read_surface(Reader(clean(record)))
 
 
 def read_document(path: Path) -> dict[str, Any]:

@@ -22,13 +22,16 @@ from fmopt.papers.lee_huang.freedom import freedom, half_widths
 from fmopt.papers.lee_huang.mapping import answered
 from fmopt.papers.lee_huang.nominal_trajectory import critical_poses
 from fmopt.plan import Plan
+from fmopt.plan.description import Description
+from fmopt.plan.diagnostics import ErrorTolerance, Reduced
+from fmopt.plan.field_types import numbers
 from fmopt.planning.control.controlled_motion import controlled
 from fmopt.planning.motion import Attempt, motion
 from fmopt.planning.optimise.bisection import ATTEMPTS, largest_share
 from fmopt.planning.plan_record import Described, Nominal, plan_document, proof_document
 from fmopt.planning.posed import Posed, Progress, Stages, under_errors
 from fmopt.planning.robustness.contact_space import contact_spaces
-from fmopt.planning.robustness.error_tolerance import CertifiedMotion, ErrorTolerance, error_tolerance
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion, error_tolerance
 from fmopt.planning.robustness.state_trace import Visited, visited
 from fmopt.runtime.compiled import clock, deadline, heed, undisturbed, until
 from fmopt.task.object_model.command import Answer, answer
@@ -364,7 +367,9 @@ def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Sy
     words = f"it is certified for {share:.0%} of the start errors that the problem states; for all of them: {short}"
     verdict = found.verdict.unless([words])
     verdict = replace(verdict, stated=str(verdict.verdict))
-    reduced = {"share": share, "stated_start_box": problem.start_box.tolist(), "short": plan.line(short)}
-    diagnostics = {**found.document["diagnostics"], "reduced": reduced}
-    document = {**found.document, "verdict": str(verdict.verdict), "diagnostics": diagnostics}
-    return Synthesis(plan.sealed(document), verdict, found.seconds)
+    reduced = Reduced(share, numbers(problem.start_box), plan.line(short))
+    described = Description.parsed(found.document["description"])
+    assert described.diagnostics is not None
+    described = replace(described, diagnostics=replace(described.diagnostics, reduced=reduced))
+    document = {**found.document, "verdict": str(verdict.verdict), "description": described.record()}
+    return Synthesis(plan.sealed(plan.clean(document)), verdict, found.seconds)

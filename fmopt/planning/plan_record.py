@@ -13,21 +13,23 @@ from fmopt import __version__, plan
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim, ContactClaim
 from fmopt.certificate.error_set import ErrorSet
-from fmopt.certificate.remainder import Ends
 from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.exact_coordinates import Exact, exact_vertices, facing_directions
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.papers.lee_huang.hand_position_force import hand_record, position_force
-from fmopt.papers.lee_huang.mapping import Mapping, diagnostics
+from fmopt.papers.lee_huang import mapping
+from fmopt.papers.lee_huang.hand_position_force import hand_motion, position_force
 from fmopt.papers.lee_huang.nominal_trajectory import CriticalPose, FreedomInterval, NominalTrajectory
+from fmopt.plan import description
+from fmopt.plan.description import Description, Search
+from fmopt.plan.diagnostics import Contribution, Diagnostics, ErrorTolerance, Interval, Planar
+from fmopt.plan.field_types import numbers
 from fmopt.plan.position_force import contact_forces
 from fmopt.planning.control.controlled_motion import ControlledMotion
 from fmopt.planning.control.recovery import recovery_record
-from fmopt.planning.robustness.error_tolerance import ErrorTolerance
 from fmopt.planning.robustness.state_trace import Visited
-from fmopt.planning.search.symmetry import SearchedState
+from fmopt.planning.search.symmetry import Searched
 from fmopt.task.object_model.command import Answer
 from fmopt.task.problem import Problem
 
@@ -40,7 +42,7 @@ class Nominal:
     critical: tuple[CriticalPose, ...]
     freedoms: tuple[FreedomInterval, ...]
     task: Answer
-    planes: Mapping
+    planes: mapping.Mapping
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +71,14 @@ def proof_document(problem: Problem, motion: ControlledMotion) -> dict[str, Any]
         problem: checked.
         motion: with its control.
     """
-    return dict(plan.clean(_proof(problem, motion)))
+    described = Description(search=_search(motion.motion.found))
+    return dict(plan.clean({**_proof(problem, motion), "description": described.record()}))
 
 
 def _proof(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
     """See `proof_document`."""
     done = motion.motion
-    tolerance, found, claims, segments = done.tolerance, done.found, done.claims, _segments(motion)
+    tolerance, claims, segments = done.tolerance, done.claims, _segments(motion)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
     declared, clearance = problem.declared_clearance, done.clearance.per_side
     own, other = exact_parts(done.assembly, contacts.values())
@@ -102,30 +105,32 @@ def _proof(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
         },
         "contacts": [contact_record(contacts[name]) for name in sorted(contacts)],
         "segments": segments,
-        "search": {
-            "objective": "transitions + signature + danger",
-            "cost": found.cost,
-            "lower_bound": found.lower_bound,
-            "gap": found.cost - found.lower_bound,
-            "states_expanded": found.expanded,
-            "moves": found.names,
-            "heading": found.heading,
-            **({"states": [_searched(state) for state in found.states], "way": found.way} if found.states else {}),
-        },
     }
 
 
-def _searched(state: SearchedState) -> dict[str, Any]:
-    """A state that the search came to, as the plan file holds it."""
-    return {
-        "from": state.origin,
-        "moves": state.names,
-        "contacts": sorted(contact.id for contact in state.held),
-        "freedoms": state.rank,
-        "cost": state.cost if math.isfinite(state.cost) else None,
-        "margin": state.margin,
-        "expanded": state.expanded,
-    }
+def _search(found: Searched) -> Search:
+    states = [
+        description.SearchedState(
+            moves=state.names,
+            contacts=tuple(sorted(contact.id for contact in state.held)),
+            freedoms=state.rank,
+            margin=state.margin,
+            expanded=state.expanded,
+            origin=state.origin,
+            cost=state.cost if math.isfinite(state.cost) else None,
+        )
+        for state in found.states
+    ]
+    return Search(
+        objective="transitions + signature + danger",
+        cost=found.cost,
+        lower_bound=found.lower_bound,
+        states_expanded=found.expanded,
+        moves=found.names,
+        heading=found.heading,
+        states=tuple(states),
+        way=found.way if states else (),
+    )
 
 
 def _frames(problem: Problem, errors: ErrorSet) -> dict[str, Any]:
@@ -146,52 +151,50 @@ def plan_document(problem: Problem, told: Described, motion: ControlledMotion) -
         motion: the motion with its control.
     """
     proof, done = _proof(problem, motion), motion.motion
-    claims, segments = done.claims, proof["segments"]
-    if told.states is not None:
-        segments = [{**item, "critical_point": told.states.space_of(k)} for k, item in enumerate(segments)]
-    document = {
-        **proof,
-        "segments": segments,
+    claims, segments, states = done.claims, proof["segments"], told.states
+    described = Description(
+        search=_search(done.found),
         **({} if told.nominal is None else _nominal(problem, told.nominal, done.tolerance.rho)),
-        **({} if told.states is None else {"critical_points": told.states.records()}),
-        "recovery": recovery_record(
-            done.assembly, claims, segments, problem.start_box, problem.specification, done.tolerance.rho
-        ),
-        "diagnostics": {
-            "graphs": [] if told.states is None else told.states.graphs(),
-            "sequence": [] if told.states is None else told.states.sequence(),
-            **(
-                {"diagrams": [], "freedom_on_planes": []}
-                if told.nominal is None
-                else diagnostics(told.nominal.planes, problem.peg.length)
-            ),
-            **hand_record(told.task, segments),
-            "budget": [share.record() for share in problem.budget],
-            "clearance": {"measured": [_side(play) for play in done.clearance.play]},
-            **(
-                {"imported": notes}
-                if (notes := [*map(plan.line, (*problem.moving.notes, *problem.fixed.notes))])
-                else {}
-            ),
-            **({"notes": [*map(plan.line, told.notes)]} if told.notes else {}),
-            **({} if told.measured is None else {"tolerated": told.measured.record()}),
-            **({} if told.nominal is None else _in_the_plane(problem, told.nominal, claims)),
-        },
-    }
-    return dict(plan.clean(document))
+        critical_points=() if states is None else states.critical_points(),
+        places=() if states is None else tuple(states.space_of(k) for k in range(len(segments))),
+        diagnostics=_diagnostics(problem, told, motion, segments),
+    )
+    recovery = recovery_record(
+        done.assembly, claims, segments, problem.start_box, problem.specification, done.tolerance.rho
+    )
+    return dict(plan.clean({**proof, "recovery": recovery, "description": described.record()}))
 
 
 def _nominal(problem: Problem, found: Nominal, rho: float) -> dict[str, Any]:
     """The nominal trajectory with S(t), Pa and Fa."""
+    intervals = tuple(Interval(i.start, i.end, i.s) for i in found.freedoms)
+    nodes, times = tuple(map(numbers, found.path.nodes)), numbers(found.path.times)
     rows = position_force(found.path, found.freedoms, contact_forces(problem.specification, rho))
-    return {
-        "nominal": {
-            "nodes": found.path.nodes,
-            "times": found.path.times,
-            "intervals": [{"t0": i.start, "t1": i.end, "s": i.s} for i in found.freedoms],
-        },
-        "position_force": [row.document() for row in rows],
-    }
+    return {"nominal": description.Nominal(nodes, times, intervals), "position_force": rows}
+
+
+def _diagnostics(
+    problem: Problem, told: Described, motion: ControlledMotion, segments: list[dict[str, Any]]
+) -> Diagnostics:
+    nominal, states, done = told.nominal, told.states, motion.motion
+    x, y = map(_side, done.clearance.play)
+    return Diagnostics(
+        graphs=() if states is None else states.graphs(),
+        sequence=() if states is None else states.sequence(),
+        diagrams=() if nominal is None else mapping.diagrams(nominal.planes, problem.peg.length),
+        freedom_on_planes=()
+        if nominal is None
+        else tuple(Interval(i.start, i.end, i.s) for i in nominal.planes.freedoms),
+        budget=tuple(
+            Contribution(share.source, share.symbol, numbers(share.box), share.frame) for share in problem.budget
+        ),
+        measured_clearance=(x, y),
+        imported=tuple(map(plan.line, (*problem.moving.notes, *problem.fixed.notes))),
+        notes=tuple(map(plan.line, told.notes)),
+        hand=hand_motion(told.task, segments),
+        tolerated=told.measured,
+        planar=None if nominal is None else _in_the_plane(problem, nominal, done.claims),
+    )
 
 
 def _side(play: float) -> float | None:
@@ -199,10 +202,10 @@ def _side(play: float) -> float | None:
     return 0.5 * play if math.isfinite(play) else None
 
 
-def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...]) -> dict[str, Any]:
+def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...]) -> Planar | None:
     """What the planar sets of possible contact say of a planar problem's plan; nothing in space."""
     if problem.plane is None:
-        return {}
+        return None
     from fmopt.papers.basanez_suarez import account as planar
 
     path = planar.in_plane(nominal.path.nodes)
@@ -213,10 +216,9 @@ def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...])
         supports = [ends.start_set.support(np.eye(6)), ends.goal_set.support(np.eye(6))]
         poses = np.array([claim.piece.start.vector(), claim.piece.goal.vector()])
         run.append(planar.Stretch(planar.in_plane(poses), *planar.reach_of(np.maximum(*supports))))
-    found = planar.account(
+    return planar.account(
         problem.plane.moving, problem.plane.fixed, planar.Nominal(path, nominal.path.times, stops), run
     )
-    return {"planar": found}
 
 
 def _segments(motion: ControlledMotion) -> list[dict[str, Any]]:
@@ -225,7 +227,7 @@ def _segments(motion: ControlledMotion) -> list[dict[str, Any]]:
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
     found: list[dict[str, Any]] = []
     for k, piece in enumerate(motion.pieces):
-        record = segment_record(piece.claim, 0, piece.move, poses[k], poses[k + 1], motion.motion.tolerance.rho)
+        record = segment_record(piece.claim, piece.move, poses[k], poses[k + 1])
         found.append({**record, "hybrid": piece.document()})
     return found
 
@@ -305,22 +307,20 @@ def contact_record(contact: PrimitiveContact) -> dict[str, Any]:
     return record
 
 
-def segment_record(claim: Claim, critical_point: int, move: int, start: Any, goal: Any, rho: float) -> dict[str, Any]:
+def segment_record(claim: Claim, move: int, start: Any, goal: Any) -> dict[str, Any]:
     """A claim as a segment of the plan file, without its control strategy.
 
     Args:
         claim: what is claimed of the piece.
-        critical_point: index of the critical pose in whose contact space the piece runs.
         move: number of the move that the piece belongs to.
         start: pose (6,) at the beginning, exactly as the neighbouring segment has it.
         goal: pose (6,) at the end.
-        rho: ρ, m.
     """
-    piece, ends = claim.piece, claim.advance.ends
+    piece, extent = claim.piece, claim.advance.ends.extent
     state = [c.id for c in piece.held]
     made = piece.made
     found = {
-        "critical_point": critical_point,
+        "kind": "guarded_move",
         "move": move,
         "state": state,
         "goal_state": [c.id for c in piece.goal_contacts],
@@ -335,33 +335,12 @@ def segment_record(claim: Claim, critical_point: int, move: int, start: Any, goa
             {"contact": c.contact.id, "direction": c.direction, "made": made is not None and c.contact.id == made.id}
             for c in claim.advance.basis
         ],
-        "tube": _tube(ends, rho),
+        "tube": {"theta_max": extent.theta, "offset_box": extent.offset, "angle_box": extent.angles},
         "separations": [_separation(*item) for item in claim.separations],
         "contacts": [_contact(c) for c in claim.contacts],
     }
     record: dict[str, Any] = plan.clean(found)
     return record
-
-
-def _tube(ends: Ends, rho: float) -> dict[str, Any]:
-    start, goal = ends.start_set, ends.goal_set
-    return {
-        "shape_start": start.shape,
-        "shape_goal": goal.shape,
-        "generators_start": start.generators,
-        "generators_goal": goal.generators,
-        "growth_start": start.growth(rho),
-        "growth_goal": goal.growth(rho),
-        # As matrices, which the check can compare: of roots there are many to one matrix.
-        "slide_start": start.slide_root @ start.slide_root.T,
-        "slide_goal": goal.slide_root @ goal.slide_root.T,
-        "swing_start": start.swing_root @ start.swing_root.T,
-        "swing_goal": goal.swing_root @ goal.swing_root.T,
-        "theta_max": ends.extent.theta,
-        "offset_max": float(np.linalg.norm(ends.extent.offset)) * (1.0 + 1e-12),
-        "offset_box": ends.extent.offset,
-        "angle_box": ends.extent.angles,
-    }
 
 
 def _separation(moving: int, fixed: int, found: Separation) -> dict[str, Any]:

@@ -30,12 +30,11 @@ _WIDE = math.radians(90.0)  # a range beyond that on both sides is not worth a w
 def force_table(plan: Plan) -> str:
     """S(t) and Fa(t) by interval."""
     rows = []
-    for item in plan.position_force or ():
-        time = item.interval
-        bound = [f"{axis} {STOPS[s]}" for axis, s in zip(AXES, time.s, strict=True) if s]
+    for item in plan.position_force:
+        bound = [f"{axis} {STOPS[s]}" for axis, s in zip(AXES, item.s, strict=True) if s]
         either = [AXES[axis] for axis in item.either_sign]
         force = combination(item.fa, "N", "N·m") + (f"; {', '.join(either)} of either sign" if either else "")
-        rows.append((f"{time.start:.3g} to {time.end:.3g} s", ", ".join(bound) or "all free", force))
+        rows.append((f"{item.start:.3g} to {item.end:.3g} s", ", ".join(bound) or "all free", force))
     return table("Freedoms and reaction forces by time", ("time", "S(t)", "Fa(t)"), rows)
 
 

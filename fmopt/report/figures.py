@@ -76,7 +76,7 @@ def catalogue(plan: Plan) -> dict[str, Figure]:
     if diagrams := diagram_view.diagrams(plan):
         chosen.append(_of("diagrams", diagram_view, diagrams))
     if plan.nominal is not None:
-        course = trajectory_view.Course(plan.nominal, plan.position_force or ())
+        course = trajectory_view.Course(plan.nominal, plan.position_force)
         chosen.append(_of("trajectory", trajectory_view, course))
     return {figure.name: figure for figure in chosen}
 

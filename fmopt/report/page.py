@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from fmopt.plan import Phase, Plan, Planar, PlanarSegment
+from fmopt.plan import Plan
+from fmopt.plan.diagnostics import Phase, Planar, PlanarSegment
 from fmopt.report import control_tables, sections
 from fmopt.report.control_tables import jamming_table
 from fmopt.report.figures import catalogue

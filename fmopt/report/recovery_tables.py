@@ -9,7 +9,8 @@ import math
 from collections.abc import Sequence
 from html import escape
 
-from fmopt.plan import ErrorTolerance, MoveRecovery, Plan, Recovery, ToleranceEnd
+from fmopt.plan import MoveRecovery, Plan, Recovery
+from fmopt.plan.diagnostics import ErrorTolerance, ToleranceEnd
 from fmopt.plan.position_force import AXES
 from fmopt.report.moves import verdict
 from fmopt.report.naming import binding_words, degrees, meeting_words, millimetres, signed

@@ -188,10 +188,10 @@ _VERDICTS = {
 def critical_table(plan: Plan) -> str:
     """The critical points and what was found there."""
     rows = []
-    for point in plan.critical_points or ():
+    for point in plan.critical_points:
         counts = sorted(point.states_by_dimension.items(), reverse=True)
         by_dimension = ", ".join(f"{n} of dimension {d}" for d, n in counts if n)
-        sure = str(point.states_confirmed)
+        sure = str(point.states_by_verdict.get("confirmed", 0))
         other = point.states_by_verdict.items()
         sure += "".join(f"; {n} {_VERDICTS[name]}" for name, n in other if n and name in _VERDICTS)
         rows.append((point.name, pose_words(point.pose), str(len(point.contacts)), by_dimension or "–", sure))
@@ -217,9 +217,9 @@ def margin_words_of(plan: Plan) -> str:
 def error_table(plan: Plan) -> str:
     """How contacts shrink the error: half-widths at the start and at every move's end."""
     rows = []
-    for errors in error_sets(plan):
+    for name, errors in error_sets(plan).items():
         way, angle = errors.half_widths()[:3], errors.half_widths()[3:]
-        rows.append((errors.name, *(_fine(1e3 * v) for v in way), *(_fine(float(np.degrees(v))) for v in angle)))
+        rows.append((name, *(_fine(1e3 * v) for v in way), *(_fine(float(np.degrees(v))) for v in angle)))
     head = ("at the end of", *(f"{axis}, mm" for axis in AXES[:3]), *(f"{axis}, °" for axis in AXES[3:]))
     return f"<p>{escape(ends_words(plan))}</p>\n" + table("Half-widths of the set of errors", head, rows, ".nnnnnn")
 

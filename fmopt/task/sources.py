@@ -176,7 +176,7 @@ class Contribution(Value):
         return replace(self, box=self.box * (1.0, 0.0, 1.0, 0.0, 1.0, 0.0))
 
     def record(self) -> dict[str, Any]:
-        """As in the plan's diagnostics."""
+        """The contribution as tables and lists, for who asks what a problem states."""
         said = {"source": self.source, "symbol": self.symbol, "contribution": self.box.tolist()}
         return {**said, "frame": self.frame}
 

@@ -31,12 +31,12 @@ from fmopt.verify.certificate.claims import check_segment
 from fmopt.verify.control.recovery import check_recovery
 from fmopt.verify.control.strategy import check_strategy
 from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, Finding, Notes, Verdict, Witness
-from fmopt.verify.outline import check_diagnostics, check_outline
 from fmopt.verify.parts.assembly import Assembly
 from fmopt.verify.parts.rows import Distance, Pose, pose
 from fmopt.verify.parts.solids import Plane, Shape
-from fmopt.verify.reading.document import Plan, PlanError, Segment
+from fmopt.verify.reading.document import Plan, Segment
 from fmopt.verify.reading.parse import parse
+from fmopt.verify.reading.reader import NOT_COVERED, NOT_COVERED_OFF_FORM, PlanError
 
 Failed = tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
 
@@ -92,8 +92,11 @@ def judge(plan: Plan, expected_sha256: str | None = None, overdue: Callable[[], 
         notes.add("verdict", f"the plan itself does not claim to be certified, but says {plan.verdict}")
     for flaw in assembly.flaws:
         notes.add("parts", flaw)
-    check_outline(plan, notes)
-    check_diagnostics(plan, notes)
+    if plan.not_covered != (NOT_COVERED_OFF_FORM if plan.moving.form or plan.fixed.form else NOT_COVERED):
+        notes.add("not_covered", "does not say what plans of this kind leave out")
+    moving, fixed = plan.moving.measured_clearance, plan.fixed.measured_clearance
+    if moving != fixed or not moving > 0.0:
+        notes.add("measured_clearance", "must be positive and the same on both parts")
     check_recovery(plan, (assembly.moving, assembly.fixed), notes)
     findings, margins, witness = _segments(plan, assembly, overdue)
     found = (*notes.found, *findings)
@@ -116,13 +119,11 @@ def _segments(
         if overdue():
             notes.add("time", "there was no time left to check this segment and those after it")
             return findings + notes.found, margins, witness
-        # Before the segment is followed: that leaves the errors at its end in the link.
-        start = chain.link.errors
         # Where the chain breaks no pair is known to be apart, so that all are looked at for a collision.
         failed: Failed = tuple(everything)
         try:
             stage = chain.follow(segment, notes)
-            outcome = check_segment(assembly, stage, start, notes)
+            outcome = check_segment(assembly, stage, notes)
             check_strategy(assembly, stage, plan.rho, plan.velocity_error, plan.specification, notes)
             failed = outcome.failed
             if outcome.margin is not None:

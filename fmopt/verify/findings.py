@@ -223,9 +223,8 @@ def describe(verdict: Verdict) -> list[str]:
         f"early may leave the error set by up to {micrometres(LEFT_ASIDE[0])} and {LEFT_ASIDE[1] * 1e6:.9g} µrad a move"
     )
     lines.append("not covered: friction, compliance, dynamics, and whether the real error lies in the stated set")
-    lines.append(
-        "not derived again: S(t) of the nominal trajectory, contact states, the measured clearance, search costs"
-    )
+    lines.append("not read: the description, with S(t) of the nominal trajectory, contact states, and search costs")
+    lines.append("not derived again: the measured clearance")
     lines += [f"taken as the planner has it: {text}" for text in verdict.taken]
     lines += [f"not covered, says the plan: {text}" for text in verdict.not_covered]
     return lines

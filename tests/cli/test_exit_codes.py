@@ -175,7 +175,7 @@ def test_a_file_of_another_kind(fmopt: Command, files: Path, command: str, kind:
     made = {"model": files / PEG, "problem": files / PROBLEM, "folder": files}
     made |= {"mesh": files / "part.stl", "plan": files / "plan.json", "empty": files / "empty.toml"}
     made["mesh"].write_bytes(b"solid part\nendsolid part\n")
-    made["plan"].write_bytes(b'{"format": "fmopt.plan/1"}')
+    made["plan"].write_bytes(b'{"format": "fmopt.plan/2"}')
     made["empty"].write_bytes(b"\n")
     done = fmopt(command, made[kind])
     assert (done.code, done.out) == (2, "")
@@ -367,7 +367,7 @@ def test_verify_tells_that_a_plan_does_not_claim_to_be_certified(
 )
 def test_what_lacks_a_key_is_no_plan_for_any_command(fmopt: Command, tmp_path: Path, command: list[str]) -> None:
     file = tmp_path / "plan.json"
-    file.write_text('{"format": "fmopt.plan/1"}')
+    file.write_text('{"format": "fmopt.plan/2"}')
     done = fmopt(*(str(file) if word == "FILE" else word for word in command))
     assert (done.code, done.out) == (2, "")
     assert f"{file}: plan: lacks the key 'verdict'" in done.err
@@ -428,7 +428,7 @@ GARBAGE = [
     b"\xff\xfe\x00",
     b"[]",
     b"{}",
-    b'{"format": "fmopt.plan/2"}',
+    b'{"format": "fmopt.plan/1"}',
     b'{"format": NaN}',
     b"[" * 99999,
 ]

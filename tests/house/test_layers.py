@@ -52,7 +52,7 @@ ONLY: dict[str, frozenset[str]] = {
     "execution": frozenset({"plan", "runtime", "spatial", "errors"}),
     "papers/lee_huang": frozenset({"task/object_model", "plan", "geometry", "geometry/plane", "spatial"})
     | {"runtime", "errors"},
-    "papers/basanez_suarez": frozenset({"geometry/plane", "spatial", "errors"}),
+    "papers/basanez_suarez": frozenset({"geometry/plane", "plan", "spatial", "errors"}),
     "certificate": frozenset({"contact", "geometry", "spatial", "runtime", "errors"}),
     "manual": frozenset({"report"}),
     APART: frozenset(),
@@ -91,7 +91,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "shapely": frozenset({"geometry", "task/object_model", "papers/basanez_suarez", "report"}),
     "matplotlib": frozenset({"report", "study/results/figures.py", "notebook"}),
     "mpl_toolkits": frozenset({"report/views/surface_view.py"}),
-    "pydantic": frozenset({"task", "study/study_file.py"}),
+    "pydantic": frozenset({"task", "plan", "study/study_file.py"}),
     "pydantic_core": frozenset({"task"}),
     "pint": frozenset({"task/toml/units.py"}),
     "tree_sitter": frozenset({"task/toml/source.py"}),

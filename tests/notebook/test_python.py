@@ -116,7 +116,7 @@ def test_a_plan_is_checked_and_held_against_its_problem(square_peg_plan_file: Pa
     worse = fmopt.Plan(sealed({**plan.document, "goal": [0.0] * 6}))
     assert worse.verify().verdict == "NOT_PROVED"
     with pytest.raises(fmopt.PlanFormatError, match="lacks the key"):
-        fmopt.Plan(sealed({"format": "fmopt.plan/1"})).verify()
+        fmopt.Plan(sealed({"format": "fmopt.plan/2"})).verify()
 
 
 def test_a_plan_goes_through_a_file(tmp_path: Path) -> None:
@@ -148,8 +148,9 @@ def test_exports_are_those_of_the_command_line(square_peg_plan_file: Path, tmp_p
 
 def test_the_stages_one_by_one_see_what_solve_sees(problem: fmopt.Problem, square_peg_plan: dict[str, Any]) -> None:
     nominal = fmopt.stages.nominal(problem)
-    assert nominal.path.nodes.tolist() == square_peg_plan["nominal"]["nodes"]
-    assert [list(i.s) for i in nominal.freedoms] == [i["s"] for i in square_peg_plan["nominal"]["intervals"]]
+    described = square_peg_plan["description"]["nominal"]
+    assert nominal.path.nodes.tolist() == described["nodes"]
+    assert [list(i.s) for i in nominal.freedoms] == [i["s"] for i in described["intervals"]]
     errors = fmopt.stages.start_errors(problem)
     assert errors.support(np.eye(6)) == pytest.approx(problem.start_box, rel=1e-12)
     drawn = fmopt.show(errors)

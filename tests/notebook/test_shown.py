@@ -62,7 +62,7 @@ def test_what_has_no_drawing_says_so(problem: fmopt.Problem) -> None:
     with pytest.raises(fmopt.ChoiceError, match="choose from parts, scene, diagrams"):
         fmopt.show(problem, "tube")
     with pytest.raises(fmopt.PlanFormatError, match="lacks the key 'verdict'"):
-        fmopt.Plan({"format": "fmopt.plan/1"})
+        fmopt.Plan({"format": "fmopt.plan/2"})
 
 
 STUDY = """title = "clearances"

@@ -352,8 +352,8 @@ def test_the_csv_reads_back_exactly(square_peg_plan: dict[str, Any]) -> None:
     rows = [line.split(",") for line in text.splitlines() if line[0] not in "#t"]
     assert {code for row in rows for code in row[1:7]} <= {"-1", "0", "1", "2"}
     assert np.abs(back.table - made.table).max() <= 1e-12
-    assert made.t[0] == square_peg_plan["position_force"][0]["t0"]
-    assert made.t[-1] == square_peg_plan["position_force"][-1]["t1"]
+    rows = square_peg_plan["description"]["position_force"]
+    assert (made.t[0], made.t[-1]) == (rows[0]["start"], rows[-1]["end"])
     assert np.all(np.diff(made.t) > 0.0)
 
 
@@ -366,10 +366,10 @@ def test_samples_split_position_and_force_as_s_says(square_peg_plan: dict[str, A
 
 
 def test_intervals_that_last_no_time_are_at_their_ends(square_peg_plan: dict[str, Any]) -> None:
-    whole = square_peg_plan["position_force"]
-    at = whole[-1]["t1"]
-    still = {**whole[-1], "t0": at, "pa_start": whole[-1]["pa_end"]}
-    found = samples(read({**square_peg_plan, "position_force": [*whole, still]}), 100.0)
+    whole = square_peg_plan["description"]["position_force"]
+    still = {**whole[-1], "start": whole[-1]["end"], "pa_start": whole[-1]["pa_end"]}
+    described = {**square_peg_plan["description"], "position_force": [*whole, still]}
+    found = samples(read({**square_peg_plan, "description": described}), 100.0)
     np.testing.assert_array_equal(found.table, samples(read(square_peg_plan), 100.0).table)
 
 
@@ -577,7 +577,8 @@ def test_a_plan_that_is_no_longer_as_it_was_sealed_is_not_exported(
 
 
 def test_the_way_in_is_the_way_of_the_nominal_path(square_peg_plan: dict[str, Any]) -> None:
-    start, goal = (BASE.compose(Pose.from_vector(square_peg_plan["nominal"]["nodes"][k])).p for k in (0, -1))
+    nodes = square_peg_plan["description"]["nominal"]["nodes"]
+    start, goal = (BASE.compose(Pose.from_vector(nodes[k])).p for k in (0, -1))
     said = json.loads(insertion_words(BASE).partition("along ")[2])
     assert said == pytest.approx((goal - start) / np.linalg.norm(goal - start), abs=1e-3)
 

@@ -19,6 +19,7 @@ from fmopt.notebook.checking import admitted
 from fmopt.plan import Plan
 from fmopt.plan import parsed as read
 from fmopt.plan.export.write import Form, exported
+from tests.shared.plans.report_plans import altered
 from tests.shared.urscript.language import parsed
 
 MOVEJ = "movej([0,0,0,0,0,0])"
@@ -67,7 +68,7 @@ def spoilt(value: Any, change: Callable[[str, str], str], key: str = "") -> Any:
         return change(key, value)
     if dataclasses.is_dataclass(value):
         changed = {f.name: spoilt(getattr(value, f.name), change, f.name) for f in dataclasses.fields(value)}
-        return replace(value, **changed)  # type: ignore[type-var]
+        return altered(value, **changed)
     if isinstance(value, Mapping):
         return {name: spoilt(item, change, f"{key}.{name}") for name, item in value.items()}
     return tuple(spoilt(item, change, key) for item in value) if isinstance(value, tuple) else value
@@ -77,8 +78,8 @@ def spoilt(value: Any, change: Callable[[str, str], str], key: str = "") -> Any:
 def plan(square_peg_plan: dict[str, Any]) -> Plan:
     """A short plan: the first moves of the square peg."""
     whole = read(square_peg_plan)
-    assert whole.position_force is not None
-    return replace(whole, segments=whole.segments[:6], position_force=whole.position_force[:3])
+    short = altered(whole.description, position_force=whole.position_force[:3])
+    return replace(whole, segments=whole.segments[:6], description=short)
 
 
 def written(plan: Plan, to: str, folder: Path) -> dict[str, str]:

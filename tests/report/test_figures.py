@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fmopt.plan import Contact, parsed
+from fmopt.plan.error_sets import ErrorSet
 from fmopt.report.bodies import contact_place
 from fmopt.report.drawing import sheet
 from fmopt.report.figures import Figure, catalogue, figures
@@ -16,7 +17,7 @@ from fmopt.report.views import budget_view
 from fmopt.report.views.cut_view import alt as cut_alt
 from fmopt.report.views.cut_view import move_ends, sections
 from fmopt.report.views.graph_view import graphs
-from fmopt.report.views.tube_view import error_sets, outline
+from fmopt.report.views.tube_view import ends_words, error_sets, outline
 from fmopt.spatial.se3 import Pose
 from tests.shared.plans.report_plans import bare_plan, cube, cube_plan, diagnostics, with_graph
 
@@ -105,10 +106,19 @@ def test_the_outline_of_a_flat_set_is_flat() -> None:
 
 
 def test_half_widths_take_the_smaller_bound() -> None:
-    start, *ends = error_sets(cube())
-    assert [errors.name for errors in ends] == ["move 1", "move 2"]
-    np.testing.assert_allclose(start.half_widths(), [1e-4, 1e-4, 0.0, 0.0, 0.0, 1e-4], rtol=1e-12)
-    np.testing.assert_allclose(ends[1].half_widths()[:2], [1e-5, 1.1e-4], rtol=1e-12)
+    sets = error_sets(cube())
+    assert list(sets) == ["start", "move 1", "move 2"]
+    np.testing.assert_allclose(sets["start"].half_widths(), [3e-4, 3e-4, 0.0, 0.0, 0.0, 5e-3], rtol=1e-12)
+    found = ErrorSet(np.diag([1e-4, 2e-4, 0, 0, 0, 0]), np.diag([4e-8] * 6), *[np.zeros((6, 6))] * 2, 1e-10 * np.eye(6))
+    np.testing.assert_allclose(found.half_widths(), [1.1e-4, 2e-4, *[1e-5] * 4], rtol=1e-12)
+
+
+def test_a_set_that_does_not_follow_is_not_shown() -> None:
+    plan = cube()
+    broken = replace(plan, segments=(plan.segments[0], replace(plan.segments[1], start=plan.goal), plan.segments[2]))
+    assert list(error_sets(broken)) == ["start", "move 1"]
+    assert "no error at its end follows" in ends_words(broken)
+    assert "tube" in figures(broken)
 
 
 def test_a_plan_without_a_graph_shows_the_chain_of_its_states() -> None:
@@ -161,8 +171,8 @@ def test_a_contact_is_where_its_features_meet() -> None:
 
 def test_the_budget_adds_up_and_names_its_sources() -> None:
     boxes = {"robot": [3e-4, 3e-4, 1e-4, 0.01, 0.01, 0.01], "slide": [1e-4, 1e-4, 0.0, 0.0, 0.0, 0.0]}
-    listed = [{"source": name, "symbol": "ε", "frame": "hole", "contribution": box} for name, box in boxes.items()]
-    nothing = {"source": "nothing", "symbol": "", "frame": "hole", "contribution": [0.0] * 6}
+    listed = [{"source": name, "symbol": "ε", "frame": "hole", "box": box} for name, box in boxes.items()]
+    nothing = {"source": "nothing", "symbol": "", "frame": "hole", "box": [0.0] * 6}
     plan = cube(diagnostics=diagnostics(budget=[*listed, nothing]))
     assert [name for name, _ in budget_view.shares(plan)] == ["robot (ε)", "slide (ε)"]
     text = budget_view.alt(plan)

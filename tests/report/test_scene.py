@@ -81,7 +81,7 @@ def test_nothing_in_the_data_can_end_the_script() -> None:
 
 def test_parts_are_shown_on_a_nominal_way() -> None:
     plan = cube()
-    page = seating(plan.moving, plan.fixed, cube_plan()["nominal"]["nodes"])
+    page = seating(plan.moving, plan.fixed, cube_plan()["description"]["nominal"]["nodes"])
     data = json.loads(page.split('-data">')[1].split("</script>")[0])
     assert [leg["move"] for leg in data["path"]] == [0]
     assert data["moves"] == []

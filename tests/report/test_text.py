@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from fmopt.plan import Plan, parsed
 from fmopt.report.figures import figures
 from fmopt.report.page import report_page
 from fmopt.report.scene import scene_data
-from tests.shared.plans.report_plans import cube_plan, diagnostics, with_graph
+from tests.shared.plans.report_plans import altered, cube_plan, diagnostics, with_graph
 
 EVIL = (
     '"\'`></script><script>alert(1)</script>"><img src=x onerror=alert(1)> onload=x {{name}}{{kind}}{{label}}\\',
@@ -37,10 +37,10 @@ SVG |= {"creator", "Agent", "title", "pattern", "image"}
 def told() -> Plan:
     """A plan that tells all that a plan may tell in free words."""
     said = {
-        **with_graph()["diagnostics"],
+        **with_graph()["description"]["diagnostics"],
         "imported": ["found: a hole"],
         "tolerated": {"factor": 1.5, "start_box": [1e-3] * 6, "sensitivities": []}
-        | {"ends": {"move": 1, "binding": "pieces 0/1", "reason": "the tube is too wide"}},
+        | {"end": {"move": 1, "binding": "pieces 0/1", "reason": "the tube is too wide"}},
         "reduced": {"share": 0.6, "stated_start_box": [0.03, 0, 0, 0, 0.09, 0], "short": "nothing was found"},
         "planar": planar(),
     }
@@ -53,14 +53,17 @@ def planar() -> dict[str, Any]:
     times = {"both": 1.0, "neither": 0.0, "only_possible": 0.0, "only_stopped": 0.0}
     loop = [{"on": "line", "line": [0.0, 0.0, 1.0, 0.0]}, {"on": "r_M", "arc": [0.5, 0.0, 0.5, 0.0, 3.0]}]
     set_ = {"name": "Uv of vertex 1", "loops": [loop], "nominal": []}
+    slices = [{"phi": phi, "boundary": set_} for phi in (0.0, 0.1)]
     return {
-        "deviations": {"position": 1e-3, "angle": 0.1},
+        "position": 1e-3,
+        "angle": 0.1,
         "nominal": [phase],
         "agreement": {**times, "agrees": True, "words": "they agree"},
         "segments": [{"kind": "fine", "phases": [phase]}] * 3,
-        "carry": {"aside": 1e-3, "height": 0.0},
+        "aside": 1e-3,
+        "height": 0.0,
         "sets": [set_],
-        "surfaces": [{"contact": "v1-e3", "kind": "type-1", "slices": [{**set_, "phi": phi} for phi in (0.0, 0.1)]}],
+        "surfaces": [{"contact": "v1-e3", "kind": "type-1", "slices": slices}],
     }
 
 
@@ -85,7 +88,7 @@ def changed(value: Any, words: Mapping[str, str]) -> Any:
         kept = {one.name for one in fields(value) if one.name in CHOSEN}
         kept |= {one.name for one in fields(value) if f"{one.name} of {type(value).__name__}" in CHOSEN}
         found = {f.name: changed(getattr(value, f.name), words) for f in fields(value) if f.name not in kept}
-        return replace(value, **found)
+        return altered(value, **found)
     return tuple(changed(item, words) for item in value) if isinstance(value, tuple) else value
 
 

@@ -10,11 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from fmopt.plan import parsed
 from fmopt.verify import CERTIFIED, NOT_PROVED, REFUTED, PlanError, describe, load, verify
 from tests.shared.lies.mutations import changed, claims, junk, numbers
-from tests.shared.plans.table_plan import sealed, table_plan
+from tests.shared.plans.table_plan import sealed, table_plan, table_plan_with_sets
 
 Plan = dict[str, Any]
 
@@ -34,6 +36,16 @@ def test_the_untouched_plan_is_certified(plan: Plan) -> None:
         assert word in text
 
 
+def test_error_sets_are_those_of_the_other_derivation() -> None:
+    plan, sets = table_plan_with_sets()
+    found = parsed(plan).error_sets
+    for one, other in zip(found, sets, strict=True):
+        generators = np.array([[float(x) for x in g] for g in (*other.core, *other.thick)])
+        np.testing.assert_allclose(one.generators, generators, rtol=1e-10, atol=1e-15)
+        for Q, P in ((one.shape, other.shape), (one.slide, other.slide), (one.swing, other.swing)):
+            np.testing.assert_allclose(Q, np.array(P.tolist(), dtype=float), rtol=1e-10, atol=1e-18)
+
+
 def test_every_number_changed_for_the_worse_is_rejected(plan: Plan) -> None:
     tried = 0
     for name, mutant in numbers(plan, 8):
@@ -41,7 +53,7 @@ def test_every_number_changed_for_the_worse_is_rejected(plan: Plan) -> None:
         assert verdict.verdict == NOT_PROVED, name
         assert verdict.findings, name
         tried += 1
-    assert tried > 90
+    assert tried > 60
 
 
 def test_every_changed_claim_is_rejected(plan: Plan) -> None:
@@ -112,7 +124,9 @@ def _segment(change: Callable[[Any], Any]) -> Callable[[Plan], None]:
 
 
 REFUSED: list[tuple[str, Callable[[Plan], Any], str]] = [
-    ("format", lambda p: p.update(format="fmopt.plan/2"), "format: must be one of fmopt.plan/1"),
+    ("format", lambda p: p.update(format="fmopt.plan/3"), "format: must be one of fmopt.plan/2"),
+    ("older format", lambda p: p.update(format="fmopt.plan/1"), "fmopt.plan/1: written by an older fmopt; solve the"),
+    ("another kind", _segment(lambda s: s.update(kind="press")), r"segments\[0\]\.kind: must be one of guarded_move"),
     ("unknown top key", lambda p: p.update(extra=1), "unknown key 'extra'"),
     ("missing key", lambda p: p.pop("goal"), "lacks the key 'goal'"),
     ("unknown segment key", _segment(lambda s: s.update(trust_me=True)), r"segments\[0\]: unknown key 'trust_me'"),
@@ -178,8 +192,8 @@ def test_deep_nesting_is_refused(plan: Plan) -> None:
     deep: Any = 0
     for _ in range(100_000):
         deep = [deep]
-    with pytest.raises(PlanError, match="search: must be an object"):
-        verify({**plan, "search": deep})
+    with pytest.raises(PlanError, match="nested too deeply"):
+        verify({**plan, "description": deep})
 
 
 @pytest.mark.parametrize(

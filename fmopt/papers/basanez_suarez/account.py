@@ -2,11 +2,6 @@
 
 In the plane of x and z the orientation φ runs counter-clockwise as drawn, x to the right and z up: a turn by ry about y
 is φ = −ry.
-
-Planar sets as plain data, for the plan's diagnostics and for whoever draws them: arcs, segments, and what they are.
-
-A piece of a boundary is {"on": carrier, "line": [x, y, x, y]} or {"on": carrier, "arc": [x, y, radius, start, sweep]},
-m and rad.
 """
 
 from __future__ import annotations
@@ -15,23 +10,25 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.plane.curve import Arc, Segment
+from fmopt.papers.basanez_suarez import motion
 from fmopt.papers.basanez_suarez.boundary import Loop
 from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
 from fmopt.papers.basanez_suarez.contact import CU, Kind
 from fmopt.papers.basanez_suarez.edge import TurnedEdge, edge_position
-from fmopt.papers.basanez_suarez.motion import MotionKind, Phase, classify, clearance_for_gross, possible_spans
+from fmopt.papers.basanez_suarez.motion import MotionKind, classify, clearance_for_gross, possible_spans
 from fmopt.papers.basanez_suarez.planar_set import PlanarSet
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.reach import Reach
 from fmopt.papers.basanez_suarez.sources import Deviations
 from fmopt.papers.basanez_suarez.vertex import vertex_position
+from fmopt.plan.diagnostics import Agreement, Boundary, Curve, Phase, Planar, PlanarSegment, Slice, Surface
+from fmopt.plan.field_types import numbers, polyline
 from fmopt.spatial.values import Array, Value, frozen
 
 _TOLERANCE = 1e-5  # m, to which motions are followed
@@ -86,7 +83,7 @@ def in_plane(poses: ArrayLike) -> Array:
     return np.stack([x[..., 0], x[..., 2], -x[..., 4]], axis=-1)
 
 
-def account(moving: ArrayLike, fixed: Sequence[ArrayLike], nominal: Nominal, run: Sequence[Stretch]) -> dict[str, Any]:
+def account(moving: ArrayLike, fixed: Sequence[ArrayLike], nominal: Nominal, run: Sequence[Stretch]) -> Planar:
     """The planar part of a plan's diagnostics.
 
     Args:
@@ -101,36 +98,38 @@ def account(moving: ArrayLike, fixed: Sequence[ArrayLike], nominal: Nominal, run
     phases = classify(nominal.path, static, grasped, start, _TOLERANCE)
     possible = PossibleContacts.between(grasped, static, start)
     shown = _shown(possible, run)
-    return {
-        "deviations": {"position": first.position, "angle": first.angle},
-        "nominal": [_phase(phase, nominal.time(phase.start), nominal.time(phase.end)) for phase in phases],
-        "agreement": _agreement(phases, nominal),
-        "segments": [_stretch(stretch, grasped, static) for stretch in run],
-        "carry": _carry(first, grasped, static, start),
-        "sets": [record for cu, pose in shown for record in contact_records(cu, float(pose[2]), pose)],
-        "surfaces": [surface_record(cu) for cu, _ in shown],
-    }
+    aside = _SIDEWAYS * first.position
+    return Planar(
+        position=first.position,
+        angle=first.angle,
+        nominal=tuple(_phase(phase, nominal.time(phase.start), nominal.time(phase.end)) for phase in phases),
+        agreement=_agreement(phases, nominal),
+        segments=tuple(_stretch(stretch, grasped, static) for stretch in run),
+        sets=tuple(one for cu, pose in shown for one in contact_sets(cu, float(pose[2]), pose)),
+        surfaces=tuple(surface(cu) for cu, _ in shown),
+        aside=aside,
+        height=_height(first, aside, grasped, static, start),
+    )
 
 
 def _deviations(static: Profile, stretch: Stretch) -> Deviations:
     return Deviations(np.zeros(len(static.vertices)), stretch.position, stretch.angle)
 
 
-def _phase(phase: Phase, start: float, end: float) -> dict[str, Any]:
-    contacts = [cu.name for cu in phase.contacts]
-    return {"kind": str(phase.kind), "start": start, "end": end, "contacts": contacts}
+def _phase(phase: motion.Phase, start: float, end: float) -> Phase:
+    return Phase(str(phase.kind), start, end, tuple(cu.name for cu in phase.contacts))
 
 
-def _stretch(stretch: Stretch, grasped: Profile, static: Profile) -> dict[str, Any]:
+def _stretch(stretch: Stretch, grasped: Profile, static: Profile) -> PlanarSegment:
     """Gross and fine parts of a stretch, from 0 to 1; a part becomes fine where a contact becomes possible."""
     phases = classify(stretch.path, static, grasped, _deviations(static, stretch), _TOLERANCE)
     kinds = {phase.kind for phase in phases}
     # A stretch is named by the worst of its phases; free and in touch by turns is fine motion.
     whole = MotionKind.BLOCKED if MotionKind.BLOCKED in kinds else MotionKind.FINE if len(kinds) > 1 else kinds.pop()
-    return {"kind": str(whole), "phases": [_phase(phase, phase.start, phase.end) for phase in phases]}
+    return PlanarSegment(str(whole), tuple(_phase(phase, phase.start, phase.end) for phase in phases))
 
 
-def _agreement(phases: Sequence[Phase], nominal: Nominal) -> dict[str, Any]:
+def _agreement(phases: Sequence[motion.Phase], nominal: Nominal) -> Agreement:
     """Where on the nominal trajectory the sets allow a contact and S(t) stops a motion, in seconds.
 
     S takes the errors as a box and contact surfaces as planes at the nominal pose, the sets take a disc around that box
@@ -154,7 +153,7 @@ def _agreement(phases: Sequence[Phase], nominal: Nominal) -> dict[str, Any]:
         words = "S(t) stops a motion where the sets allow no contact: one of the two is wrong"
     elif found["only_possible"] > blur:
         words += "; the sets allow some earlier, as they take the errors as a disc around the box and turns as they are"
-    return {**found, "agrees": agrees, "words": words}
+    return Agreement(**found, agrees=agrees, words=words)
 
 
 def _pace(nominal: Nominal) -> float:
@@ -164,17 +163,15 @@ def _pace(nominal: Nominal) -> float:
     return float((np.diff(nominal.times)[moving] / lengths[moving]).max(initial=0.0))
 
 
-def _carry(first: Stretch, grasped: Profile, static: Profile, start: Deviations) -> dict[str, Any]:
+def _height(first: Stretch, aside: float, grasped: Profile, static: Profile, start: Deviations) -> float | None:
     """How far above its start the part is to be carried sideways so that it meets nothing, m; None beyond its size."""
     # To both sides by more than the part may be off: the motion that a robot makes above the mouth.
-    aside = _SIDEWAYS * first.position
     path = first.path[[0, 0]] + np.array([[-aside, 0.0, 0.0], [aside, 0.0, 0.0]])
     limit = float(np.ptp(grasped.vertices, axis=0).max())
     try:
-        height = clearance_for_gross(path, static, grasped, start, (0.0, limit), _TOLERANCE)
+        return clearance_for_gross(path, static, grasped, start, (0.0, limit), _TOLERANCE)
     except InfeasibleError:
-        return {"aside": aside, "height": None}
-    return {"aside": aside, "height": height}
+        return None
 
 
 def _shown(possible: PossibleContacts, run: Sequence[Stretch]) -> list[tuple[CU, Array]]:
@@ -206,7 +203,7 @@ def reach_of(half_widths: ArrayLike) -> tuple[float, float]:
     return math.hypot(a[0], a[2]), float(a[4])
 
 
-def boundary_record(found: PlanarSet, name: str, nominal: ArrayLike = ()) -> dict[str, Any]:
+def boundary(found: PlanarSet, name: str, nominal: ArrayLike = ()) -> Boundary:
     """A set with its name, its boundary, and what it shrinks to.
 
     Args:
@@ -214,26 +211,23 @@ def boundary_record(found: PlanarSet, name: str, nominal: ArrayLike = ()) -> dic
         name: as the paper writes it.
         nominal: polyline (k, 2) that the set shrinks to without deviations, m; empty if nothing does.
     """
-    return {
-        "name": name,
-        "loops": [_loop(loop) for loop in found.boundary()],
-        "nominal": np.reshape(np.asarray(nominal, dtype=np.float64), (-1, 2)).tolist(),
-    }
+    return Boundary(name, tuple(_loop(loop) for loop in found.boundary()), polyline(nominal))
 
 
-def _loop(loop: Loop) -> list[dict[str, Any]]:
-    pieces: list[dict[str, Any]] = []
+def _loop(loop: Loop) -> tuple[Curve, ...]:
+    pieces = list[Curve]()
     for piece in loop:
         curve = piece.curve
         if isinstance(curve, Segment):
-            pieces.append({"on": str(piece.on), "line": [*curve.start.tolist(), *curve.end.tolist()]})
+            (x, y), (u, v) = polyline([curve.start, curve.end])
+            pieces.append(Curve(str(piece.on), line=(x, y, u, v)))
         elif isinstance(curve, Arc):
-            arc = [*curve.centre.tolist(), curve.radius, curve.start, curve.sweep]
-            pieces.append({"on": str(piece.on), "arc": arc})
-    return pieces
+            x, y = numbers(curve.centre)
+            pieces.append(Curve(str(piece.on), arc=(x, y, curve.radius, curve.start, curve.sweep)))
+    return tuple(pieces)
 
 
-def contact_records(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[dict[str, Any]]:
+def contact_sets(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[Boundary]:
     """The sets of one contact at an orientation φ (rad): where the feature may be, and what reference points touch.
 
     Type 1: Uv, CUv of the middle of the edge, CUl. Type 2: Ul with its case, CUl.
@@ -246,17 +240,17 @@ def contact_records(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[d
     reference = np.asarray(pose, dtype=np.float64)[:2]
     # Without deviations: the curve that the set shrinks to.
     exact = CU(cu.kind, cu.moving, cu.static, cu.edge, cu.vertex, cu.range, cu.nominal, 0.0, 0.0)
-    touching = boundary_record(cu.at(phi), f"CUl of {cu.name}", _core(exact, phi))
+    touching = boundary(cu.at(phi), f"CUl of {cu.name}", _core(exact, phi))
     if cu.kind is Kind.TYPE_1:
         reach = Reach.of(cu.vertex)
         held = vertex_position(reference, phi, reach, cu.spread, cu.radius)
         there = reference + reach.point(phi)
-        point = boundary_record(cu.point_contact(phi, 0.5), f"CUv of {cu.name}", _middle(exact, phi))
-        return [boundary_record(held, f"Uv of vertex {cu.moving}", there), point, touching]
+        point = boundary(cu.point_contact(phi, 0.5), f"CUv of {cu.name}", _middle(exact, phi))
+        return [boundary(held, f"Uv of vertex {cu.moving}", there), point, touching]
     edge = edge_position(reference, phi, cu.edge[0], cu.edge[1], cu.spread, cu.radius)
     ends = edge_position(reference, phi, cu.edge[0], cu.edge[1], 0.0, 0.0)
     name = f"Ul of edge {cu.moving}, case {edge.case.value}"
-    return [boundary_record(edge, name, reference + np.array([ends.start, ends.end])), touching]
+    return [boundary(edge, name, reference + np.array([ends.start, ends.end])), touching]
 
 
 def _core(exact: CU, phi: float) -> Array:
@@ -272,7 +266,7 @@ def _middle(exact: CU, phi: float) -> Array:
     return np.asarray(_core(exact, phi).mean(axis=0))
 
 
-def surface_record(cu: CU, count: int = 25) -> dict[str, Any]:
+def surface(cu: CU, count: int = 25) -> Surface:
     """CU over its range of φ, in slices, with the nominal C-surface (a segment a slice) where there is one.
 
     Args:
@@ -287,5 +281,5 @@ def surface_record(cu: CU, count: int = 25) -> dict[str, Any]:
         inside = cu.nominal is not None and bool(cu.nominal.contains(phi))
         exact = CU(cu.kind, cu.moving, cu.static, cu.edge, cu.vertex, cu.range, cu.nominal, 0.0, 0.0)
         nominal = _core(exact, phi) if inside else ()
-        slices.append({"phi": phi, **boundary_record(cu.at(phi), "CUl", nominal)})
-    return {"contact": cu.name, "kind": str(cu.kind), "slices": slices}
+        slices.append(Slice(phi, boundary(cu.at(phi), "CUl", nominal)))
+    return Surface(cu.name, str(cu.kind), tuple(slices))

@@ -14,7 +14,6 @@ When they were, the hand holds operand 2, and its pose in the frame of operand 1
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -22,57 +21,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.papers.lee_huang.nominal_trajectory import FreedomInterval, NominalTrajectory
-from fmopt.plan.position_force import Decomposition, gamma, natural_constraints, omega
+from fmopt.plan.description import PositionForce
+from fmopt.plan.diagnostics import Hand, HandMove
+from fmopt.plan.field_types import numbers
+from fmopt.plan.position_force import gamma, natural_constraints, omega
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array
 from fmopt.task.object_model.command import Answer
-
-
-@dataclass(frozen=True, eq=False)
-class PositionForce(Value):
-    """Pₐ(t) and Fₐ(t) on [start, end], where P(t) is straight and S constant.
-
-    Args:
-        start, end: s.
-        s: S.
-        pa_start, pa_end: Pₐ (6,) at both ends, straight between, m and rad.
-        pn_start, pn_end: Pₙ (6,) likewise; P = Pₐ + Pₙ.
-        fa: Fₐ (6,), the reaction on the moving part, N and N·m.
-    """
-
-    start: float
-    end: float
-    s: tuple[int, ...]
-    pa_start: Array
-    pa_end: Array
-    pn_start: Array
-    pn_end: Array
-    fa: Array
-
-    def __post_init__(self) -> None:
-        for name in ("pa_start", "pa_end", "pn_start", "pn_end", "fa"):
-            object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
-
-    @property
-    def applied(self) -> Array:
-        """The wrench (6,) that a controller applies to the moving part, −Fₐ."""
-        return frozen(0.0 - self.fa)
-
-    def document(self) -> dict[str, Any]:
-        """A row of the plan file's "position_force"."""
-        return {
-            "t0": self.start,
-            "t1": self.end,
-            "s": list(self.s),
-            "pa_start": self.pa_start.tolist(),
-            "pa_end": self.pa_end.tolist(),
-            "pn_start": self.pn_start.tolist(),
-            "pn_end": self.pn_end.tolist(),
-            "fa": self.fa.tolist(),
-            "fa_sign": "reaction",
-            "applied": self.applied.tolist(),
-            "either_sign": list(Decomposition(self.s).either_sign),
-        }
 
 
 def position_force(
@@ -91,12 +46,13 @@ def position_force(
         inner = [float(t) for t in path.times if interval.start < t < interval.end]
         for a, b in pairwise([interval.start, *inner, interval.end]):
             pa, pn = ([split(interval.s, path.at(t)) for t in (a, b)] for split in (gamma, natural_constraints))
-            rows.append(PositionForce(a, b, interval.s, pa[0], pa[1], pn[0], pn[1], omega(interval.s, forces)))
+            found = (numbers(x) for x in (*pa, *pn, omega(interval.s, forces)))
+            rows.append(PositionForce(a, b, interval.s, *found))
     return tuple(rows)
 
 
-def hand_record(found: Answer, segments: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The motion of the hand as plain data, in the frame of the feature that stays; nothing where that is the plan's.
+def hand_motion(found: Answer, segments: Sequence[Mapping[str, Any]]) -> Hand | None:
+    """The motion of the hand in the frame of the feature that stays; None where that is the plan's.
 
     Args:
         found: the task, answered.
@@ -109,21 +65,20 @@ def hand_record(found: Answer, segments: Sequence[Mapping[str, Any]]) -> dict[st
     task = found.task
     # The hand is where the feature is: a record of it would repeat the plan.
     if not (found.exchanged or task.grasp.vector().any()):
-        return {}
-    made = [_move(found, segment) for segment in segments]
-    names = {"grasped": str(task.moving), "standing": str(task.fixed), "exchanged": found.exchanged}
-    return {"hand": {**names, "segments": made}}
+        return None
+    made = tuple(_move(found, segment) for segment in segments)
+    return Hand(str(task.moving), str(task.fixed), found.exchanged, made)
 
 
-def _move(found: Answer, segment: Mapping[str, Any]) -> dict[str, Any]:
+def _move(found: Answer, segment: Mapping[str, Any]) -> HandMove:
     goal, hybrid = segment["goal"], segment["hybrid"]
     velocity = hybrid["speed"] * np.asarray(hybrid["velocity"], dtype=np.float64)
-    return {
-        "start": _held(found, segment["start"]).vector(),
-        "goal": _held(found, goal).vector(),
-        "velocity": grasped_twist(found, goal, velocity),
-        "bias_wrench": grasped_wrench(found, goal, hybrid["bias_wrench"]),
-    }
+    return HandMove(
+        start=numbers(_held(found, segment["start"]).vector()),
+        goal=numbers(_held(found, goal).vector()),
+        velocity=numbers(grasped_twist(found, goal, velocity)),
+        bias_wrench=numbers(grasped_wrench(found, goal, hybrid["bias_wrench"])),
+    )
 
 
 def _held(found: Answer, X: Array) -> Pose:

@@ -2,8 +2,6 @@
 
 [LeeHuang1985] section 4.1: cut-diagrams G of operand 2 on the planes of the B-frame, expanded to GE while operand 1
 shrinks to a line L, the nominal trajectory in what is left, and the uncertain line held against GE.
-
-The diagrams of a T-C mapping as plain data: regions as polylines, and the uncertain line L where it matters.
 """
 
 from __future__ import annotations
@@ -12,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +26,8 @@ from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_over, frame,
 from fmopt.papers.lee_huang.swept import Body, checked, free_until
 from fmopt.papers.lee_huang.uncertainty_zone import Zone, zones
 from fmopt.papers.lee_huang.visibility import Sight, TurningSight, position_nodes, turning_nodes
+from fmopt.plan.diagnostics import Diagram, DiagramPose
+from fmopt.plan.field_types import Polyline, polyline
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array, Value, frozen
 from fmopt.task.object_model.command import Answer
@@ -291,30 +290,19 @@ def _strayed(moving: Solid, box: ArrayLike) -> float:
     return max(float(np.linalg.norm(a[:3]) + radius * np.linalg.norm(a[3:])), 1e-9)
 
 
-def diagnostics(mapping: Mapping, length: float) -> dict[str, Any]:
-    """What a plan tells of the T-C mapping on the planes: the diagrams, and S(t) as the planes show it.
+def diagrams(mapping: Mapping, length: float) -> tuple[Diagram, ...]:
+    """The diagrams for plans and figures, curves as polylines within 1e-4 of the size of their loops.
 
     Args:
         mapping: the finished mapping.
         length: of the line L, m.
     """
-    seen = [{"t0": one.start, "t1": one.end, "s": list(one.s)} for one in mapping.freedoms]
-    return {"diagrams": records(mapping, length), "freedom_on_planes": seen}
+    return tuple(_diagram(plane, mapping.path, mapping.freedoms, length) for plane in mapping.planes)
 
 
-def records(mapping: Mapping, length: float) -> list[dict[str, Any]]:
-    """The diagrams as plain data for figures, curves as polylines within 1e-4 of the size of their loops.
-
-    Args:
-        mapping: the finished mapping.
-        length: of the line L, m.
-    """
-    return [_record(plane, mapping.path, mapping.freedoms, length) for plane in mapping.planes]
-
-
-def _record(
+def _diagram(
     diagrams: PlaneDiagrams, path: NominalTrajectory, freedoms: Sequence[FreedomInterval], length: float
-) -> dict[str, Any]:
+) -> Diagram:
     zone, plane = diagrams.zone, diagrams.zone.plane
     upright = plane.v == 2
     times = {"start": 0.0, "goal": path.duration}
@@ -328,40 +316,39 @@ def _record(
         reach = length * float(np.linalg.norm(along)) if upright else 0.0
         angle = float(np.arctan2(along[1], along[0])) if upright else 0.5 * np.pi
         poses.append(_pose(name, t, zone, P[[plane.u, plane.v]], angle, reach))
-    turning = {} if diagrams.turning is None else {"turning": _loops(diagrams.turning)}
-    return {
-        "plane": plane.name,
-        "zone": {"radius": zone.radius, "half_angle": zone.half_angle},
-        "fixed": _loops(diagrams.fixed),
-        "expanded": _loops(diagrams.expanded),
-        **turning,
-        "room": _room(diagrams.expanded, path.nodes[-1, [plane.u, plane.v]]),
-        "path": path.nodes[:, [plane.u, plane.v]].tolist(),
-        "poses": poses,
-    }
+    return Diagram(
+        plane=plane.name,
+        radius=zone.radius,
+        half_angle=zone.half_angle,
+        fixed=_loops(diagrams.fixed),
+        expanded=_loops(diagrams.expanded),
+        room=_room(diagrams.expanded, path.nodes[-1, [plane.u, plane.v]]),
+        path=polyline(path.nodes[:, [plane.u, plane.v]]),
+        poses=tuple(poses),
+        turning=None if diagrams.turning is None else _loops(diagrams.turning),
+    )
 
 
-def _pose(name: str, t: float, zone: Zone, centre: Array, angle: float, length: float) -> dict[str, Any]:
+def _pose(name: str, t: float, zone: Zone, centre: Array, angle: float, length: float) -> DiagramPose:
     trapezoid = zone.trapezoid(centre, angle, length)
-    rays = [trapezoid.line(centre, angle + side * zone.half_angle) for side in (-1.0, 1.0)]
-    return {
-        "name": name,
-        "time": t,
-        "centre": centre.tolist(),
-        "line": trapezoid.line(centre, angle).tolist(),
-        "ball": trapezoid.ball.corners.tolist(),
-        "cone": [ray.tolist() for ray in rays],
-        "edges": [edge.tolist() for edge in trapezoid.edges],
-        "trapezoid": trapezoid.outline.tolist(),
-    }
+    return DiagramPose(
+        name=name,
+        time=t,
+        centre=polyline(centre)[0],
+        line=polyline(trapezoid.line(centre, angle)),
+        ball=polyline(trapezoid.ball.corners),
+        cone=tuple(polyline(trapezoid.line(centre, angle + side * zone.half_angle)) for side in (-1.0, 1.0)),
+        edges=tuple(polyline(edge) for edge in trapezoid.edges),
+        trapezoid=polyline(trapezoid.outline),
+    )
 
 
-def _loops(region: Region) -> list[list[list[float]]]:
+def _loops(region: Region) -> tuple[Polyline, ...]:
     found = []
     for loop in region.loops:
         tolerance = 1e-4 * Region((loop,)).size
-        found.append(np.vstack([curve.polyline(tolerance)[:-1] for curve in loop]).tolist())
-    return found
+        found.append(polyline(np.vstack([curve.polyline(tolerance)[:-1] for curve in loop])))
+    return tuple(found)
 
 
 def _room(expanded: Region, centre: Array) -> float:

@@ -59,20 +59,18 @@ def samples(plan: Plan, rate: float) -> Samples:
     rows = plan.position_force
     if not rows:
         raise PlanFormatError("the plan holds no position/force trajectory", "solve the problem again")
-    first, last = rows[0].interval.start, rows[-1].interval.end
-    starts = np.array([row.interval.start for row in rows])
+    first, last = rows[0].start, rows[-1].end
+    starts = np.array([row.start for row in rows])
     check_rate(rate, last - first)
     # A little less, that rounding does not bring the end twice: it is added by itself.
     count = int(np.floor((last - first) * rate * (1.0 - 1e-12))) + 1
     t = np.append(first + np.arange(count) / rate, last)
     inside = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, len(rows) - 1)
-    begun, length = t - starts[inside], np.array([row.interval.end - row.interval.start for row in rows])[inside]
+    begun, length = t - starts[inside], np.array([row.end - row.start for row in rows])[inside]
     share = np.divide(begun, length, out=np.ones(len(t)), where=length > 0.0)  # what lasts no time is at its end
     ends = np.array([[row.pa_start, row.pa_end] for row in rows])[inside]
     pa = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
-    return Samples(
-        t, np.array([row.interval.s for row in rows])[inside], pa, np.array([row.fa for row in rows])[inside]
-    )
+    return Samples(t, np.array([row.s for row in rows])[inside], pa, np.array([row.fa for row in rows])[inside])
 
 
 def csv_text(plan: Plan, rate: float, caution: str = "") -> str:

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from itertools import chain
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +30,9 @@ from fmopt.contact.state_graph import Cell, ContactGraph, LocalSpace, Scale, con
 from fmopt.errors import SolverError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.papers.lee_huang.nominal_trajectory import CriticalPose
+from fmopt.plan.description import CriticalPoint
+from fmopt.plan.diagnostics import Graph, State
+from fmopt.plan.field_types import numbers
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value
@@ -85,34 +87,30 @@ class Space:
                 return True
         return False
 
-    def record(self) -> dict[str, Any]:
+    def critical_point(self) -> CriticalPoint:
         """The plan's entry among `critical_points`."""
         verdicts = [confirmation.verdict for confirmation in self.found]
-        return {
-            "name": self.name,
-            "pose": self.pose,
-            "pcs": [c.id for c in self.graph.space.contacts],
-            "enumerated": self.enumerated,
-            "states_by_dimension": {str(d): n for d, n in sorted(self.graph.count().items())},
-            "states_confirmed": verdicts.count(Verdict.CONFIRMED),
-            "states_by_verdict": {verdict.name.lower(): verdicts.count(verdict) for verdict in Verdict},
-        }
+        return CriticalPoint(
+            name=self.name,
+            pose=numbers(self.pose),
+            contacts=tuple(c.id for c in self.graph.space.contacts),
+            enumerated=self.enumerated,
+            states_by_dimension={str(d): n for d, n in sorted(self.graph.count().items())},
+            states_by_verdict={verdict.name.lower(): verdicts.count(verdict) for verdict in Verdict},
+        )
 
-    def document(self, chosen: Sequence[int]) -> dict[str, Any]:
+    def graph_near(self, chosen: Sequence[int]) -> Graph:
         """The plan's entry among `graphs`, with states that a motion goes through; large graphs only near those."""
         graph = self.graph
         kept = _near(graph, chosen)
         place = {state: i for i, state in enumerate(kept)}
-        return {
-            "critical_point": self.name,
-            "states": [
-                {"id": s.id, "contacts": sorted(s.contacts), "dimension": s.dimension}
-                for s in (graph.states[i] for i in kept)
-            ],
-            "sons": [[place[j] for j in graph.sons[i] if j in place] for i in kept],
-            "verdicts": [self.found[i].verdict.name.lower() for i in kept],
-            "chosen": [place[i] for i in chosen],
-        }
+        return Graph(
+            critical_point=self.name,
+            states=tuple(State(s.id, tuple(sorted(s.contacts)), s.dimension) for s in (graph.states[i] for i in kept)),
+            sons=tuple(tuple(place[j] for j in graph.sons[i] if j in place) for i in kept),
+            verdicts=tuple(self.found[i].verdict.name.lower() for i in kept),
+            chosen=tuple(place[i] for i in chosen),
+        )
 
 
 def _near(graph: ContactGraph, chosen: Sequence[int]) -> list[int]:

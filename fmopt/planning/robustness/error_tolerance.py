@@ -7,9 +7,8 @@ and remainders derived again; nothing is linearised.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any
 
 import numpy as np
 
@@ -20,71 +19,17 @@ from fmopt.certificate.propagation import Tolerance
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import stretched
+from fmopt.plan import line
+from fmopt.plan.diagnostics import ErrorTolerance, Sensitivity, ToleranceEnd
+from fmopt.plan.field_types import numbers
 from fmopt.plan.position_force import AXES
 from fmopt.planning.moves.moves import Care, Move, Reached, carried, claims_of_moves, in_a_row, onto_surfaces, unroll
 from fmopt.planning.optimise.bisection import Trial, largest
 from fmopt.planning.placement.sequence_program import Placed, certified
 from fmopt.planning.search.symmetry import Searched
-from fmopt.spatial.values import IN_THE_WORLD, Array, Framing, Value, frozen
+from fmopt.spatial.values import IN_THE_WORLD, Array, Framing
 
 _SHARE = 0.02  # of a tolerance, by which it is widened
-
-
-@dataclass(frozen=True)
-class Sensitivity:
-    """What widening one tolerance, or the clearance on each side, adds to the margin.
-
-    Args:
-        name: of the component: `start.x`, `velocity.translation`, `clearance`.
-        value: what it is, in m, rad or as a fraction.
-        step: by how much it was widened, in the same unit.
-        change: what the margin gained by that, m; a loss is negative. None when the motion fails altogether.
-    """
-
-    name: str
-    value: float
-    step: float
-    change: float | None
-
-
-@dataclass(frozen=True)
-class End:
-    """What fails first when the start errors grow on.
-
-    Args:
-        move: counts from 0.
-        binding: the inequality whose margin is gone, as claims name it; empty where the move becomes impossible.
-        reason: why the move becomes impossible; empty where it has a margin.
-    """
-
-    move: int
-    binding: str
-    reason: str
-
-
-@dataclass(frozen=True, eq=False)
-class ErrorTolerance(Value):
-    """What a placed motion tolerates.
-
-    Args:
-        factor: by how much all start errors together may grow before the margin is gone; below 1 where it is now.
-        box: half-widths (6,) of the start error at that factor, m and rad.
-        sensitivities: of the margin, one for each error that the problem states, and for the clearance.
-        end: what fails at the least factor that was found too large; None where none was.
-    """
-
-    factor: float
-    box: Array
-    sensitivities: tuple[Sensitivity, ...]
-    end: End | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "box", frozen(self.box, 6, name="box"))
-
-    def record(self) -> dict[str, Any]:
-        """As the plan file holds it."""
-        found = {"factor": self.factor, "start_box": self.box, "sensitivities": [asdict(s) for s in self.sensitivities]}
-        return found if self.end is None else {**found, "ends": asdict(self.end)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,16 +177,16 @@ def error_tolerance(motion: Motion, clearance: tuple[float, float]) -> ErrorTole
     """
     factor, beyond = factors(motion)
     end = None if beyond is None else what_fails(beyond)
-    return ErrorTolerance(factor, factor * motion.box, sensitivities(motion, clearance), end)
+    return ErrorTolerance(factor, numbers(factor * motion.box), sensitivities(motion, clearance), end)
 
 
-def what_fails(motion: Motion) -> End:
+def what_fails(motion: Motion) -> ToleranceEnd:
     """The inequality of least margin of a motion and the move that it belongs to, or why a move is impossible."""
     found = motion.outcome
     if found.reason:
-        return End(len(found.least), "", found.reason)
+        return ToleranceEnd(len(found.least), "", line(found.reason))
     number, claim = min(enumerate(found.least), key=lambda pair: pair[1].margin)
-    return End(number, claim.binding, "")
+    return ToleranceEnd(number, claim.binding, "")
 
 
 def largest_factor(motion: Motion) -> float:

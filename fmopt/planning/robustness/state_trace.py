@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
-from typing import Any
 
 import numpy as np
 
@@ -23,6 +22,9 @@ from fmopt.contact.facet_bounds import INSIDE, BoundTable, touching
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.realisation import Poses
 from fmopt.contact.state_graph import Scale
+from fmopt.plan import diagnostics
+from fmopt.plan.description import CriticalPoint
+from fmopt.plan.diagnostics import Graph
 from fmopt.planning.moves.moves import onto
 from fmopt.planning.robustness.contact_space import Space, space_at
 from fmopt.spatial.se3 import Pose
@@ -72,30 +74,30 @@ class Visited:
         begun = [visit for visit in self.visits if visit.claim < claim and visit.spaces]
         return begun[-1].spaces[-1] if begun else 0
 
-    def records(self) -> list[dict[str, Any]]:
+    def critical_points(self) -> tuple[CriticalPoint, ...]:
         """The plan's `critical_points`."""
-        return [space.record() for space in self.spaces]
+        return tuple(space.critical_point() for space in self.spaces)
 
-    def graphs(self) -> list[dict[str, Any]]:
+    def graphs(self) -> tuple[Graph, ...]:
         """The plan's graphs, each with the states visited in it: those that are in the order of the motion first."""
         order = dict.fromkeys(at for visit in self.visits for at in visit.spaces)
         order |= dict.fromkeys(range(len(self.spaces)))
-        return [self.spaces[at].document(self._chosen(at)) for at in order]
+        return tuple(self.spaces[at].graph_near(self._chosen(at)) for at in order)
 
-    def sequence(self) -> list[dict[str, Any]]:
+    def sequence(self) -> tuple[diagnostics.Visit, ...]:
         """The plan's sequence of contact states, each with the critical points that hold it and its name there."""
-        return [
-            {
-                "contacts": sorted(visit.contacts),
-                "segment": visit.claim,
-                "change": visit.change,
-                "in": [
-                    {"critical_point": at, "state": self.spaces[at].graph.states[state].id}
+        return tuple(
+            diagnostics.Visit(
+                contacts=tuple(sorted(visit.contacts)),
+                segment=visit.claim,
+                change=visit.change,
+                held_in=tuple(
+                    (at, self.spaces[at].graph.states[state].id)
                     for at, state in zip(visit.spaces, visit.states, strict=True)
-                ],
-            }
+                ),
+            )
             for visit in self.visits
-        ]
+        )
 
     def _chosen(self, space: int) -> list[int]:
         held = [zip(visit.spaces, visit.states, strict=True) for visit in self.visits]

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmopt.plan import Diagram, Plan, Polyline
+from fmopt.plan import Plan
+from fmopt.plan.diagnostics import Diagram
+from fmopt.plan.field_types import Polyline
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH
 from fmopt.report.naming import quantity
 from fmopt.spatial.values import Array

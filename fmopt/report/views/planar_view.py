@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmopt.plan import Boundary, Curve, Plan
+from fmopt.plan import Plan
+from fmopt.plan.diagnostics import Boundary, Curve
 from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
 from fmopt.spatial.values import Array
 
@@ -72,7 +73,7 @@ def paint(plan: Plan, figure: Figure) -> None:
 
 
 def paint_sets(sets: Sequence[Boundary], figure: Figure, upright: str = "y") -> None:
-    """A panel for each set; `fmopt.plan.boundary` reads what `papers.basanez_suarez.account` makes.
+    """A panel for each set, such as `papers.basanez_suarez.account` makes.
 
     Args:
         sets: of one plane, m.

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmopt.plan import Plan, Slice, Surface
+from fmopt.plan import Plan
+from fmopt.plan.diagnostics import Slice, Surface
 from fmopt.report.drawing import BLUE, RUST, WIDTH
 from fmopt.report.views.planar_view import piece_points
 
@@ -56,7 +57,7 @@ def paint(plan: Plan, figure: Figure) -> None:
 
 
 def paint_surfaces(surfaces: Sequence[Surface], figure: Figure, upright: str = "y") -> None:
-    """A body for each surface; `fmopt.plan.surface` reads what `papers.basanez_suarez.account` makes.
+    """A body for each surface, such as `papers.basanez_suarez.account` makes.
 
     Args:
         surfaces: in slices of φ, m and rad.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmopt.plan import Nominal, PositionForce
+from fmopt.plan.description import Nominal, PositionForce
 from fmopt.plan.position_force import AXES
 from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
 from fmopt.spatial.values import Array
@@ -120,10 +120,10 @@ def _position(axes: Axes, course: Course, axis: int) -> None:
     axes.plot(nominal.times, values, color=INK, linewidth=1.2)
     everything = [values]
     for item in course.forces:
-        if item.interval.s[axis] != 0:
+        if item.s[axis] != 0:
             continue  # Γ is 0 there, and not a position: the axis is servoed in force
         ends = _SCALE[axis] * np.array([item.pa_start[axis], item.pa_end[axis]], dtype=np.float64)
-        axes.plot([item.interval.start, item.interval.end], ends, color=BLUE, linewidth=1.6, linestyle="--")
+        axes.plot([item.start, item.end], ends, color=BLUE, linewidth=1.6, linestyle="--")
         everything.append(ends)
     _limits(axes, np.concatenate(everything), 1e-3)
     axes.set_ylabel(f"{AXES[axis]}, {'mm' if axis < 3 else '°'}")
@@ -137,9 +137,7 @@ def _force(axes: Axes, forces: tuple[PositionForce, ...], axis: int) -> None:
         signs = (1.0, -1.0) if axis in item.either_sign and value else (1.0,)
         for sign in signs:
             style = ":" if len(signs) > 1 else "-"
-            axes.plot(
-                [item.interval.start, item.interval.end], [sign * value] * 2, color=RUST, linewidth=1.6, linestyle=style
-            )
+            axes.plot([item.start, item.end], [sign * value] * 2, color=RUST, linewidth=1.6, linestyle=style)
             everything.append(sign * value)
     axes.axhline(0.0, color=GREY, linewidth=0.5, zorder=1)
     _limits(axes, np.array(everything), 1e-3)

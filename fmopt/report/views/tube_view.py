@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.plan import Plan
+from fmopt.plan.error_sets import ErrorSet
 from fmopt.plan.position_force import AXES
 from fmopt.report.drawing import BLUE, INK, WIDTH
 from fmopt.report.moves import moves
 from fmopt.report.naming import pose_words
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,54 +31,26 @@ _LITTLE = 1e-6  # m or rad; smaller errors are not worth a word
 _FINE = 0.004  # of an axis's half-length: two points this close are drawn as one
 
 
-@dataclass(frozen=True, eq=False)
-class ErrorSet(Value):
-    """A set of errors: inside zonotope ⊕ ellipsoid, and inside the outer ellipsoid.
-
-    Args:
-        name: where on the path.
-        generators: (k, 6), m and rad.
-        growth: shape matrix (6, 6) of the summand.
-        shape: shape matrix (6, 6) of the outer ellipsoid.
-    """
-
-    name: str
-    generators: Array
-    growth: Array
-    shape: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "generators", frozen(np.reshape(self.generators, (-1, 6)), None, 6))
-        object.__setattr__(self, "growth", frozen(self.growth, 6, 6))
-        object.__setattr__(self, "shape", frozen(self.shape, 6, 6))
-
-    def half_widths(self) -> Array:
-        """Half-widths (6,) along the axes: the smaller of the two bounds on each, m and rad."""
-        sum_ = np.sum(np.abs(self.generators), axis=0) + np.sqrt(np.maximum(np.diag(self.growth), 0.0))
-        return np.asarray(np.minimum(sum_, np.sqrt(np.maximum(np.diag(self.shape), 0.0))))
-
-
-def error_sets(plan: Plan) -> list[ErrorSet]:
-    """The set at the start and at the end of every move."""
-    ends = [
-        ("start", plan.segments[0].tube.matrices, "start"),
-        *((f"move {move.number}", move.segments[-1].tube.matrices, "goal") for move in moves(plan)),
-    ]
-    return [
-        ErrorSet(name, np.array(of[f"generators_{end}"]), np.array(of[f"growth_{end}"]), np.array(of[f"shape_{end}"]))
-        for name, of, end in ends
-    ]
+def error_sets(plan: Plan) -> dict[str, ErrorSet]:
+    """The set at the start and at the end of every move, as far as they can be derived, by name."""
+    ends, end = {"start": 0}, 0
+    for move in moves(plan):
+        end += len(move.segments)
+        ends[f"move {move.number}"] = end
+    return {name: plan.error_sets[end] for name, end in ends.items() if end < len(plan.error_sets)}
 
 
 def ends_words(plan: Plan) -> str:
     """Where the motion begins, and what is left of the errors at its end, in a sentence."""
-    half = error_sets(plan)[-1].half_widths()
+    words = f"It begins at {pose_words(plan.segments[0].start)}, the lowest point above the mouth, and "
+    if len(plan.error_sets) <= len(plan.segments):
+        return words + "no error at its end follows."
+    half = plan.error_sets[-1].half_widths()
     left = [
         f"{axis} ±{float(_SCALE[k] * half[k]):.2g}{'°' if k > 2 else ' mm'}"
         for k, axis in enumerate(AXES)
         if half[k] > _LITTLE
     ]
-    words = f"It begins at {pose_words(plan.segments[0].start)}, the lowest point above the mouth, and "
     return words + (f"ends with errors of up to {', '.join(left)}." if left else "ends with no error to speak of.")
 
 
@@ -89,33 +61,33 @@ def size(plan: Plan) -> tuple[float, float]:
 
 def alt(plan: Plan) -> str:
     """What is to be seen, for who cannot see it."""
-    said = [f"{errors.name} {_largest(errors.half_widths())}" for errors in error_sets(plan)]
+    said = [f"{name} {_largest(errors.half_widths())}" for name, errors in error_sets(plan).items()]
     return f"Cross-sections of the set of errors. Largest half-widths: {'; '.join(said)}."
 
 
 def paint(plan: Plan, figure: Figure) -> None:
     """A column per move's end, a row per plane; one scale in a row, so that shrinking is seen as shrinking."""
-    sets = error_sets(plan)
+    sets = [*error_sets(plan).items()]
     blocks = [sets[k : k + _PER_ROW] for k in range(0, len(sets), _PER_ROW)]
     figure.set_layout_engine("none")
-    reach = _reach(sets)
+    reach = _reach([errors for _, errors in sets])
     for number, block in enumerate(blocks):
         bottom, top = (1.0 - (number + share) / len(blocks) for share in (1.0, 0.0))
         room = {"bottom": bottom + 0.12 / len(blocks), "top": top - 0.06 / len(blocks), "hspace": 0.62}
         grid = figure.add_gridspec(len(PLANES), _PER_ROW, left=0.075, right=0.995, wspace=0.16, **room)
         for row, plane in enumerate(PLANES):
-            for column, errors in enumerate(block):
+            for column, (name, errors) in enumerate(block):
                 axes = figure.add_subplot(grid[row, column])
                 _panel(axes, errors, plane, reach)
                 _scales(axes, plane, reach, column == 0)
                 if row == 0:
-                    axes.set_title(errors.name, loc="center", fontweight="normal")
+                    axes.set_title(name, loc="center", fontweight="normal")
     _legend(figure)
 
 
 def _reach(sets: list[ErrorSet]) -> Array:
     """How far the axes go on each side (6,), mm and degrees: no outline is clipped."""
-    widths = [np.sqrt(np.maximum(np.diag(errors.shape), 0.0)) for errors in sets] or [np.ones(6)]
+    widths = [np.sqrt(np.maximum(np.diag(errors.shape), 0.0)) for errors in sets]
     return np.asarray(np.maximum(1.08 * np.array(_SCALE) * np.max(widths, axis=0), _NOTHING))
 
 

@@ -17,22 +17,19 @@ from fmopt.verify.arithmetic.rational import (
     SLACK,
     ArithmeticRefusal,
     Row,
-    Square,
     add,
     cross,
     inverse,
     length,
     number,
     over,
-    root,
     row,
     row_dot,
     times,
-    vector,
 )
 from fmopt.verify.certificate.chain import Stage
 from fmopt.verify.certificate.edge_planes import Known
-from fmopt.verify.certificate.error_set import ErrorSet, metric, row_of, seen
+from fmopt.verify.certificate.error_set import row_of, seen
 from fmopt.verify.certificate.facet_margin import facet_margin
 from fmopt.verify.certificate.form import made_lever, varied
 from fmopt.verify.certificate.propagation import Motion
@@ -40,13 +37,7 @@ from fmopt.verify.certificate.separating_plane import Apart, WitnessError, apart
 from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
 from fmopt.verify.parts.assembly import Assembly
 from fmopt.verify.parts.rows import Distance, Function, PointAbove, size
-from fmopt.verify.reading.document import Numbers
 
-# What double arithmetic leaves of entries of shape matrices that should be zero, as radii in m and rad, and as a share.
-_SHAPE_FLOOR = (3e-10,) * 3 + (2e-8,) * 3
-_SHAPE_SKEW = (1e-17,) * 3 + (1e-15,) * 3
-_ROUNDING = 2e-12  # of the product of two radii
-_GENERATOR_FLOOR = 3e-15  # m and rad: doubles leave 1e-15 of the turns of a slender part
 _NORMAL_FLOOR = 1e-14  # of unit normals, and of their torques on arms in m
 _TWIST_FLOOR = 1e-15  # m or rad: rounding of a twist between two poses
 _RECIPROCAL = 1e-9  # power that rounding may leave a force axis on a position axis
@@ -65,16 +56,15 @@ class Outcome:
     failed: tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
 
 
-def check_segment(assembly: Assembly, stage: Stage, start: ErrorSet, notes: Notes) -> Outcome:
+def check_segment(assembly: Assembly, stage: Stage, notes: Notes) -> Outcome:
     """Compares every stated number of a segment with the derived one.
 
     Args:
         assembly: parts and contacts.
         stage: the segment, derived.
-        start: the error set at its start, thickness included.
         notes: takes what does not agree.
     """
-    _tube(stage, start, notes)
+    _tube(stage, notes)
     # All margins by name: the least is that of the segment, and what is said to bind has to be as small.
     named: list[tuple[int, str]] = []
     failed = _separations(assembly, stage, named, notes)
@@ -95,40 +85,13 @@ def check_segment(assembly: Assembly, stage: Stage, start: ErrorSet, notes: Note
     return Outcome(margin, failed)
 
 
-def _tube(stage: Stage, start: ErrorSet, notes: Notes) -> None:
-    tube, motion = stage.segment.tube, stage.motion
-    for end, errors in (("start", start), ("goal", motion.goal_errors)):
-        _generators(f"generators_{end}", tube.matrices[f"generators_{end}"], errors.generators, notes)
-        for kind, Q in errors.ellipsoids(metric(motion.task.rho)):
-            _shape(f"{kind}_{end}", tube.matrices[f"{kind}_{end}"], Q, notes)
-    half = motion.half
+def _tube(stage: Stage, notes: Notes) -> None:
+    tube, half = stage.segment.tube, stage.motion.half
     for axis, stated_width in enumerate(tube.box):
         notes.at_least(f"offset_box[{axis}]", stated_width, half[axis], ALLOWANCE)
     for axis, stated_angle in enumerate(tube.angles):
         notes.at_least(f"angle_box[{axis}]", stated_angle, half[3 + axis], ALLOWANCE)
-    notes.at_least("offset_max", tube.offset, length(vector(tube.box)), ALLOWANCE)
     notes.at_least("theta_max", tube.theta, length((half[3], half[4], half[5])), ALLOWANCE)
-
-
-def _shape(what: str, stated: Sequence[Numbers], Q: Square, notes: Notes) -> None:
-    radii = [number(root(Q[a][a])) for a in range(6)]
-    for a, (values, derived) in enumerate(zip(stated, Q, strict=True)):
-        least, skew, radius = _SHAPE_FLOOR[a], _SHAPE_SKEW[a], radii[a]
-        for b, (x, y) in enumerate(zip(values, derived, strict=True)):
-            # Entries that should vanish are noise of doubles, in proportion to the radii of both axes.
-            floor = least * _SHAPE_FLOOR[b] + _ROUNDING * radius * radii[b]
-            floor += skew * radii[b] + _SHAPE_SKEW[b] * radius
-            value = number(y)
-            if abs(x - value) > RELATIVE * abs(value) + floor:
-                notes.add(f"{what}[{a}][{b}]", f"it is stated as {x!r}, but follows as {value!r}")
-
-
-def _generators(what: str, stated: tuple[tuple[float, ...], ...], derived: tuple[Row, ...], notes: Notes) -> None:
-    if len(stated) != len(derived):
-        notes.add(what, f"has {len(stated)} generators where the check derives {len(derived)}")
-        return
-    for k, (g, h) in enumerate(zip(stated, derived, strict=True)):
-        notes.equal(f"{what}[{k}]", g, h, _GENERATOR_FLOOR)
 
 
 def _separations(

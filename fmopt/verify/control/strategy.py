@@ -40,7 +40,8 @@ from fmopt.verify.findings import RELATIVE, Notes
 from fmopt.verify.parts.assembly import Assembly, Touch
 from fmopt.verify.parts.reach import Contact, cross, dot, touching, unit_wrench
 from fmopt.verify.parts.rows import Pose, pose
-from fmopt.verify.reading.document import Hybrid, Numbers, Specification
+from fmopt.verify.reading.document import Hybrid, Specification
+from fmopt.verify.reading.reader import Numbers
 
 _SURE = 1.25  # times the threshold that the push alone must bring about
 _EXACT = 1e-11  # relative: what double arithmetic may leave of an equality between forces or axes

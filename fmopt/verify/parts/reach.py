@@ -11,7 +11,7 @@ from fmopt.verify.arithmetic.rational import doubles, number, transposed
 from fmopt.verify.parts.assembly import Assembly, Touch
 from fmopt.verify.parts.rows import Pose
 from fmopt.verify.parts.solids import Shape
-from fmopt.verify.reading.document import Numbers
+from fmopt.verify.reading.reader import Numbers
 
 _LEVEL = 1e-3  # sine of the angle below which two edges cross in no one point
 

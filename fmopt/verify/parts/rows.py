@@ -38,7 +38,7 @@ from fmopt.verify.arithmetic.rational import (
     vector,
 )
 from fmopt.verify.parts.solids import Line, Plane
-from fmopt.verify.reading.document import Numbers
+from fmopt.verify.reading.reader import Numbers
 
 FREE: Vector = (0, 0, 0)
 

@@ -37,7 +37,8 @@ from fmopt.verify.arithmetic.rational import (
     unit,
     vector,
 )
-from fmopt.verify.reading.document import Body, Numbers
+from fmopt.verify.reading.document import Body
+from fmopt.verify.reading.reader import Numbers
 
 ROUNDING = ONE >> 150  # more than the arithmetic's own error of a height, and less than SLACK
 DEVIATION = fixed(1e-12)  # m: how far vertices of pieces may be off the planes of the part that they stand for

@@ -1,17 +1,11 @@
-"""A plan as values, which every command, exporter, report and engine takes: read once, by `parse`.
-
-What a plan tells besides its segments, as values: nominal trajectory, contact states on the way, recovery.
-"""
+"""The part of a plan that the check judges, as values: read once, by `parse`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fmopt.verify.reading.diagnostics import Diagnostics, Interval, Search
-from fmopt.verify.reading.reader import FORMAT, NOT_COVERED, Numbers, PlanError
-
-__all__ = ["FORMAT", "NOT_COVERED", "Numbers", "PlanError"]
+from fmopt.verify.reading.reader import Numbers
 
 
 @dataclass(frozen=True)
@@ -106,11 +100,9 @@ class ContactClaim:
 
 @dataclass(frozen=True)
 class Tube:
-    """What is claimed of the errors of a segment."""
+    """Bounds of the errors of a segment: angle |ε|, half-widths (3,) of e and of ε, m and rad."""
 
-    matrices: Mapping[str, tuple[Numbers, ...]]
     theta: float
-    offset: float
     box: Numbers
     angles: Numbers
 
@@ -187,7 +179,6 @@ class Specification:
 class Segment:
     """A piece of motion with its claims."""
 
-    critical_point: int
     move: int
     state: tuple[str, ...]
     goal_state: tuple[str, ...]
@@ -207,7 +198,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan.
+    """A plan without its description.
 
     Attributes:
         verdict: its own: CERTIFIED, NOT_PROVED or REFUTED.
@@ -225,9 +216,7 @@ class Plan:
         goal: pose (6,).
         touch: how far apart parts are taken to touch, m.
         not_covered: what it leaves out.
-        search: how the sequence of moves was found.
-        nominal, critical_points, position_force, recovery: what it tells besides; none of it in a bare proof.
-        diagnostics: what it tells of how it was found; likewise.
+        recovery: backing off and trying again; None in a bare proof.
     """
 
     verdict: str
@@ -248,72 +237,12 @@ class Plan:
     goal: Numbers
     touch: float
     not_covered: tuple[str, ...]
-    search: Search | None = None
-    nominal: Nominal | None = None
-    critical_points: tuple[CriticalPoint, ...] | None = None
-    position_force: tuple[PositionForce, ...] | None = None
     recovery: Recovery | None = None
-    diagnostics: Diagnostics | None = None
 
     @property
     def parts(self) -> dict[str, Part]:
         """The parts by side, "moving" and "fixed"."""
         return {"moving": self.moving, "fixed": self.fixed}
-
-
-@dataclass(frozen=True)
-class Nominal:
-    """The nominal trajectory: poses (6,) at times (s), straight between, and S(t) along it."""
-
-    nodes: tuple[Numbers, ...]
-    times: Numbers
-    intervals: tuple[Interval, ...]
-
-
-@dataclass(frozen=True)
-class PositionForce:
-    """Pₐ(t), Pₙ(t) and Fₐ(t) on an interval on which P is straight and S constant.
-
-    Attributes:
-        interval: from when to when, and S.
-        pa_start, pa_end: artificial position constraints (6,) at both ends, m and rad.
-        pn_start, pn_end: natural ones likewise.
-        fa: reaction (6,) on the moving part, N and N·m.
-        applied: wrench (6,) applied to the moving part, −fa.
-        either_sign: degrees whose reaction may have either sign.
-    """
-
-    interval: Interval
-    pa_start: Numbers
-    pa_end: Numbers
-    pn_start: Numbers
-    pn_end: Numbers
-    fa: Numbers
-    applied: Numbers
-    either_sign: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class CriticalPoint:
-    """A pose near which contact states were looked for.
-
-    Attributes:
-        name: what it is called.
-        pose: (6,).
-        contacts: ids of the primitive contacts possible near it.
-        enumerated: whether all states near it were enumerated.
-        states_by_dimension: how many states there are of each dimension.
-        states_confirmed: how many of them were confirmed.
-        states_by_verdict: how many came to which verdict.
-    """
-
-    name: str
-    pose: Numbers
-    contacts: tuple[str, ...]
-    enumerated: bool
-    states_by_dimension: Mapping[int, int]
-    states_confirmed: int
-    states_by_verdict: Mapping[str, int]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""From JSON to a plan: every value of it is taken out here, or the plan is refused."""
+"""From JSON to the part of a plan that the check judges; the description is any object, which the seal covers."""
 
 from __future__ import annotations
 
@@ -7,17 +7,12 @@ import re
 from dataclasses import replace
 from typing import Any
 
-from fmopt.verify.reading.diagnostics import Search, SearchedState
 from fmopt.verify.reading.document import Body, Contact, Found, Part, Plan, Specification
-from fmopt.verify.reading.parse_diagnostics import DIAGNOSTIC_FIELDS, read_diagnostics
 from fmopt.verify.reading.parse_segments import (
-    ACCOUNT_FIELDS,
+    RECOVERY_FIELDS,
     SEGMENT_FIELDS,
     feature_pair,
     pose,
-    read_critical_points,
-    read_nominal,
-    read_position_force,
     read_recovery,
     read_segment,
 )
@@ -41,23 +36,14 @@ SMALLEST_RADIUS, LARGEST_RADIUS = 1e-6, 4.0  # m
 LARGEST_FORM = 1e-3  # m
 _FRACTION = re.compile(r"(-?[0-9]+)(?:/([1-9][0-9]*))?", re.ASCII)
 _LONGEST_FRACTION = 800
-_MOVE_NAME = re.compile(r"[+-]r?[xyz]|[a-z]{1,16}", re.ASCII)
-_SEARCH = fields(
-    "search",
-    commentary="objective cost lower_bound gap states_expanded moves heading way",
-    objects="states",
-    optional=("states", "way"),
-)
-_STATE = fields("search.states[]", commentary="from moves contacts freedoms cost margin expanded")
 _VERSION = re.compile(r"[0-9A-Za-z][0-9A-Za-z.+-]{0,39}", re.ASCII)
 _TOP = fields(
     "",
     proved="format verdict touch_tolerance not_covered sha256",
     compared="goal",
-    commentary="fmopt_version",
-    objects="problem units frames parts contacts segments uncertainty specification "
-    "nominal critical_points position_force search diagnostics recovery",
-    optional=("nominal", "critical_points", "position_force", "search", "diagnostics", "recovery"),
+    commentary="fmopt_version description",
+    objects="problem units frames parts contacts segments uncertainty specification recovery",
+    optional=("recovery", "description"),
 )
 _PROBLEM = fields("problem", compared="sha256", commentary="title")
 _UNITS = fields("units", proved=" ".join(UNITS))
@@ -86,7 +72,7 @@ _SIDE = fields("contacts[].*", proved="vertices")
 FIELDS: tuple[Fields, ...] = (
     _TOP, _PROBLEM, _UNITS, _FRAMES, _UNCERTAINTY, _SOURCE, _SPECIFICATION, _PARTS, _PART, _EXACT, _FOUND, _BALL,
     _PIECE,
-    _CONTACT, _SIDE, *SEGMENT_FIELDS, *ACCOUNT_FIELDS, _SEARCH, _STATE, *DIAGNOSTIC_FIELDS,
+    _CONTACT, _SIDE, *SEGMENT_FIELDS, *RECOVERY_FIELDS,
 )  # fmt: skip
 
 
@@ -100,7 +86,9 @@ def parse(document: Any) -> Plan:
     if not isinstance(document, dict):
         raise top.fail("must be an object")
     # Before all keys: of a file of another format nothing else would be worth saying.
-    top.at("format").text([FORMAT])
+    if (stated := top.at("format")).value == "fmopt.plan/1":
+        raise stated.fail("fmopt.plan/1: written by an older fmopt; solve the problem again")
+    stated.text([FORMAT])
     top.only(_TOP)
     _the_formats_own(top)
     moving, fixed = (_part(top.at("parts").only(_PARTS).at(key)) for key in ("moving", "fixed"))
@@ -114,9 +102,7 @@ def parse(document: Any) -> Plan:
     if len({(c.kind, c.moving, c.fixed) for c in contacts}) != len(contacts):
         raise top.at("contacts").fail("has a contact under two ids")
     uncertainty, problem = top.at("uncertainty").only(_UNCERTAINTY), top.at("problem").only(_PROBLEM)
-    search, nominal, recovery = top.maybe("search"), top.maybe("nominal"), top.maybe("recovery")
-    critical, rows = top.maybe("critical_points"), top.maybe("position_force")
-    diagnostics = top.maybe("diagnostics")
+    recovery = top.maybe("recovery")
     return Plan(
         verdict=top.at("verdict").text(VERDICTS),
         title=problem.at("title").text(),
@@ -135,12 +121,7 @@ def parse(document: Any) -> Plan:
         goal=pose(top.at("goal")),
         touch=top.at("touch_tolerance").number(0.0, LARGEST_TOLERANCE),
         not_covered=tuple(item.text() for item in top.at("not_covered").items(most=64)),
-        search=None if search is None else _search(search),
-        nominal=None if nominal is None else read_nominal(nominal),
-        critical_points=None if critical is None else read_critical_points(critical),
-        position_force=None if rows is None else read_position_force(rows),
         recovery=None if recovery is None else read_recovery(recovery, moving, fixed),
-        diagnostics=None if diagnostics is None else read_diagnostics(diagnostics),
         digest_holds=top.at("sha256").value == digest(document),
     )
 
@@ -280,45 +261,3 @@ def _specification(place: Reader) -> Specification:
         force, mass, stiffness = (place.at(name).number(0.0, 1e12) for name in limits)
         impact = force, mass, stiffness
     return Specification(speed, contact_force, torque, friction, threshold, impact)
-
-
-def _search(place: Reader) -> Search:
-    """How the sequence of moves was found."""
-    place.only(_SEARCH)
-    listed, way = place.maybe("states"), place.maybe("way")
-    states = () if listed is None else tuple(_state(item, k) for k, item in enumerate(listed.items()))
-    return Search(
-        place.at("objective").text(),
-        place.at("cost").number(),
-        place.at("lower_bound").number(),
-        place.at("gap").number(),
-        place.at("states_expanded").integer(),
-        _moves(place),
-        place.at("heading").number(-4.0, 4.0),
-        states,
-        () if way is None else way.indices(len(states)),
-    )
-
-
-def _state(place: Reader, number: int) -> SearchedState:
-    place.only(_STATE)
-    origin, cost = place.filled("from"), place.filled("cost")
-    return SearchedState(
-        None if origin is None else origin.integer(number),  # from a state listed before it
-        _moves(place),
-        tuple(item.label() for item in place.at("contacts").items()),
-        place.at("freedoms").integer(7),
-        None if cost is None else cost.number(),
-        place.at("margin").number(),
-        place.at("expanded").flag(),
-    )
-
-
-def _moves(place: Reader) -> tuple[str, ...]:
-    return tuple(_move_name(item) for item in place.at("moves").items())
-
-
-def _move_name(place: Reader) -> str:
-    if _MOVE_NAME.fullmatch(place.text()) is None:
-        raise place.fail("must be an axis with its sign, or a word")
-    return str(place.value)

@@ -1,25 +1,17 @@
-"""From JSON to the segments of a plan, with their claims and their control.
-
-From JSON to what a plan tells besides its segments.
-"""
+"""From JSON to the segments of a plan, with their claims and their control, and to its recovery."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from itertools import pairwise
 
-from fmopt.verify.reading.diagnostics import Interval
 from fmopt.verify.reading.document import (
     ContactClaim,
-    CriticalPoint,
     Hybrid,
     JamFree,
     Lift,
     MoveRecovery,
-    Nominal,
     Part,
-    PositionForce,
     Recovery,
     Segment,
     Separation,
@@ -31,20 +23,16 @@ from fmopt.verify.reading.reader import Fields, Numbers, Reader, fields
 
 SLOWEST = 1e-9  # m/s
 LEAST_FORCE = 1e-9  # N, that ends a move
+KINDS = ("guarded_move",)
 STAYS = ("push", "stop", "none")
 _SEGMENT = fields(
     "segments[]",
-    proved="move state goal_state progress start goal clearance margin binding_contact leaving",
-    commentary="critical_point",
+    proved="kind move state goal_state progress start goal clearance margin binding_contact leaving",
     objects="basis tube separations contacts hybrid",
     optional=("leaving",),
 )
 _BASIS = fields("segments[].basis[]", proved="contact direction made")
-_TUBE = fields(
-    "segments[].tube",
-    proved="shape_start shape_goal generators_start generators_goal growth_start growth_goal slide_start "
-    "slide_goal swing_start swing_goal theta_max offset_max offset_box angle_box",
-)
+_TUBE = fields("segments[].tube", proved="theta_max offset_box angle_box")
 _SEPARATION = fields("segments[].separations[]", proved="moving_piece fixed_piece margin", objects="witness")
 _WITNESS = fields(
     "segments[].separations[].witness", proved="kind moving fixed normal offset", optional=("normal", "offset")
@@ -70,18 +58,11 @@ _SIZES = {
     "edge-edge": (2, 2),
     "ball-face": (1, 3),
 }  # vertices; 3 or more of a face
-_MANY = 256  # generators of an error set, twists that prove a range
+_MANY = 256  # twists that prove a range
 _WITNESSES = ("fixed-face", "moving-face", "edges", "plane")
 
 LARGEST_NUMBER_OF_RETRIES = 64
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-STATE_VERDICTS = ("confirmed", "blocked", "out_of_bounds", "split", "undecided")
-_NOMINAL = fields("nominal", commentary="nodes times", objects="intervals")
-_INTERVAL = fields("nominal.intervals[]", commentary="t0 t1 s")
-_ROW = fields("position_force[]", commentary="t0 t1 s pa_start pa_end pn_start pn_end fa fa_sign applied either_sign")
-_CRITICAL = fields(
-    "critical_points[]", commentary="name pose pcs enumerated states_by_dimension states_confirmed states_by_verdict"
-)
 _RECOVERY = fields("recovery", proved="retries covers", commentary="why not_covered", objects="lift moves")
 _LIFT = fields("recovery.lift", proved="direction above clear turn")
 _MOVE = fields("recovery.moves[]", proved="move back_off room", objects="first order")
@@ -90,9 +71,7 @@ _FIRST = fields(
     "recovery.moves[].first[]", commentary="kind factor axis axis_factor wrench angle told", objects="moving fixed"
 )
 _TOUCHED = fields("recovery.moves[].first[].*", commentary="vertices")
-ACCOUNT_FIELDS: tuple[Fields, ...] = (
-    _NOMINAL, _INTERVAL, _ROW, _CRITICAL, _RECOVERY, _LIFT, _MOVE, _ORDER, _FIRST, _TOUCHED,
-)  # fmt: skip
+RECOVERY_FIELDS: tuple[Fields, ...] = (_RECOVERY, _LIFT, _MOVE, _ORDER, _FIRST, _TOUCHED)
 
 
 def pose(place: Reader) -> Numbers:
@@ -127,7 +106,7 @@ def _ids(place: Reader, known: Iterable[str]) -> tuple[str, ...]:
 
 
 def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part) -> Segment:
-    """A segment.
+    """A segment, whose kind says how the rest of it reads.
 
     Args:
         place: where it stands.
@@ -137,6 +116,7 @@ def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part)
     Raises:
         PlanError: it has another form.
     """
+    place.at("kind").text(KINDS)
     place.only(_SEGMENT)
     progress = place.at("progress").numbers(2, 0.0, 1.0)
     if not progress[0] < progress[1]:
@@ -149,7 +129,6 @@ def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part)
     claims = place.at("contacts").items()
     separations = place.at("separations").items(most=2 * (len(moving.pieces) + len(moving.balls)) * len(fixed.pieces))
     return Segment(
-        place.at("critical_point").integer(),
         place.at("move").integer(),
         _ids(place.at("state"), known),
         _ids(place.at("goal_state"), known),
@@ -170,14 +149,8 @@ def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part)
 
 def _tube(place: Reader) -> Tube:
     place.only(_TUBE)
-    matrices: dict[str, tuple[Numbers, ...]] = {
-        f"{kind}_{end}": place.at(f"{kind}_{end}").matrix(None if kind == "generators" else 6, _MANY)
-        for kind in ("shape", "generators", "growth", "slide", "swing")
-        for end in ("start", "goal")
-    }
-    theta, offset = place.at("theta_max").number(0.0, 1.0), place.at("offset_max").number(0.0, 1.0)
     box, angles = (place.at(key).numbers(3, 0.0, 1.0) for key in ("offset_box", "angle_box"))
-    return Tube(matrices, theta, offset, box, angles)
+    return Tube(place.at("theta_max").number(0.0, 1.0), box, angles)
 
 
 def _separation(place: Reader, moving: Part, fixed: Part) -> Separation:
@@ -255,55 +228,6 @@ def _jam_free(place: Reader) -> JamFree:
         place.at("angle").number(0.0, math.pi),
         tuple(planes),
         place.at("twists").matrix(None, _MANY),
-    )
-
-
-def read_nominal(place: Reader) -> Nominal:
-    """The nominal trajectory."""
-    place.only(_NOMINAL)
-    times = tuple(item.number(0.0) for item in place.at("times").items(2))
-    intervals = tuple(read_interval(item.only(_INTERVAL)) for item in place.at("intervals").items(1))
-    if any(a > b for a, b in pairwise(times)) or not times[-1] > 0.0:
-        raise place.at("times").fail("must not go back")
-    return Nominal(place.at("nodes").matrix(len(times)), times, intervals)
-
-
-def read_interval(place: Reader) -> Interval:
-    """An interval of S(t)."""
-    s = tuple(item.integer(3, low=-1) for item in place.at("s").items(exact=6))
-    return Interval(place.at("t0").number(0.0), place.at("t1").number(0.0), s)
-
-
-def read_position_force(place: Reader) -> tuple[PositionForce, ...]:
-    """The rows of Pₐ(t) and Fₐ(t)."""
-    return tuple(_row(item.only(_ROW)) for item in place.items(1))
-
-
-def _row(place: Reader) -> PositionForce:
-    place.at("fa_sign").text(("reaction",))
-    pa_start, pa_end, pn_start, pn_end, fa, applied = (
-        place.at(key).numbers(6) for key in ("pa_start", "pa_end", "pn_start", "pn_end", "fa", "applied")
-    )
-    either = place.at("either_sign").indices(6)
-    return PositionForce(read_interval(place), pa_start, pa_end, pn_start, pn_end, fa, applied, either)
-
-
-def read_critical_points(place: Reader) -> tuple[CriticalPoint, ...]:
-    """The poses near which contact states were looked for."""
-    return tuple(_critical(item.only(_CRITICAL)) for item in place.items())
-
-
-def _critical(place: Reader) -> CriticalPoint:
-    dimensions = place.at("states_by_dimension").only((), map(str, range(7)))
-    verdicts = place.at("states_by_verdict").only(STATE_VERDICTS)
-    return CriticalPoint(
-        place.at("name").label(),
-        place.at("pose").numbers(6),
-        tuple(item.label() for item in place.at("pcs").items()),
-        place.at("enumerated").flag(),
-        {k: dimensions.at(str(k)).integer() for k in range(7) if dimensions.has(str(k))},
-        place.at("states_confirmed").integer(),
-        {name: verdicts.at(name).integer() for name in STATE_VERDICTS},
     )
 
 

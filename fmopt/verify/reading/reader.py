@@ -18,7 +18,7 @@ from typing import Any
 
 LARGEST_FILE = 1 << 26  # bytes
 
-FORMAT = "fmopt.plan/1"
+FORMAT = "fmopt.plan/2"
 UNITS = {"length": "m", "angle": "rad", "force": "N", "torque": "N m", "time": "s"}
 FRAMES = {
     "B": "body frame of the fixed hollow feature: origin at the centre of its mouth, z out of the hole",
@@ -147,7 +147,8 @@ MOST = 4096  # entries of a list, where nothing else is said
 LONGEST = 1000  # characters of a text
 # Control characters, those that turn the direction of writing, separators of lines, halves of characters.
 UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]")
-_LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+\[\]/ -]{0,63}", re.ASCII)
+LABEL = r"[A-Za-z0-9][A-Za-z0-9_.+\[\]/ -]{0,63}"
+_LABEL = re.compile(LABEL, re.ASCII)
 _HEX = re.compile(r"[0-9a-f]{64}", re.ASCII)
 
 PROVED = "proved"  # derived again from what is compared, a choice that the proof rests on, or the format's only value

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,20 +13,21 @@ from fmopt.papers.basanez_suarez.account import (
     Nominal,
     Stretch,
     account,
-    contact_records,
+    contact_sets,
     in_plane,
     reach_of,
-    surface_record,
+    surface,
 )
 from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
 from fmopt.papers.basanez_suarez.contact import CU, Kind, Range
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.sources import Deviations
-from fmopt.plan import boundary, surface
+from fmopt.plan import Plan
+from fmopt.plan.description import Description
+from fmopt.plan.diagnostics import Boundary, Planar
 from fmopt.report.drawing import drawn
 from fmopt.report.page import possible_contacts
 from fmopt.report.views import planar_view, surface_view
-from fmopt.verify.reading.diagnostics import Agreement, Planar
 from tests.shared.plans.report_plans import cube, diagnostics
 
 RANGE, SURE = Range(-0.6, 0.9), Range(-0.4, 0.7)
@@ -43,64 +42,58 @@ def contact(name: str) -> CU:
     return CU(kind, 0, 1, EDGE[name], [0.03, -0.01], RANGE, SURE, 0.25, 0.003)
 
 
-def points(record: dict[str, Any]) -> np.ndarray:
-    return np.vstack([planar_view.piece_points(piece) for loop in boundary(record).loops for piece in loop])
+def points(found: Boundary) -> np.ndarray:
+    return np.vstack([planar_view.piece_points(piece) for loop in found.loops for piece in loop])
 
 
 @pytest.mark.parametrize("name", EDGE)
-def test_records_draw_the_boundary(name: str) -> None:
+def test_sets_draw_the_boundary(name: str) -> None:
     cu, phi = contact(name), 0.3
-    records = json.loads(json.dumps(contact_records(cu, phi, (0.1, 0.2))))
+    sets = contact_sets(cu, phi, (0.1, 0.2))
     shape = cu.at(phi)
-    assert np.abs(shape.core_distance(points(records[-1])) - shape.radius).max() <= 1e-9 * shape.size
+    assert np.abs(shape.core_distance(points(sets[-1])) - shape.radius).max() <= 1e-9 * shape.size
     # The curves run on from one another, and round what is possible without deviations.
-    for record in records:
-        for loop in boundary(record).loops:
+    for found in sets:
+        for loop in found.loops:
             ends = [planar_view.piece_points(piece)[[0, -1]] for piece in loop]
             for (_, last), (first, _) in zip(ends, [*ends[1:], ends[0]], strict=True):
                 assert np.hypot(*(last - first)) <= 1e-9
-        assert record["nominal"]
-    nominal = np.array(records[-1]["nominal"])
-    assert shape.core_distance(nominal).max() <= 1e-12
+        assert found.nominal
+    assert shape.core_distance(np.array(sets[-1].nominal)).max() <= 1e-12
     expected = {"1": ["Uv", "CUv", "CUl"], "A": ["Ul", "CUl"], "B": ["Ul", "CUl"]}
-    assert [record["name"].split()[0] for record in records] == expected[name]
+    assert [found.name.split()[0] for found in sets] == expected[name]
     if name != "1":
-        assert records[0]["name"].endswith(f"case {name}")
-        assert ("n" in {piece["on"] for loop in records[0]["loops"] for piece in loop}) is (name == "A")
+        assert sets[0].name.endswith(f"case {name}")
+        assert ("n" in {piece.on for loop in sets[0].loops for piece in loop}) is (name == "A")
 
 
 def test_uv_lies_about_the_vertex() -> None:
     cu = contact("1")
-    held = contact_records(cu, 0.3, (0.1, 0.2))[0]
+    held = contact_sets(cu, 0.3, (0.1, 0.2))[0]
     c, s = math.cos(0.3), math.sin(0.3)
     vertex = np.array([0.1, 0.2]) + np.array([[c, -s], [s, c]]) @ cu.vertex
-    assert np.array(held["nominal"]) == pytest.approx(vertex[None], abs=1e-15)
+    assert np.array(held.nominal) == pytest.approx(vertex[None], abs=1e-15)
 
 
 def test_surfaces_hold_their_nominal_surface_where_it_exists() -> None:
     cu = contact("A")
-    record = surface_record(cu, 16)
-    assert [part["phi"] for part in record["slices"]] == pytest.approx(np.linspace(-0.6, 0.9, 16))
-    for part in record["slices"]:
-        assert bool(part["nominal"]) is bool(SURE.contains(part["phi"]))
-        shape = cu.at(part["phi"])
-        edge = points({key: part[key] for key in ("name", "loops", "nominal")})
-        assert np.abs(shape.core_distance(edge) - shape.radius).max() <= 1e-9 * shape.size
+    found = surface(cu, 16)
+    assert [part.phi for part in found.slices] == pytest.approx(np.linspace(-0.6, 0.9, 16))
+    for part in found.slices:
+        assert bool(part.boundary.nominal) is bool(SURE.contains(part.phi))
+        shape = cu.at(part.phi)
+        assert np.abs(shape.core_distance(points(part.boundary)) - shape.radius).max() <= 1e-9 * shape.size
 
 
 def test_figures_are_drawn_in_the_colours_of_the_circles() -> None:
-    sets = tuple(boundary(one) for name in EDGE for one in contact_records(contact(name), 0.3, (0.0, 0.0)))
+    sets = tuple(one for name in EDGE for one in contact_sets(contact(name), 0.3, (0.0, 0.0)))
     picture = drawn(partial(planar_view.paint_sets, sets), planar_view.sets_size(sets)).decode()
     used = {piece.on for found in sets for loop in found.loops for piece in loop}
     assert used == set(planar_view.CARRIERS)
     for colour, _, _ in planar_view.CARRIERS.values():
         assert colour in picture
-    surfaces = tuple(surface(surface_record(contact(name), 6)) for name in ("1", "A"))
-    agreement = Agreement(1.0, 0.0, 0.0, 0.0, True, "they agree")
-    planar = Planar(1e-3, 0.1, (), agreement, (), 1e-3, None, sets, surfaces)
-    told_of = cube(diagnostics=diagnostics()).diagnostics
-    assert told_of is not None
-    plan = replace(cube(), diagnostics=replace(told_of, planar=planar))
+    planar = replace(told(), sets=sets, surfaces=tuple(surface(contact(name), 6) for name in ("1", "A")))
+    plan = described(planar)
     assert drawn(partial(surface_view.paint, plan), surface_view.size(plan)).startswith(b"<?xml")
     assert "Ul of edge 0, case A" in planar_view.alt(plan)
     assert "type-2, φ from -34.38 to 51.57°" in surface_view.alt(plan)
@@ -108,7 +101,14 @@ def test_figures_are_drawn_in_the_colours_of_the_circles() -> None:
     assert not surface_view.has(cube())
 
 
-def told(aside: float = 2e-3, stopped_from: float = 1.0) -> dict[str, Any]:
+def described(planar: Planar) -> Plan:
+    """A plan that is described by the account."""
+    found = cube(diagnostics=diagnostics())
+    assert found.diagnostics is not None
+    return replace(found, description=Description(diagnostics=replace(found.diagnostics, planar=planar)))
+
+
+def told(aside: float = 2e-3, stopped_from: float = 1.0) -> Planar:
     """The account of a peg that goes straight down into a slot 1 mm wider than it is."""
     nominal = Nominal([(0.0, 0.01, 0.0), (0.0, -0.03, 0.0)], [0.0, 4.0], ((stopped_from, 4.0, True),))
     run = [
@@ -120,51 +120,50 @@ def told(aside: float = 2e-3, stopped_from: float = 1.0) -> dict[str, Any]:
 
 def test_account_of_an_insertion() -> None:
     found = told()
-    assert json.loads(json.dumps(found)) == found
-    first, second = found["segments"]
-    assert next(phase["kind"] for phase in first["phases"]) == "gross"
+    first, second = found.segments
+    assert first.phases[0].kind == "gross"
     # The tip meets the mouth's corners when the disc of 2 mm and the swing of 0.1 mm reach down to it.
-    assert first["kind"] == "fine"
-    at = next(phase["start"] for phase in first["phases"] if phase["kind"] == "fine")
+    assert first.kind == "fine"
+    at = next(phase.start for phase in first.phases if phase.kind == "fine")
     height = 0.01 - 0.011 * at
     assert 1.9e-3 <= height <= 2.2e-3
-    assert second["kind"] == "gross"
+    assert second.kind == "gross"
     possible = PossibleContacts.between(Profile.of(PEG), Profile.of(LEFT, RIGHT), Deviations(np.zeros(8), 2e-3, 0.01))
     below = possible.gaps([[0.0, height - 1e-4, 0.0]])[0]
     names = {cu.name for cu, gap in zip(possible.sets, below, strict=True) if gap <= 0.0}
     assert names
-    assert names <= {name for phase in first["phases"] for name in phase["contacts"]}
-    assert {"Uv", "CUv", "CUl", "Ul"} == {record["name"].split()[0] for record in found["sets"]}
+    assert names <= {name for phase in first.phases for name in phase.contacts}
+    assert {"Uv", "CUv", "CUl", "Ul"} == {one.name.split()[0] for one in found.sets}
 
 
 def test_account_compares_with_s() -> None:
-    assert told()["agreement"]["agrees"]
-    early = told(stopped_from=0.2)["agreement"]
-    assert not early["agrees"]
-    assert early["only_stopped"] == pytest.approx(0.6, abs=0.05)
-    late = told(stopped_from=2.0)["agreement"]
-    assert late["agrees"]
-    assert late["only_possible"] > 1.0
-    assert "disc around the box" in late["words"]
-    total = sum(late[name] for name in ("both", "neither", "only_possible", "only_stopped"))
-    assert total == pytest.approx(4.0)
+    assert told().agreement.agrees
+    early = told(stopped_from=0.2).agreement
+    assert not early.agrees
+    assert early.only_stopped == pytest.approx(0.6, abs=0.05)
+    late = told(stopped_from=2.0).agreement
+    assert late.agrees
+    assert late.only_possible > 1.0
+    assert "disc around the box" in late.words
+    assert late.both + late.neither + late.only_possible + late.only_stopped == pytest.approx(4.0)
 
 
 def test_account_tells_how_high_to_carry() -> None:
-    assert told()["carry"]["height"] == 0.0
-    high = told(aside=0.012)["carry"]
+    assert told().height == 0.0
+    high = told(aside=0.012).height
+    assert high is not None
     # 10 mm above the mouth, off by 12 mm and a swing.
-    assert 2e-3 <= high["height"] <= 2.5e-3
+    assert 2e-3 <= high <= 2.5e-3
 
 
 def test_the_chapter_names_contacts_and_the_agreement() -> None:
-    page = possible_contacts(cube(diagnostics=diagnostics(planar=told())))
+    page = possible_contacts(described(told()))
     assert "S(t) stops motions only where the sets allow a contact" in page
     assert "by up to 2 mm" in page
     assert "meets nothing" in page
     assert "v0-e" in page
     assert possible_contacts(cube()) == ""
-    lifted = possible_contacts(cube(diagnostics=diagnostics(planar=told(aside=0.012))))
+    lifted = possible_contacts(described(told(aside=0.012)))
     assert "it has to be lifted by 2." in lifted
 
 

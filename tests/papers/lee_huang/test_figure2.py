@@ -9,16 +9,16 @@ from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.csg import Box, Cone, Cylinder, Union
 from fmopt.papers.lee_huang.freedom import freedom, half_widths
 from fmopt.papers.lee_huang.hand_position_force import position_force
-from fmopt.papers.lee_huang.mapping import Task, answered, plane_diagrams, records, task_mapping
-from fmopt.plan import clean, diagram
+from fmopt.papers.lee_huang.mapping import Task, answered, diagrams, plane_diagrams, task_mapping
+from fmopt.plan.description import Nominal
+from fmopt.plan.diagnostics import Interval
+from fmopt.plan.field_types import numbers
 from fmopt.plan.position_force import Decomposition, contact_forces
 from fmopt.report.drawing import drawn
 from fmopt.report.views import diagram_view, trajectory_view
 from fmopt.task.object_model.command import answer
 from fmopt.task.problem import load
 from fmopt.task.task_command import task_command
-from fmopt.verify.reading.parse_segments import read_nominal, read_position_force
-from fmopt.verify.reading.reader import Reader
 from tests import PROBLEMS
 from tests.shared.parts.figure2 import BORE, BOX, GOAL, PEG, RHO, SPEED, START, at, block, hexagon, radius
 
@@ -59,14 +59,13 @@ def test_figure_two_is_free_until_t1_and_then_servoed_in_z_and_q_z_alone():
     for row in rows:
         middle = 0.5 * (row.start + row.end)
         if middle < t1:
-            assert not row.fa.any()
-            assert not row.pn_start.any()
+            assert not any((*row.fa, *row.pn_start))
         else:
             assert np.array_equal(np.abs(row.fa), forces * [1, 1, 0, 1, 1, 0])
-            assert row.document()["either_sign"] == [0, 1, 3, 4]
-            assert np.array_equal(row.applied, -row.fa)
-            assert np.array_equal(row.pa_end[[0, 1, 3, 4]], np.zeros(4))
-        assert np.allclose(row.pa_start + row.pn_start, made.path.at(row.start))
+            assert row.either_sign == (0, 1, 3, 4)
+            assert np.array_equal(row.applied, np.negative(row.fa))
+            assert not any(row.pa_end[axis] for axis in row.either_sign)
+        assert np.allclose(np.add(row.pa_start, row.pn_start), made.path.at(row.start))
         assert len(Decomposition(row.s).natural) + len(Decomposition(row.s).artificial) == 6
 
 
@@ -212,11 +211,10 @@ def test_the_radii_come_from_the_problems_errors():
 def test_the_figures_show_all_parts_of_the_mapping():
     problem, _, made = figure_two()
     rows = position_force(made.path, made.freedoms, contact_forces(problem.specification, RHO))
-    intervals = [{"t0": one.start, "t1": one.end, "s": list(one.s)} for one in made.freedoms]
-    nominal = {"nodes": made.path.nodes, "times": made.path.times, "intervals": intervals}
-    forces = read_position_force(Reader(clean([row.document() for row in rows])))
-    course = trajectory_view.Course(read_nominal(Reader(clean(nominal))), forces)
-    found = [diagram(record) for record in records(made, 0.05)]
+    intervals = tuple(Interval(one.start, one.end, one.s) for one in made.freedoms)
+    nominal = Nominal(tuple(map(numbers, made.path.nodes)), numbers(made.path.times), intervals)
+    course = trajectory_view.Course(nominal, rows)
+    found = diagrams(made, 0.05)
     for view, shown in ((diagram_view, found), (trajectory_view, course)):
         text = drawn(lambda figure, view=view, shown=shown: view.paint(shown, figure), view.size(shown)).decode()
         again = drawn(lambda figure, view=view, shown=shown: view.paint(shown, figure), view.size(shown)).decode()

@@ -152,7 +152,7 @@ def test_the_hollow_part_in_the_hand_is_solved(tmp_path: Path) -> None:
     text = text.replace("translation = 0.01", "translation = 0.0002").replace("rotation = 0.01", "rotation = 0.0002")
     result = synthesise(loaded(tmp_path, text))
     assert result.document["verdict"] == "CERTIFIED"
-    hand = result.document["diagnostics"]["hand"]
+    hand = result.document["description"]["diagnostics"]["hand"]
     assert (hand["grasped"], hand["standing"], hand["exchanged"]) == ("square_hole_block.hole", "square_peg.peg", True)
     for segment, move in zip(result.document["segments"], hand["segments"], strict=True):
         held = Pose.from_vector(move["goal"]).compose(Pose.from_vector([0, 0, 0.05, 0, 0, 0]))

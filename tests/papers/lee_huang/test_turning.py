@@ -13,10 +13,9 @@ from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.csg import Box, Solid, Union
 from fmopt.geometry.plane.region import polygon_region
 from fmopt.geometry.polyhedron import placed
-from fmopt.papers.lee_huang.mapping import Mapping, Task, records, task_mapping
+from fmopt.papers.lee_huang.mapping import Mapping, Task, diagrams, task_mapping
 from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_over, section_at
 from fmopt.papers.lee_huang.uncertainty_zone import PLANES
-from fmopt.plan import diagram
 from fmopt.report.drawing import drawn
 from fmopt.report.views import diagram_view
 from fmopt.spatial.values import Array
@@ -95,7 +94,7 @@ def test_a_part_under_a_roof_comes_out_as_it_lies_and_turns_where_there_is_room(
     assert made.path.nodes[k, 2] > 0.01  # its half width above the block
     assert [one.s for one in made.freedoms] == [FREE, ROUND]
     assert never_meets(made, fixed)
-    found = [diagram(record) for record in records(made, 0.05)]
+    found = diagrams(made, 0.05)
     assert [item.turning is not None for item in found] == [True, True, False]
     text = drawn(lambda figure: diagram_view.paint(found, figure), diagram_view.size(found))
     without = [replace(item, turning=None) for item in found]

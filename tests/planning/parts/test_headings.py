@@ -131,7 +131,7 @@ def test_a_kite_is_certified_at_errors_of_millimetres(kite: Problem) -> None:
     motion = tilted_motion(kite, KITE)
     assert motion.placed.margin > 2e-5
     document = certified_plan(kite, motion)
-    assert document["search"]["heading"] == KITE.heading
+    assert document["description"]["search"]["heading"] == KITE.heading
     assert execute(document, 20, seed=3).broken == {}
 
 

@@ -34,6 +34,7 @@ from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
 from fmopt.verify.findings import NOT_PROVED, Verdict
 from tests import ROOT
+from tests.shared.plans.report_plans import diagnostics
 from tests.shared.searched import task_of
 
 BOX = '[solids.a]\nshape = "box"\nsize = [1, 1, 1]\n'
@@ -263,7 +264,8 @@ def test_a_plan_for_a_share_proves_nothing_for_all(slot: Problem, monkeypatch: p
 
     def complete(problem: Problem, *_: object) -> pipeline.Synthesis:
         completed.append(problem)
-        return pipeline.Synthesis({"verdict": "CERTIFIED", "diagnostics": {"graphs": []}}, certified, {})
+        document = {"verdict": "CERTIFIED", "description": {"diagnostics": diagnostics()}}
+        return pipeline.Synthesis(document, certified, {})
 
     monkeypatch.setattr(pipeline, "certified_motion", searched)
     monkeypatch.setattr(pipeline, "proved", lambda problem, done: ({}, certified))
@@ -272,7 +274,7 @@ def test_a_plan_for_a_share_proves_nothing_for_all(slot: Problem, monkeypatch: p
     found = pipeline.synthesise(slot)
     assert len(completed) == 1  # of the shares that were tried only the one that is given is worked out
     assert found.document["verdict"] == str(found.verdict.verdict) == str(NOT_PROVED)
-    assert found.document["diagnostics"]["reduced"]["share"] == 0.6
+    assert found.document["description"]["diagnostics"]["reduced"]["share"] == 0.6
     assert "60% of the start errors that the problem states; for all of them: nothing for 1.00" in str(
         found.verdict.findings[-1]
     )

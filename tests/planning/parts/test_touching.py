@@ -65,7 +65,7 @@ def test_all_executions_keep_the_plan_s_promises(plan: dict[str, Any]) -> None:
 
 
 def test_the_sequence_of_states_is_explained(plan: dict[str, Any]) -> None:
-    changes = [visit["change"] for visit in plan["diagnostics"]["sequence"]]
+    changes = [visit["change"] for visit in plan["description"]["diagnostics"]["sequence"]]
     assert changes[:3] == ["start", "made", "left"]
     assert "unexplained" not in changes
 

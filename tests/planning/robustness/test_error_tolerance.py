@@ -55,7 +55,7 @@ def test_the_independent_check_agrees_with_the_factor(
 ) -> None:
     problem, done = solved
     for share, verdict in ((1.0, "CERTIFIED"), (1.0 + 2.0 * FINENESS, None)):
-        wider = replace(problem, start_box=share * found.box)
+        wider = replace(problem, start_box=share * np.array(found.start_box))
         motion = Motion(done.assembly, done.placed.moves, wider.start_box, done.tolerance, FINE)
         if verdict is None:
             assert (motion.margin or 0.0) <= 0.0
@@ -70,14 +70,14 @@ def test_the_independent_check_agrees_with_the_factor(
 def test_the_factor_is_relative_to_the_errors(motion: Motion, found: ErrorTolerance) -> None:
     half = largest_factor(replace(motion, box=0.5 * motion.box))
     assert half == pytest.approx(2.0 * found.factor, rel=2.0 * FINENESS)
-    beyond = largest_factor(replace(motion, box=2.0 * found.box))
+    beyond = largest_factor(replace(motion, box=2.0 * np.array(found.start_box)))
     assert beyond == pytest.approx(0.5, rel=2.0 * FINENESS)
 
 
 def test_what_ends_the_factor_is_what_fails(motion: Motion, found: ErrorTolerance) -> None:
     end = found.end
     assert end is not None
-    beyond = replace(motion, box=(1.0 + 1.5 * FINENESS) * found.box)
+    beyond = replace(motion, box=(1.0 + 1.5 * FINENESS) * np.array(found.start_box))
     assert what_fails(beyond) == end
     up_to, before = (replace(beyond, moves=beyond.moves[: end.move + k]) for k in (1, 0))
     if end.reason:

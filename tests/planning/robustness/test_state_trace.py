@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fmopt import plan
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim
 from fmopt.contact.state_graph import Scale
@@ -111,38 +109,33 @@ def test_a_contact_that_is_not_listed_is_noticed(spaces: tuple[Space, ...]) -> N
     assert not visited(peg().assembly, forged, spaces, SCALE).explained
 
 
-def test_records_count_every_state_and_mark_the_way(found: Visited) -> None:
-    records, graphs = found.records(), {graph["critical_point"]: graph for graph in found.graphs()}
+def test_descriptions_count_every_state_and_mark_the_way(found: Visited) -> None:
+    points, graphs = found.critical_points(), {graph.critical_point: graph for graph in found.graphs()}
     assert list(graphs) == ["move 2", "move 3", "move 5", "mouth", "bottom", "mid-depth"]
-    for record, space in zip(records, found.spaces, strict=True):
-        graph = graphs[record["name"]]
-        counted = record["states_by_verdict"]
+    for point, space in zip(points, found.spaces, strict=True):
+        graph = graphs[point.name]
+        counted = point.states_by_verdict
         assert set(counted) == {"confirmed", "split", "blocked", "out_of_bounds", "undecided"}
-        assert sum(counted.values()) == sum(record["states_by_dimension"].values()) == len(space.graph.states)
-        assert counted["confirmed"] == record["states_confirmed"]
-        assert len(graph["verdicts"]) == len(graph["states"]) == len(graph["sons"])
-        for father, sons in enumerate(graph["sons"]):
+        assert sum(counted.values()) == sum(point.states_by_dimension.values()) == len(space.graph.states)
+        for father, sons in enumerate(graph.sons):
             for son in sons:
-                assert graph["states"][son]["dimension"] == graph["states"][father]["dimension"] - 1
-                assert set(graph["states"][father]["contacts"]) < set(graph["states"][son]["contacts"])
-        assert all(graph["verdicts"][i] == "confirmed" for i in graph["chosen"])
-    assert sum(len(graph["chosen"]) for graph in graphs.values()) == sum(len(visit.spaces) for visit in found.visits)
-    for told, visit in zip(found.sequence(), found.visits, strict=True):
-        for place in told["in"]:
-            graph = graphs[records[place["critical_point"]]["name"]]
-            state = next(s for s in graph["states"] if s["id"] == place["state"])
-            assert state["contacts"] == told["contacts"] == sorted(visit.contacts)
-    json.dumps(plan.clean({"graphs": found.graphs(), "sequence": found.sequence(), "critical_points": records}))
+                assert graph.states[son].dimension == graph.states[father].dimension - 1
+                assert set(graph.states[father].contacts) < set(graph.states[son].contacts)
+        assert all(graph.verdicts[i] == "confirmed" for i in graph.chosen)
+    assert sum(len(graph.chosen) for graph in graphs.values()) == sum(len(visit.spaces) for visit in found.visits)
+    for described, visit in zip(found.sequence(), found.visits, strict=True):
+        for at, name in described.held_in:
+            state = next(s for s in graphs[points[at].name].states if s.id == name)
+            assert state.contacts == described.contacts == tuple(sorted(visit.contacts))
 
 
 def test_large_graphs_are_written_only_near_the_way(found: Visited) -> None:
-    bottom, graph = found.spaces[2], next(g for g in found.graphs() if g["critical_point"] == "bottom")
+    bottom, graph = found.spaces[2], next(g for g in found.graphs() if g.critical_point == "bottom")
     assert len(bottom.graph.states) == 590
-    assert len(graph["states"]) <= 300
-    chosen = [frozenset(graph["states"][i]["contacts"]) for i in graph["chosen"]]
+    assert len(graph.states) <= 300
+    chosen = [frozenset(graph.states[i].contacts) for i in graph.chosen]
     assert chosen == [visit.contacts for visit in found.visits[-2:]]
-    whole = bottom.document(())
-    assert whole["states"] == []
+    assert bottom.graph_near(()).states == ()
 
 
 def test_a_pose_on_the_end_of_faces_is_left_aside() -> None:

@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fmopt.plan.error_sets import error_sets
+from fmopt.verify.reading.parse import parse
 from tests.shared.executions.errors import Fixed, Sources, drifts, sources_of, start_errors
 from tests.shared.executions.geometry import Array, Poses, Scene, gaps, hats, rotations, vectors
 from tests.shared.executions.promises import Ledger, Tube, Witness
@@ -189,7 +191,8 @@ def execute(
     piece = Piece(scene, 0)
     e, fixed = start_errors(sources_of(plan) if sources is None else sources, (piece.p, piece.R), count, rng)
     fickle, rate, late = rng.random((count, 1)) < 0.5, np.zeros((count, 6)), np.zeros(count)
-    Tube(plan["segments"][0]["tube"], "start", scene.rho).check(ledger, -1, fixed.summed(e, (piece.p, piece.R)))
+    sets = error_sets(parse(plan))
+    Tube(piece.said["tube"], sets[:1], scene.rho).check(ledger, -1, fixed.summed(e, (piece.p, piece.R)))
     for k in range(len(plan["segments"])):
         piece = Piece(scene, k)
         rate = np.where(fickle | piece.first, drifts(piece, count, rng), rate)
@@ -197,7 +200,7 @@ def execute(
         late = (0.0 if piece.first else late) + (end - 1.0) * piece.length
         bound = piece.said["hybrid"]["termination"]["max_travel"] - piece.length
         ledger.require("neither longer nor shorter than stated", k, bound - np.abs(late) + ROUNDING)
-        Tube(piece.said["tube"], "goal", scene.rho).check(ledger, k, fixed.summed(e, piece.goal))
+        Tube(piece.said["tube"], sets[k + 1 : k + 2], scene.rho).check(ledger, k, fixed.summed(e, piece.goal))
     return ledger
 
 

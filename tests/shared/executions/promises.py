@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
+from fmopt.plan.error_sets import ErrorSet
 from tests.shared.executions.geometry import Array, Convex, Poses, cross, normal_of, unit
 
 NANO, FLAT = 1e-10, 1e-20
@@ -106,34 +106,37 @@ class Witness:
 
 
 class Tube:
-    """A stated error set at one end of a piece: a zonotope with two ellipsoids around it, and another ellipsoid."""
+    """The error set at one end of a piece, where the check can derive one, and the half-widths that the plan states."""
 
-    def __init__(self, said: dict[str, Any], end: str, rho: float) -> None:
+    def __init__(self, said: dict[str, Any], found: Sequence[ErrorSet], rho: float) -> None:
         self.scale = np.repeat([1.0, rho], 3)
-        self.generators = np.array(said[f"generators_{end}"]).reshape(-1, 6) * self.scale
-        self.slide, self.swing, self.shape = (
-            np.array(said[f"{x}_{end}"]) * np.outer(self.scale, self.scale) for x in ("slide", "swing", "shape")
-        )
-
-    @cached_property
-    def directions(self) -> Array:
-        """Unit directions (k, 6): axes, the normals of the zonotope's facets, and some at random."""
-        drawn = np.random.default_rng(0).normal(size=(60, 6))
-        some = [np.eye(6), drawn / np.linalg.norm(drawn, axis=1, keepdims=True)]
-        five = [list(c) for c in combinations(range(len(self.generators)), 5)]
-        if five:
-            some.append(np.linalg.svd(self.generators[five])[2][:, 5])
-        return np.concatenate(some)
+        self.box = np.array([*said["offset_box"], *said["angle_box"]])
+        self.sets = found
 
     def check(self, ledger: Ledger, segment: int, errors: Array) -> None:
-        """Whether errors (n, 6) are in both sets."""
-        e, N = errors * self.scale, self.directions
-        radii = (np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", N, Q, N), 0.0)) for Q in (self.slide, self.swing))
-        h = np.abs(N @ self.generators.T).sum(axis=1) + sum(radii)
-        seen = np.abs(e @ N.T)
-        ledger.require("tube", segment, (h + NANO - seen).min(axis=1))
-        wide = h > 1e-6
-        ledger.used("tube", segment, (seen[:, wide] / h[wide]).max(axis=1, initial=0.0))
-        gauge = np.sqrt(np.einsum("ni,ni->n", e, np.linalg.solve(self.shape + FLAT * np.eye(6), e.T).T))
-        ledger.require("shape", segment, 1.0 + 1e-6 - gauge)
-        ledger.used("shape", segment, gauge)
+        """Whether errors (n, 6) are in the box and in both descriptions of the set."""
+        ledger.require("tube", segment, (self.box + NANO - np.abs(errors)).min(axis=1))
+        for found in self.sets:
+            generators, e = found.generators * self.scale, errors * self.scale
+            square = np.outer(self.scale, self.scale)
+            slide, swing, shape = (Q * square for Q in (found.slide, found.swing, found.shape))
+            N = _directions(generators)
+            radii = (np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", N, Q, N), 0.0)) for Q in (slide, swing))
+            h = np.abs(N @ generators.T).sum(axis=1) + sum(radii)
+            seen = np.abs(e @ N.T)
+            ledger.require("tube", segment, (h + NANO - seen).min(axis=1))
+            wide = h > 1e-6
+            ledger.used("tube", segment, (seen[:, wide] / h[wide]).max(axis=1, initial=0.0))
+            gauge = np.sqrt(np.einsum("ni,ni->n", e, np.linalg.solve(shape + FLAT * np.eye(6), e.T).T))
+            ledger.require("shape", segment, 1.0 + 1e-6 - gauge)
+            ledger.used("shape", segment, gauge)
+
+
+def _directions(generators: Array) -> Array:
+    """Unit directions (k, 6): axes, the normals of the zonotope's facets, and some at random."""
+    drawn = np.random.default_rng(0).normal(size=(60, 6))
+    some = [np.eye(6), drawn / np.linalg.norm(drawn, axis=1, keepdims=True)]
+    five = [list(c) for c in combinations(range(len(generators)), 5)]
+    if five:
+        some.append(np.linalg.svd(generators[five])[2][:, 5])
+    return np.concatenate(some)

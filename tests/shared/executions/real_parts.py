@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fmopt.plan.error_sets import error_sets
+from fmopt.verify.reading.parse import parse
 from tests.shared.executions.errors import Fixed, drifts, sources_of, start_errors
 from tests.shared.executions.geometry import Array, Poses, Scene, Touch, gaps, normal_of, unit
 from tests.shared.executions.model import FARTHEST, NOTHING_BOUNDS, OVERLAP, ROUNDING, Piece, first_zero
@@ -103,7 +105,7 @@ class _Any(NamedTuple):
 def execute(plan: Plan, real: Plan, count: int, seed: int, steps: int = 4) -> Ledger:
     """Runs executions of a plan on real parts, and checks what it promises of them."""
     rng, ledger = np.random.default_rng(seed), Ledger()
-    nominal, scene = Scene(plan), Scene(real)
+    nominal, scene, sets = Scene(plan), Scene(real), error_sets(parse(plan))
     first = Piece(scene, 0)
     e, fixed = start_errors(sources_of(plan), (first.p, first.R), count, rng)
     fickle, rate, late = rng.random((count, 1)) < 0.5, np.zeros((count, 6)), np.zeros(count)
@@ -114,7 +116,7 @@ def execute(plan: Plan, real: Plan, count: int, seed: int, steps: int = 4) -> Le
         late = (0.0 if piece.first else late) + (end - 1.0) * piece.length
         bound = piece.said["hybrid"]["termination"]["max_travel"] - piece.length
         ledger.require("neither longer nor shorter than stated", k, bound - np.abs(late) + ROUNDING)
-        Tube(piece.said["tube"], "goal", scene.rho).check(ledger, k, fixed.summed(e, piece.goal))
+        Tube(piece.said["tube"], sets[k + 1 : k + 2], scene.rho).check(ledger, k, fixed.summed(e, piece.goal))
     return ledger
 
 

@@ -18,7 +18,7 @@ from tests.shared.lies import motion as lies_motion
 from tests.shared.lies import problem as lies_problem
 from tests.shared.lies import said as lies_said
 from tests.shared.lies import solids as lies_solids
-from tests.shared.lies.lie import COMMENTARY, CONSTRUCTION, PROBLEM, Document, Lie
+from tests.shared.lies.lie import CONSTRUCTION, PROBLEM, Document, Lie
 from tests.shared.lies.restate import restated
 from tests.shared.plans.table_plan import sealed
 
@@ -93,9 +93,7 @@ class Court:
             return Judged(accepted, "false of its problem" if accepted else "", took)
         if accepted and oracle == CONSTRUCTION:
             return Judged(True, "false by construction", took)
-        if not accepted or oracle == COMMENTARY:
-            return Judged(accepted, "", took)
-        return Judged(accepted, self._refutation(plan), took)
+        return Judged(accepted, self._refutation(plan) if accepted else "", took)
 
     def _refutation(self, plan: Document) -> str:
         """What an execution of a plan on its own geometry does that the plan rules out; empty where none does."""

@@ -14,7 +14,6 @@ SIDES = ("moving", "fixed")
 CONSTRUCTION = "construction"  # it is false whatever else holds
 PROBLEM = "problem"  # it is false of the problem, and may be true of another one
 SAMPLING = "sampling"  # executions tell
-COMMENTARY = "commentary"  # nobody vouches for it: the table of keys says so
 
 
 @dataclass(frozen=True)

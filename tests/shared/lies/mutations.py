@@ -51,19 +51,9 @@ def numbers(plan: Plan, count: int, seed: int = 1) -> Iterator[tuple[str, Plan]]
         base = ("segments", k)
         for key in ("margin", "clearance"):
             kinds.setdefault(key, []).append(((*base, key), segment[key], 1.0))
-        for key in ("theta_max", "offset_max"):
-            if segment["tube"][key] <= 1e-5:
-                continue
-            kinds.setdefault(key, []).append(((*base, "tube", key), segment["tube"][key], -1.0))
-        for key in ("offset_box", "angle_box"):
+        for key in ("theta_max", "offset_box", "angle_box"):
             for path, x in _leaves(segment["tube"][key], (*base, "tube", key)):
                 if x > 1e-5:
-                    kinds.setdefault(key, []).append((path, x, -1.0))
-        kept = ("shape", "growth", "slide", "swing", "generators")
-        for key in (f"{kind}_{end}" for kind in kept for end in ("start", "goal")):
-            for path, x in _leaves(segment["tube"][key], (*base, "tube", key)):
-                generator = key.startswith("generators")
-                if abs(x) > 2e-6 if generator else _noticeable(segment["tube"][key], path[-2], path[-1]):
                     kinds.setdefault(key, []).append((path, x, -1.0))
         for part in ("separations", "contacts"):
             for j, item in enumerate(segment[part]):
@@ -131,14 +121,6 @@ def junk(plan: Plan, count: int, seed: int) -> Iterator[Plan]:
         yield sealed(copied)
 
 
-def _noticeable(matrix: list[list[float]], a: int, b: int) -> bool:
-    """Whether 1e-9 of an entry of a shape matrix stands out from the rounding of double arithmetic."""
-    radii = [max(matrix[k][k], 0.0) ** 0.5 for k in range(6)]
-    floor, skew = [1e-10] * 3 + [2e-8] * 3, [1e-17] * 3 + [1e-15] * 3
-    noise = floor[a] * floor[b] + 2e-12 * radii[a] * radii[b] + skew[a] * radii[b] + skew[b] * radii[a]
-    return STEP * abs(matrix[a][b]) > 2.0 * noise + 2e-10 * abs(matrix[a][b])
-
-
 def claims(plan: Plan) -> Iterator[tuple[str, Plan]]:
     """Changes of what is claimed: contacts, states, witnesses, order, identity."""
     last = len(plan["segments"]) - 1
@@ -161,7 +143,6 @@ def claims(plan: Plan) -> Iterator[tuple[str, Plan]]:
     wide = max(range(last + 1), key=lambda n: plan["segments"][n]["tube"]["theta_max"])
     yield "theta lowered", at(lambda s: s["tube"].update(theta_max=0.5 * s["tube"]["theta_max"]), wide)
     yield "theta raised", at(lambda s: s["tube"].update(theta_max=1.01 * s["tube"]["theta_max"]), wide)
-    yield "generator dropped", at(lambda s: s["tube"]["generators_goal"].pop())
     yield "separation missing", at(lambda s: s["separations"].pop())
     yield "separation twice", at(lambda s: s["separations"].append(s["separations"][-1]))
     yield "separations in another order", at(lambda s: s["separations"].reverse())

@@ -16,7 +16,6 @@ from typing import Any
 from fmopt.verify.arithmetic.rational import SLACK, ArithmeticRefusal, fixed, number
 from fmopt.verify.certificate.chain import Broken, Chain, Stage
 from fmopt.verify.certificate.claims import check_segment
-from fmopt.verify.certificate.error_set import ErrorSet, metric
 from fmopt.verify.certificate.separating_plane import Known, WitnessError, apart
 from fmopt.verify.control.recovery import check_recovery, lowest, underside
 from fmopt.verify.control.strategy import check_strategy
@@ -88,7 +87,6 @@ def restated(document: Document) -> Document:
     if len(stages) == len(plan.segments):
         _strategies(found, assembly, stages)
         _recovery(found, parse(found), assembly)
-        _tolerated(found)
     return sealed(found)
 
 
@@ -96,13 +94,14 @@ def _motions(document: Document, plan: Plan, assembly: Assembly) -> Iterator[Sta
     """Restates the motions one after the other, as far as the chain holds."""
     chain = Chain(plan, assembly)
     for k, segment in enumerate(plan.segments):
-        said, start = document["segments"][k], chain.link.errors
+        said = document["segments"][k]
         try:
             chain, stage = _settled(chain, segment, said)
-            _tube(said["tube"], stage, start)
+            tube = stage.segment.tube
+            said["tube"].update(theta_max=tube.theta, offset_box=list(tube.box), angle_box=list(tube.angles))
             stage = _witnessed(assembly, stage, said)
             notes = Heard(k)
-            check_segment(assembly, stage, start, notes)
+            check_segment(assembly, stage, notes)
         except (Broken, ArithmeticRefusal):
             return
         _claims(said, stage, notes.values)
@@ -126,7 +125,7 @@ def _settled(chain: Chain, segment: Segment, said: Document) -> tuple[Chain, Sta
         box, angles = (half[0], half[1], half[2]), (half[3], half[4], half[5])
         segment = replace(
             segment,
-            tube=replace(tube, box=box, angles=angles, offset=math.hypot(*box), theta=math.hypot(*angles)),
+            tube=replace(tube, box=box, angles=angles, theta=math.hypot(*angles)),
         )
     return trial, stage
 
@@ -154,15 +153,6 @@ def _listed(segment: Segment, said: Document) -> tuple[ContactClaim, ...]:
             for i, role in expected
         ]
     return tuple(ContactClaim(i, role, (0.0,) * 6, 0.0, 0.0, 0.0) for i, role in expected)
-
-
-def _tube(said: Document, stage: Stage, start: ErrorSet) -> None:
-    tube = stage.segment.tube
-    said.update(theta_max=tube.theta, offset_max=tube.offset, offset_box=list(tube.box), angle_box=list(tube.angles))
-    for end, errors in (("start", start), ("goal", stage.motion.goal_errors)):
-        said[f"generators_{end}"] = [[number(x) for x in g] for g in errors.generators]
-        for kind, Q in errors.ellipsoids(metric(stage.motion.task.rho)):
-            said[f"{kind}_{end}"] = [[number(x) for x in row] for row in Q]
 
 
 def _witnessed(assembly: Assembly, stage: Stage, said: Document) -> Stage:
@@ -228,7 +218,7 @@ def _strategies(document: Document, assembly: Assembly, stages: Sequence[Stage])
             notes = Heard(None)
             stage = replace(stage, segment=segment)
             check_strategy(assembly, stage, plan.rho, plan.velocity_error, plan.specification, notes)
-            check_segment(assembly, stage, stage.motion.errors, axes := Heard(None))
+            check_segment(assembly, stage, axes := Heard(None))
             notes.found += [f for f in axes.found if f.what == "hybrid"]
             changed |= _mended(said["hybrid"], notes, assembly, stage, plan.rho)
         if not changed:
@@ -263,16 +253,6 @@ def _mended(hybrid: Document, notes: Notes, assembly: Assembly, stage: Stage, rh
         elif finding.what in ("normal_forces", "termination.contacts"):
             changed |= touching_names(hybrid, assembly, stage)
     return changed
-
-
-def _tolerated(document: Document) -> None:
-    """Restates how much error is tolerated: the greatest multiple of the start box within what was tolerated."""
-    said = (document.get("diagnostics") or {}).get("tolerated")
-    box = document["uncertainty"]["start_box"]
-    if said is None or not any(box):
-        return
-    said["factor"] = min(1e6, *(x / y for x, y in zip(said["start_box"], box, strict=True) if y > 0.0))
-    said["start_box"] = [said["factor"] * y for y in box]
 
 
 def _recovery(document: Document, plan: Plan, assembly: Assembly) -> None:

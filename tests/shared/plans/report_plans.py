@@ -1,26 +1,11 @@
 """A plan small enough to read: a cube comes down beside a wall and slides against it."""
 
+import copy
 from typing import Any
 
 from fmopt.plan import FORMAT, FRAMES, NOT_COVERED, UNITS, Plan, parsed, sealed
 
-SHAPE = [[4e-8 if i == j and i < 2 else 1e-6 if i == j else 0.0 for j in range(6)] for i in range(6)]
-TUBE = {
-    "shape_start": SHAPE,
-    "shape_goal": SHAPE,
-    "generators_start": [[1e-4, 0, 0, 0, 0, 0], [0, 1e-4, 0, 0, 0, 1e-4]],
-    "generators_goal": [[0, 1e-4, 0, 0, 0, 1e-4]],
-    "growth_start": [[0.0] * 6] * 6,
-    "growth_goal": [[1e-10 if i == j else 0.0 for j in range(6)] for i in range(6)],
-    "slide_start": [[0.0] * 6] * 6,
-    "slide_goal": [[5e-11 if i == j else 0.0 for j in range(6)] for i in range(6)],
-    "swing_start": [[0.0] * 6] * 6,
-    "swing_goal": [[5e-11 if i == j else 0.0 for j in range(6)] for i in range(6)],
-    "theta_max": 1e-3,
-    "offset_max": 2e-4,
-    "offset_box": [2e-4] * 3,
-    "angle_box": [1e-3] * 3,
-}
+TUBE = {"theta_max": 1e-3, "offset_box": [2e-4] * 3, "angle_box": [1e-3] * 3}
 
 
 def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> dict[str, Any]:
@@ -41,7 +26,7 @@ def bracket() -> dict[str, Any]:
 
 def segment(move: int, start: list[float], goal: list[float], **more: Any) -> dict[str, Any]:
     return {
-        "critical_point": 0,
+        "kind": "guarded_move",
         "move": move,
         "state": [],
         "goal_state": [],
@@ -84,10 +69,40 @@ def hybrid() -> dict[str, Any]:
 def diagnostics(**more: Any) -> dict[str, Any]:
     """What a plan tells of how it was found, nothing of it filled in but the clearance and what is given."""
     empty: dict[str, Any] = {key: [] for key in ("graphs", "sequence", "diagrams", "freedom_on_planes", "budget")}
-    return {**empty, "clearance": {"measured": [1e-4, 1e-4]}, **more}
+    return {**empty, "measured_clearance": [1e-4, 1e-4], **more}
 
 
-def cube_plan(verdict: str = "CERTIFIED", margin: float = 4.2e-5, **more: Any) -> dict[str, Any]:
+def description(diagnostics: dict[str, Any] | None) -> dict[str, Any]:
+    """The description of the plan."""
+    zero = [0.0] * 6
+    found: dict[str, Any] = {
+        "nominal": {
+            "nodes": [[0, 0, 0.003, 0, 0, 0], zero],
+            "times": [0, 1],
+            "intervals": [
+                {"start": 0, "end": 1, "s": [-1, 0, 1, 2, 0, 0]},
+                {"start": 1, "end": 1, "s": [2, 0, -1, 2, 2, 2]},
+            ],
+        },
+        "critical_points": [
+            {"name": "mouth", "pose": zero, "contacts": ["v0-f5"], "enumerated": True}
+            | {"states_by_dimension": {"6": 1, "5": 2}}
+            | {"states_by_verdict": {"confirmed": 1, "blocked": 1, "out_of_bounds": 0, "split": 0, "undecided": 1}}
+        ],
+        "places": [0, 0, 0],
+        "position_force": [
+            {"start": 0, "end": 1, "s": [-1, 0, 1, 2, 0, 0], "pa_start": zero, "pa_end": zero}
+            | {"pn_start": [0, 0, 0.003, 0, 0, 0], "pn_end": zero, "fa": [5, 0, -5, 0.1, 0, 0]}
+        ],
+        "search": {"objective": "transitions", "cost": 1.0, "lower_bound": 1.0, "states_expanded": 2}
+        | {"moves": ["approach", "-x"], "heading": 0.0},
+    }
+    return found if diagnostics is None else {**found, "diagnostics": diagnostics}
+
+
+def cube_plan(
+    verdict: str = "CERTIFIED", margin: float = 4.2e-5, diagnostics: dict[str, Any] | None = None, **more: Any
+) -> dict[str, Any]:
     """The plan, sealed; `margin` is that of the last piece."""
     still = {**hybrid(), "termination": {**hybrid()["termination"], "contacts": [], "wrench": [0.0] * 6}}
     down = segment(0, [0.001, 0, 0.003, 0, 0, 0], [0.001, 0, 0.001, 0, 0, 0], hybrid=still)
@@ -111,24 +126,8 @@ def cube_plan(verdict: str = "CERTIFIED", margin: float = 4.2e-5, **more: Any) -
         "contacts": [
             {"id": "v0-f5", "kind": "vertex-face", "moving": {"vertices": [0]}, "fixed": {"vertices": [4, 3, 9, 10]}}
         ],
-        "nominal": {
-            "nodes": [[0, 0, 0.003, 0, 0, 0], [0, 0, 0, 0, 0, 0]],
-            "times": [0, 1],
-            "intervals": [{"t0": 0, "t1": 1, "s": [-1, 0, 1, 2, 0, 0]}, {"t0": 1, "t1": 1, "s": [2, 0, -1, 2, 2, 2]}],
-        },
-        "critical_points": [
-            {"name": "mouth", "pose": [0.0] * 6, "pcs": ["v0-f5"], "enumerated": True}
-            | {"states_by_dimension": {"6": 1, "5": 2}, "states_confirmed": 1}
-            | {"states_by_verdict": {"confirmed": 1, "blocked": 1, "out_of_bounds": 0, "split": 0, "undecided": 1}}
-        ],
         "segments": [down, near, touch],
-        "position_force": [
-            {"t0": 0, "t1": 1, "s": [-1, 0, 1, 2, 0, 0], "pa_start": [0, 0, 0.003, 0, 0, 0], "pa_end": [0.0] * 6}
-            | {"pn_start": [0.0] * 6, "pn_end": [0.0] * 6, "applied": [-5, 0, 0, -0.1, 0, 0]}
-            | {"fa": [5, 0, 0, 0.1, 0, 0], "fa_sign": "reaction", "either_sign": [3]}
-        ],
-        "search": {"objective": "transitions", "cost": 1.0, "lower_bound": 1.0, "gap": 0.0, "states_expanded": 2}
-        | {"moves": ["approach", "-x"], "heading": 0.0},
+        "description": description(diagnostics),
         "specification": {"speed": 0.02, "contact_force": 5.0, "torque_limit": 1.0, "friction": 0.3}
         | {"termination_force": 2.0},
         "touch_tolerance": 1e-9,
@@ -142,8 +141,17 @@ def cube_plan(verdict: str = "CERTIFIED", margin: float = 4.2e-5, **more: Any) -
 
 def bare_plan() -> dict[str, Any]:
     """A plan that tells nothing but its motion."""
-    besides = ("nominal", "critical_points", "position_force", "search", "sha256")
-    return sealed({key: value for key, value in cube_plan("NOT_PROVED").items() if key not in besides})
+    plan = cube_plan("NOT_PROVED")
+    del plan["description"]
+    return sealed(plan)
+
+
+def altered(value: Any, /, **changes: Any) -> Any:
+    """A copy of a value with other fields, whatever its validation would say of them."""
+    found = copy.copy(value)
+    for name, change in changes.items():
+        object.__setattr__(found, name, change)
+    return found
 
 
 def cube(verdict: str = "CERTIFIED", margin: float = 4.2e-5, **more: Any) -> Plan:
@@ -166,5 +174,5 @@ def with_graph() -> dict[str, Any]:
         "chosen": [0, 1],
     }
     graph["verdicts"] = ["confirmed"] * 4
-    budget = [{"source": "robot", "symbol": "", "frame": "hole", "contribution": [1e-4] * 6}]
+    budget = [{"source": "robot", "symbol": "", "frame": "hole", "box": [1e-4] * 6}]
     return cube_plan(diagnostics=diagnostics(graphs=[graph], budget=budget))

@@ -14,7 +14,7 @@ from typing import Any
 
 import mpmath as mp
 
-from fmopt.plan import FRAMES, NOT_COVERED, UNITS
+from fmopt.plan import FORMAT, FRAMES, NOT_COVERED, UNITS
 
 mp.mp.dps = 50
 RHO = 0.014
@@ -145,6 +145,7 @@ class Builder:
         core = [mp.matrix([mp.mpf(START_BOX[a]) if a == b else 0 for b in axes]) for a in axes]
         shape = mp.diag([6 * mp.mpf(x) ** 2 for x in START_BOX])
         self.errors = Set(core, [], mp.zeros(6), mp.zeros(6), shape)
+        self.sets = [self.errors]
         self.cube = box_body((-0.01, -0.01, 0.0), (0.01, 0.01, 0.02))
         self.body = [vector(v) for v in self.cube["vertices"]]
         R = exp(vector(TILT))
@@ -202,6 +203,7 @@ class Builder:
         if made and last:
             self.held = [self.made]
         self.errors = goal_set
+        self.sets.append(goal_set)
 
     def _carried(
         self, V: Any, L: Any, tau: Any, Pi: Any, NG: Any, v: Any, share: Any, made: bool, theta: Any, t: Any
@@ -267,8 +269,6 @@ class Builder:
             early = fS - self.errors.support(NS, self.errors.core) - rest
             named.append((early, f"{name} too early"))
         least, binding = min(named)
-        flat = lambda Q: [[float(Q[a, b]) for b in range(6)] for a in range(6)]  # noqa: E731
-        gens = lambda s: [[float(x) for x in g] for g in (*s.core, *s.thick)]  # noqa: E731
         witnesses = [
             {"kind": "fixed-face", "moving": [], "fixed": [1, 5, 7, 3]},
             {"kind": "plane", "moving": [], "fixed": [], "normal": [0.0, 0.0, 1.0], "offset": 0.0},
@@ -277,21 +277,14 @@ class Builder:
             witnesses[1] = witnesses[0]
         self.segments.append(
             {
-                "critical_point": 0, "move": move, "state": [name] if held else [],
+                "kind": "guarded_move", "move": move, "state": [name] if held else [],
                 "goal_state": [name] if held or made else [], "progress": list(progress), "start": list(start),
                 "goal": list(goal), "clearance": down(clearance), "margin": down(least), "binding_contact": binding,
                 "basis": [{"contact": name, "direction": [float(x) for x in (self.held[0] if held else self.made)],
                            "made": made}] if held or made else [],
                 "tube": {
-                    "shape_start": flat(self.errors.shape), "shape_goal": flat(goal_set.shape),
-                    "generators_start": gens(self.errors), "generators_goal": gens(goal_set),
-                    "growth_start": flat(outer_sum(self.errors.slide, self.errors.swing)),
-                    "growth_goal": flat(outer_sum(goal_set.slide, goal_set.swing)),
-                    "slide_start": flat(self.errors.slide), "slide_goal": flat(goal_set.slide),
-                    "swing_start": flat(self.errors.swing), "swing_goal": flat(goal_set.swing),
                     "theta_max": float(bend.theta), "offset_box": [float(x) for x in box],
                     "angle_box": [float(x) for x in bend.angles],
-                    "offset_max": up(mp.sqrt(mp.fsum(x**2 for x in box))),
                 },
                 "separations": [
                     {"moving_piece": 0, "fixed_piece": j, "witness": witnesses[j], "margin": down(margin)}
@@ -351,6 +344,11 @@ def sealed(document: dict[str, Any]) -> dict[str, Any]:
 
 def table_plan() -> dict[str, Any]:
     """The plan: free motion, a guarded move down in two pieces, a slide with a little yaw."""
+    return table_plan_with_sets()[0]
+
+
+def table_plan_with_sets() -> tuple[dict[str, Any], list[Set]]:
+    """The plan, with the error sets at its start and at the end of each segment."""
     builder = Builder()
     made = touching_pose(builder, 0.0, 0.0, TILT)
     half = [0.0, 0.0, made[2] + 0.0015, *TILT]
@@ -363,9 +361,9 @@ def table_plan() -> dict[str, Any]:
     builder.add(2, made, slid, True, False, (0.0, 1.0))
     table = box_body((-0.05, -0.05, -0.02), (0.05, 0.05, 0.0))
     left, right = box_body((-0.05, -0.05, -0.02), (0.01, 0.05, 0.0)), box_body((0.0, -0.05, -0.02), (0.05, 0.05, 0.0))
-    return sealed(
+    plan = sealed(
         {
-            "format": "fmopt.plan/1",
+            "format": FORMAT,
             "fmopt_version": "1.0",
             "units": UNITS,
             "frames": FRAMES,
@@ -389,3 +387,4 @@ def table_plan() -> dict[str, Any]:
             "specification": CONTROL,
         }
     )  # fmt: skip
+    return plan, builder.sets

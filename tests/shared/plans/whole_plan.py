@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Iterator
 from typing import Any
 
 from tests.shared.plans.table_plan import sealed, table_plan
 
 ZERO = [0.0] * 6
+WRONG: tuple[Any, ...] = (
+    None, True, "", "x", "\u00b2", -1, 0, 7, 2**70, 10**400, 0.5, -0.0, 1e308, -1e-308, float("nan"), float("inf"),
+    [], {}, [[]], [0.0] * 6, [{}], {"x": 1}, "\ud800", "a\nb", "\x1b[31m", "\u202e", b"x",
+)  # fmt: skip
+Place = tuple[Any, ...]
 
 
 def whole_plan() -> dict[str, Any]:
@@ -16,31 +23,33 @@ def whole_plan() -> dict[str, Any]:
     contact = {"kind": "vertex-face", "moving": {"vertices": [0]}, "fixed": {"vertices": [1, 5, 7, 3]}}
     first = {**contact, "factor": 2.0, "axis": "x", "axis_factor": 3.0, "wrench": ZERO, "angle": 0.5, "told": True}
     nowhere = {**first, "axis": "", "axis_factor": None, "angle": None}
-    row = dict.fromkeys(("pa_start", "pa_end", "pn_start", "pn_end", "fa", "applied"), ZERO)
-    span = {"t0": 0.0, "t1": 1.0, "s": [0, 0, 0, 0, 0, 0]}
-    state = {"contacts": [], "freedoms": 0, "cost": None, "margin": 1e-4, "expanded": True}
+    row = dict.fromkeys(("pa_start", "pa_end", "pn_start", "pn_end", "fa"), ZERO)
+    span = {"start": 0.0, "end": 1.0, "s": [0, 0, 0, 0, 0, 0]}
+    state = {"contacts": [], "freedoms": 0, "margin": 1e-4, "expanded": True}
     told: dict[str, Any] = {
-        "nominal": {"nodes": [ZERO, plan["goal"]], "times": [0.0, 1.0], "intervals": [span]},
-        "position_force": [{**span, **row, "fa_sign": "reaction", "either_sign": []}],
-        "critical_points": [
-            {
-                "name": "mouth",
-                "pose": ZERO,
-                "pcs": ["v0-f5"],
-                "enumerated": True,
-                "states_by_dimension": {"5": 1, "6": 1},
-                "states_confirmed": 2,
-                "states_by_verdict": {"confirmed": 2, "blocked": 0, "out_of_bounds": 0, "split": 0, "undecided": 0},
-            }
-        ],
-        "search": {
-            "objective": "transitions", "cost": 2.0, "lower_bound": 1.0, "gap": 1.0, "states_expanded": 3,
-            "moves": ["approach", "-z", "+x"], "heading": 0.0, "way": [0, 1, 2],
-            "states": [
-                {**state, "from": None, "moves": ["approach"], "cost": 0.0},
-                {**state, "from": 0, "moves": ["-z"]},
-                {**state, "from": 1, "moves": ["+x"], "contacts": ["v0-f5"], "freedoms": 1},
+        "description": {
+            "nominal": {"nodes": [ZERO, plan["goal"]], "times": [0.0, 1.0], "intervals": [span]},
+            "position_force": [{**span, **row}],
+            "critical_points": [
+                {
+                    "name": "mouth",
+                    "pose": ZERO,
+                    "contacts": ["v0-f5"],
+                    "enumerated": True,
+                    "states_by_dimension": {"5": 1, "6": 1},
+                    "states_by_verdict": {"confirmed": 2, "blocked": 0, "out_of_bounds": 0, "split": 0, "undecided": 0},
+                }
             ],
+            "places": [0] * len(plan["segments"]),
+            "search": {
+                "objective": "transitions", "cost": 2.0, "lower_bound": 1.0, "states_expanded": 3,
+                "moves": ["approach", "-z", "+x"], "heading": 0.0, "way": [0, 1, 2],
+                "states": [
+                    {**state, "moves": ["approach"], "cost": 0.0},
+                    {**state, "origin": 0, "moves": ["-z"]},
+                    {**state, "origin": 1, "moves": ["+x"], "contacts": ["v0-f5"], "freedoms": 1},
+                ],
+            },
         },
         "recovery": {
             "lift": {"direction": [0.0, 0.0, 1.0], "above": -0.05, "clear": 0.1, "turn": 0.5},
@@ -78,3 +87,25 @@ def whole_plan() -> dict[str, Any]:
     told["parts"] = {"moving": moving, "fixed": fixed}
     whole = {"segments": segments, "specification": specification, "uncertainty": uncertainty}
     return sealed({**plan, **told, **whole})
+
+
+def places(value: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
+    """Every place of a document with what stands there, of lists the first and the last entry alone."""
+    yield place, value
+    if isinstance(value, dict):
+        for key in value:
+            yield from places(value[key], (*place, key))
+    elif isinstance(value, list):
+        for k in sorted({0, len(value) - 1} if value else ()):
+            yield from places(value[k], (*place, k))
+
+
+def put(document: dict[str, Any], place: Place, value: Any) -> dict[str, Any]:
+    """A copy with another value at a place."""
+    changed = dict(document)
+    at: Any = changed
+    for key in place[:-1]:
+        at[key] = copy.copy(at[key])
+        at = at[key]
+    at[place[-1]] = value
+    return changed

@@ -1,0 +1,66 @@
+"""Error sets along a plan, derived from its start box by the chain of the check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmopt.spatial.values import Array, Value, frozen
+from fmopt.verify.arithmetic.rational import ArithmeticRefusal, Row, Square, fixed, number
+from fmopt.verify.certificate import error_set
+from fmopt.verify.certificate.chain import Broken, Chain
+from fmopt.verify.findings import Notes
+from fmopt.verify.parts.assembly import Assembly
+from fmopt.verify.reading.document import Plan
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorSet(Value):
+    """A set of errors: inside zonotope ⊕ slide ⊕ swing, and inside an outer ellipsoid.
+
+    Args:
+        generators: (k, 6), m and rad.
+        shape: shape matrix (6, 6) of the outer ellipsoid.
+        slide, swing: shape matrices of the drift in translation and in rotation.
+        growth: shape matrix of an ellipsoid around slide ⊕ swing.
+    """
+
+    generators: Array
+    shape: Array
+    slide: Array
+    swing: Array
+    growth: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "generators", frozen(np.reshape(self.generators, (-1, 6)), None, 6))
+        for name in ("shape", "slide", "swing", "growth"):
+            object.__setattr__(self, name, frozen(getattr(self, name), 6, 6, name=name))
+
+    def half_widths(self) -> Array:
+        """Half-widths (6,) along the axes: the smaller of the two bounds on each, m and rad."""
+        sum_ = np.sum(np.abs(self.generators), axis=0) + np.sqrt(np.maximum(np.diag(self.growth), 0.0))
+        return np.asarray(np.minimum(sum_, np.sqrt(np.maximum(np.diag(self.shape), 0.0))))
+
+
+def error_sets(plan: Plan) -> tuple[ErrorSet, ...]:
+    """The set at the start and at the end of each segment; none after a segment at which the chain breaks."""
+    weights = error_set.metric(fixed(plan.rho))
+    found = [_in_floats(error_set.start_errors(plan), weights)]
+    try:
+        chain = Chain(plan, Assembly(plan))
+        for segment in plan.segments:
+            chain.follow(segment, Notes(None))
+            found.append(_in_floats(chain.link.errors, weights))
+    except (Broken, ArithmeticRefusal):
+        return tuple(found)
+    return tuple(found)
+
+
+def _in_floats(errors: error_set.ErrorSet, weights: Row) -> ErrorSet:
+    matrices = {name: _array(Q) for name, Q in errors.ellipsoids(weights)}
+    return ErrorSet(_array(errors.generators), **matrices)
+
+
+def _array(rows: Square | tuple[Row, ...]) -> Array:
+    return np.array([[number(x) for x in row] for row in rows])
