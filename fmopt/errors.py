@@ -11,7 +11,6 @@ class FmoptError(Exception):
 
     Args:
         message: what was wrong, where, and by how much.
-        advice: what to change.
     """
 
     exit_code: ClassVar[int] = 70
@@ -81,7 +80,6 @@ class InterferenceError(FmoptError):
     """The parts overlap when assembled: no motion exists.
 
     Args:
-        message: what overlaps.
         interference: depth in metres, not negative (zero clearance counts as interference).
         place: where, in words of the model.
     """
@@ -115,13 +113,7 @@ class InfeasibleError(FmoptError):
 
 
 class TaskError(FmoptError):
-    """A task command, or an object of the knowledge base, that breaks a rule.
-
-    Args:
-        message: what was wrong, and by how much.
-        feature: the feature or object at fault.
-        rule: the rule, in words.
-    """
+    """A task command, or an object of the knowledge base, that breaks a rule."""
 
     exit_code = 2
 
@@ -135,7 +127,6 @@ class SearchError(FmoptError):
     """No motion was found; that none exists is not proven.
 
     Args:
-        message: how far the search came.
         late: whether a time limit ended it, so that how far it came depends on the machine.
         attempt: how far it came, `fmopt.planning.motion.Attempt`; None where no motion could begin.
 
@@ -164,12 +155,7 @@ class SolverError(FmoptError):
 
 
 class UnprovedError(FmoptError):
-    """A plan that the check does not certify, where only a certified one is taken.
-
-    Args:
-        message: which plan.
-        findings: what stands in the way, in words.
-    """
+    """A plan that the check does not certify, where only a certified one is taken."""
 
     exit_code = 3
 
@@ -206,9 +192,6 @@ class Interruption(BaseException):
     """A signal asks the command to end; `run` of `fmopt.runtime.process` turns it into an exit code.
 
     No `Exception`, so that nobody takes it for a failure of what was being done.
-
-    Args:
-        number: of the signal.
     """
 
     def __init__(self, number: int) -> None:

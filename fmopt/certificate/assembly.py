@@ -43,8 +43,6 @@ class Assembly:
     """The two parts: the moving one in its body frame, the fixed one in the B-frame.
 
     Args:
-        moving: the part that moves.
-        fixed: the other one.
         planar: whether the moving part stays in the plane of x and z.
     """
 
@@ -185,8 +183,6 @@ def hinge(
     edges meet exactly when the other end is on that wall too.
 
     Args:
-        assembly: the parts.
-        contact: of any kind.
         together: contacts held with it, itself among them or not.
     """
     if contact.kind is not Kind.EDGE_EDGE:
@@ -212,8 +208,6 @@ def level(
     it. Of `together`, the contacts listed before this one count.
 
     Args:
-        assembly: the parts.
-        contact: of any kind.
         together: contacts in the order in which they are listed.
 
     Returns:
@@ -249,10 +243,7 @@ def contact_rows(
     """Rows (k) of contacts at a pose.
 
     Args:
-        assembly: the two parts.
-        contacts: whose rows.
         together: all contacts under consideration; an edge hinged by one of them in the wall gets its hinge form.
-        pose: nominal pose.
     """
     return contact_forms(assembly, tuple(contacts), tuple(together)).at(pose)
 
@@ -274,11 +265,6 @@ def made_form(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveC
 
     A vertex that reaches a wall while its edge is held on a rim of that wall is (0, 1) times the edge's rise over the
     wall high: the edge's direction alone tells when it touches, whatever the part's position is.
-
-    Args:
-        assembly: the two parts.
-        made: the contact.
-        held: all contacts held on the way.
     """
     if made.kind is Kind.VERTEX_FACE:
         body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
@@ -297,9 +283,6 @@ def made_scale(assembly: Assembly, made: PrimitiveContact, held: tuple[Primitive
     """What makes a margin of `made_form`, m: 1 for a distance; a direction's angle counts on an arm of ρ.
 
     Args:
-        assembly: the parts.
-        made: contact to be made.
-        held: contacts held until then.
         rho: ρ, m.
     """
     found = made_form(assembly, made, held).at(Pose(np.zeros(3), np.eye(3)))

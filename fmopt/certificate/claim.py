@@ -59,12 +59,6 @@ class Claim:
 def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Tolerance) -> Advance:
     """Carries the errors through a piece of motion that every execution follows.
 
-    Args:
-        assembly: the two parts.
-        piece: the piece of motion.
-        errors: error set at its start.
-        tolerance: velocity error and metric.
-
     Raises:
         InfeasibleError: the step is impossible, or some executions would not make or give up a contact as it says.
     """
@@ -92,10 +86,6 @@ def claimed(
     """Certifies what it can of pieces through which the errors have been carried.
 
     Args:
-        assembly: the two parts.
-        steps: the pieces of motion with the errors along them, from `stepped`.
-        tolerance: velocity error and metric.
-        choose: finds separating planes for all pairs of pieces.
         thorough: whether to compute how far contacts stay inside their facets, too.
 
     Raises:
@@ -188,12 +178,7 @@ class FacetRows:
 
 
 def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
-    """What bounds the contacts of a piece of motion at both ends, for placements that want to move them.
-
-    Args:
-        assembly: the parts.
-        claim: whose piece has contacts.
-    """
+    """What bounds the contacts of a piece of motion at both ends, for placements that want to move them."""
     piece, course = claim.piece, Course.of((claim.advance.ends,))
     table = bounds(assembly, piece.held, piece.held, _own(assembly, piece))
     rows = course.over(table.forms)

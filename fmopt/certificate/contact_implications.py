@@ -47,7 +47,6 @@ class Facts:
 
     Args:
         owner: the two parts, which have their facts with them: these do not hold on to them.
-        walls: fixed planes with what is known to lie in them.
         turns: body directions, normals of flush faces first, with the world directions that they are turned onto.
     """
 
@@ -90,7 +89,6 @@ class Facts:
         not below are not below; nor are points beyond such a one, seen from a point in the wall.
 
         Args:
-            normal, offset: as for `on`.
             vertices: (k, 3), body frame, m.
             above: (m, 3), body frame, m.
         """
@@ -124,12 +122,7 @@ class Facts:
 
 @remembered(_MEMORY)
 def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
-    """Everything that follows from contacts being held.
-
-    Args:
-        assembly: the parts.
-        held: all contacts at once.
-    """
+    """Everything that follows from contacts being held."""
     walls: list[Wall] = []
     fixed = assembly.fixed.polyhedron
     for contact in held:
@@ -227,13 +220,7 @@ def taken_turns(assembly: Assembly, contact: PrimitiveContact, together: Sequenc
 
 
 def held_on(assembly: Assembly, face: int, together: Sequence[PrimitiveContact]) -> set[int]:
-    """The moving vertices that contacts hold on a fixed face or one in its plane.
-
-    Args:
-        assembly: the parts.
-        face: index in the fixed part.
-        together: contacts held.
-    """
+    """The moving vertices that contacts hold on a fixed face or one in its plane."""
     faces = assembly.fixed.polyhedron.faces
     wall = faces[face]
     return {

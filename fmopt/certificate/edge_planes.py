@@ -43,9 +43,7 @@ class Counted:
     """The rows of a witness that contacts do not settle: distances that must stay positive.
 
     Args:
-        forms: the rows.
         always: how many of them, the first ones, count always; the others as `onto` says.
-        onto: walls that the moving edge turns onto.
         edges: unit directions of the moving and of the fixed edge, for kind "edges".
     """
 
@@ -94,7 +92,6 @@ class _Edge:
         along: unit direction (3,).
         arms: (v − a) × e for all vertices v of the piece (k, 3), a the first end and e the direction, m.
         on: which vertices (k,) lie on its line.
-        points: the vertices of the part, by their numbers, that do.
     """
 
     ends: Array
@@ -120,14 +117,7 @@ def _meet(contact: PrimitiveContact, moving: _Edge, fixed: _Edge) -> bool:
 
 
 def edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -> Counted:
-    """The rows of a plane along an edge of each of two pieces that contacts do not settle, m.
-
-    Args:
-        assembly: the two parts.
-        pair: the pieces, with what bears on them.
-        witness: the two edges.
-        known: what the contacts held say.
-    """
+    """The rows of a plane along an edge of each of two pieces that contacts do not settle, m."""
     M, F = pair.moving.vertices, pair.fixed.vertices
     moving = _edge(pair.moving, assembly.moving.polyhedron, witness.moving)
     fixed = _edge(pair.fixed, assembly.fixed.polyhedron, witness.fixed)
@@ -240,8 +230,6 @@ def _turned_onto(
     """Vertices in the plane of both edges that are on a wall along the fixed one.
 
     Args:
-        assembly: the two parts.
-        pair: the pieces, with what bears on them.
         rim: a point of the wall's rim and its unit direction (3,), in the plane.
         lies: whether a body point (3,) is in the plane.
 

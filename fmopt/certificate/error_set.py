@@ -52,7 +52,6 @@ class ErrorSet(Value):
         generators: rows gᵢ (k, 6).
         slide_root: root (6, b).
         swing_root: root (6, c).
-        thick: how many generators, the last ones, are thickness.
         compliant: twists (r, 6) along which the contacts of that thickness give way.
         linkage: how the first generators move on with the part; None where all stay as they are.
     """
@@ -86,7 +85,6 @@ class ErrorSet(Value):
 
         Args:
             half_widths: (6,), m and rad.
-            framing: which share is fixed in the hole, in the hand and in the world.
         """
         a = frozen(half_widths, 6, name="half-widths")
         generators, linkage = Linkage.of(a, framing)
@@ -209,7 +207,6 @@ class Linkage(Value):
 
         Args:
             box: half-widths (6,), m and rad.
-            framing: which share is fixed in the hole, in the hand and in the world.
         """
         if framing.still:
             return np.diag(box)[box > 0.0], None

@@ -45,12 +45,7 @@ class _Looked(list[float]):
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Rows that bound contacts, and what their lower bounds say of each contact.
-
-    Args:
-        forms: the rows.
-        judges: for each contact, its margin from the lower bounds of the rows.
-    """
+    """Rows that bound contacts, and what their lower bounds say of each contact."""
 
     forms: Forms
     judges: tuple[Judge, ...]
@@ -103,9 +98,6 @@ def bounds(
     sides of the other. Where a face has holes, the vertex keeps beyond an edge of each that has the hole on one side.
 
     Args:
-        assembly: the two parts.
-        contacts: held, or just made.
-        together: all contacts held with them.
         own: those of which no crossing of another rim says the same: it would only nearly, see `form`.
     """
     rows, corners = Questions([], [], []), tuple(c for c in together if c.kind is Kind.VERTEX_FACE)
@@ -128,11 +120,9 @@ class _Rim:
     """An edge around a convex part of a face.
 
     Args:
-        span: its vertices.
         inward: normal of the plane that has the part in front of it (3,).
         offset: of that plane, m.
         whole: whether the part goes along the edge's line no farther than the edge does; beyond it is more of the face.
-        swallowed: depths to which a wall goes on behind it.
     """
 
     span: tuple[int, int]

@@ -55,9 +55,6 @@ def under_form(
     there, and nothing that follows from them breaks them.
 
     Args:
-        assembly: the two parts.
-        piece: the piece.
-        way: its linear picture.
         carry: carries the errors where form adds so much to the thickness of each contact (r,), m.
 
     Raises:

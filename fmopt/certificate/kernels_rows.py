@@ -50,7 +50,6 @@ class Bending(NamedTuple):
     """Rows (k) along a piece of motion.
 
     Args:
-        table: the rows.
         turned: what turns, at both ends (2, k, 3).
         twist: V = (Δ, τ) (6,) of the piece, m and rad.
     """
@@ -65,7 +64,6 @@ def value(row: Row, p: Vector, R: Array) -> tuple[float, Vector, Vector, End]:
     """f at a pose, its gradient in translation and in rotation, and what turns: w, b, y.
 
     Args:
-        row: one of a table.
         p: m.
         R: (3, 3).
     """
@@ -84,12 +82,7 @@ def value(row: Row, p: Vector, R: Array) -> tuple[float, Vector, Vector, End]:
 
 @part
 def reach(row: Row, start: End, goal: End) -> float:
-    """|u||k| + |b||y|, y at the end where it is larger: what a small turn moves by at most, m.
-
-    Args:
-        row: one of a table.
-        start, goal: what turns, at both ends of a piece.
-    """
+    """|u||k| + |b||y|, y at the end where it is larger: what a small turn moves by at most, m."""
     found: float = row["lever"]
     if row["bilinear"]:
         # The end farther away: lengths between two positions of a straight way are at most that of one of its ends.
@@ -121,8 +114,6 @@ def remainder(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], hal
     """What the linear picture of a row leaves over a piece of motion with errors in a box, m.
 
     Args:
-        row: the row.
-        ends: what turns, at both ends.
         twist: Δ and τ of the piece, m and rad.
         half: half-widths of the box around the errors, m and rad.
     """
@@ -200,8 +191,6 @@ def power(row: Row, end: End, move: Vector, turn: Vector) -> tuple[Vector, Vecto
     """How N·V, V = (Δ, τ), changes with a small error: Aᵀ(τ × b) and b × A Δ − Gᵀ τ.
 
     Args:
-        row: one of a table.
-        end: what turns, at one end.
         move: Δ, m.
         turn: τ, rad.
     """
@@ -225,7 +214,6 @@ def unsteady(row: Row, arm: float, motion: tuple[float, float], reach: tuple[flo
     """How much N·μ differs at most between poses, by lengths alone: of motions in any direction.
 
     Args:
-        row: one of a table.
         arm: `reach` of it, m.
         motion: lengths of μ, m and rad.
         reach: how far the poses are apart at most, m and rad.
@@ -247,10 +235,8 @@ def varying(
     its first order, is off its chord by an eighth of its second derivative.
 
     Args:
-        row: one of a table.
         arm: `reach` of it, m.
         motion: lengths of μ, m and rad.
-        errors: |d| and θ, at most.
         way: lengths of the piece's twist, m and rad.
     """
     (slide, spin), (offset, theta), (move, turn) = motion, errors, way
@@ -271,7 +257,6 @@ def together(bending: Bending, shares: Array, off: Array, half: Array, coupling:
     |ε|³ times its reach and ½|ε|²|A d|. In the sum of all first parts what rows have in common cancels.
 
     Args:
-        bending: the rows (k).
         shares: of each row (k,).
         off: what each is off by besides (k,), m.
         half: half-widths (6,) of the box, m and rad.
@@ -321,7 +306,6 @@ def differing(bending: Bending, motions: Array, half: Array, drift: Array, share
     """By how much products of rows with motions differ between poses from those at both ends, interpolated.
 
     Args:
-        bending: the rows (k).
         motions: (m, 6).
         half: half-widths (6,) of a box around the errors.
         drift: lengths of what is added to the motions in any direction (2,).

@@ -52,8 +52,6 @@ class LevelRim:
         In the body it lies at least as far behind the face's plane as the points are away from the rim.
 
         Args:
-            points: in the world.
-            normal: of the plane, in the body.
             offset: of it, m.
         """
         if length(normal - self.normal) > NEAR:
@@ -73,11 +71,6 @@ def level_rims(
 
     Two edges of a face on one rim put that into the face's plane. One edge does where what is known of turns keeps the
     face level with the rim, and keeps it from going behind where that contact is being made or given up.
-
-    Args:
-        assembly: the two parts.
-        held: all contacts held.
-        opening: the contact being made that counts and those given up.
     """
     body, fixed, found = assembly.moving.polyhedron, assembly.fixed.polyhedron, list[LevelRim]()
     edges = [contact for contact in (*held, *opening) if contact.kind is Kind.EDGE_EDGE]
@@ -108,12 +101,6 @@ def edges_level(assembly: Assembly, moving: Polyhedron, fixed: Polyhedron, rims:
     """Edges of two pieces, of which a level rim says that the fixed one is not behind a face at the moving one.
 
     They run like the contact's edges.
-
-    Args:
-        assembly: the two parts.
-        moving: the moving piece.
-        fixed: the fixed piece.
-        rims: as `level_rims` finds them.
     """
     found = []
     for rim in rims:
@@ -152,13 +139,6 @@ def edges_beside(
     """Edges of a moving piece beside one in touch, that are known to lie along the fixed edge from it, with that one.
 
     They run like the contacts' edges.
-
-    Args:
-        assembly: the two parts.
-        moving: the moving piece.
-        fixed: the fixed piece.
-        held: all contacts held.
-        opening: contacts being made or given up.
     """
     known, body, found = facts(assembly, held), assembly.moving.polyhedron.vertices, []
     if not known.turns:
@@ -178,10 +158,8 @@ def beside(known: Facts, one: Array, other: Array, along: Array) -> bool:
     """Whether a second edge of the body is parallel to one, and known to lie along a unit direction (3,) from it.
 
     Args:
-        known: what contacts say.
         one: ends (2, 3) of an edge.
         other: of the second one, not on the same line.
-        along: in the world.
     """
     way = (one[1] - one[0]) / length(one[1] - one[0])
     if not on_line(other, other[0], way).all():

@@ -34,7 +34,6 @@ class Witness:
     """A plane between two pieces: along a face or edges, as vertex indices of the pieces, or any plane of the B-frame.
 
     Args:
-        kind: what the plane runs along.
         moving: vertices of the moving piece's face or edge.
         fixed: vertices of the fixed piece's face or edge.
         plane: for kind "plane" the unit normal (3) and the offset; the fixed piece lies behind it.
@@ -50,10 +49,6 @@ class Pair(NamedTuple):
     """A moving piece against a fixed one, with the contacts that bear on the two.
 
     Args:
-        moving: the moving piece.
-        fixed: the fixed piece.
-        held: contacts held between the two.
-        opening: contacts being made or given up between the two.
         state: all contacts held, for a pair of which contacts say something; else none.
         left: all contacts given up, for such a pair; else none.
         beside: the contact being made that counts and those given up, wherever, for such a pair; else none.
@@ -98,12 +93,7 @@ class Facing:
 
 
 def facing(assembly: Assembly, piece: Piece) -> Facing:
-    """All pairs of convex pieces, moving and fixed, in order, with the contacts of a piece of motion.
-
-    Args:
-        assembly: the parts.
-        piece: the piece of motion.
-    """
+    """All pairs of convex pieces, moving and fixed, in order, with the contacts of a piece of motion."""
     return _facing(assembly, piece.held, (*piece.making, *piece.left), piece.left, piece.opening)
 
 
@@ -161,24 +151,14 @@ def _shares(points: Array, others: Array) -> bool:
 
 
 def pairs(assembly: Assembly, piece: Piece) -> tuple[tuple[int, int, Pair], ...]:
-    """The pairs of `facing`.
-
-    Args:
-        assembly, piece: as for `facing`.
-    """
+    """The pairs of `facing`."""
     return facing(assembly, piece).listed
 
 
 def touching(
     assembly: Assembly, moving: Polyhedron, fixed: Polyhedron, contacts: Iterable[PrimitiveContact]
 ) -> tuple[PrimitiveContact, ...]:
-    """The contacts that two pieces can have with each other: on a face plane or along an edge of each.
-
-    Args:
-        assembly: the parts that they are pieces of.
-        moving, fixed: convex pieces.
-        contacts: of the parts.
-    """
+    """The contacts that two pieces can have with each other: on a face plane or along an edge of each."""
     own, other = assembly.carried(moving), assembly.carried(fixed)
     return tuple(c for c in contacts if _between(c, own, other))
 

@@ -57,12 +57,9 @@ class Advance:
     """The outcome of a step.
 
     Args:
-        ends: both ends with their sets.
-        basis: the held basis, with the contact being made and its direction added.
         motion: displacement (6,) of the piece inside the held contacts.
         length: length of the piece in the metric of ρ, m.
         approach: how much nearer the contact being made comes; None without one.
-        departures: how much farther away each contact given up gets.
         overtravel: how much longer or shorter the piece is at most until its move's contact is made, as a share of it.
     """
 
@@ -83,12 +80,6 @@ class Advance:
 
 def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Tolerance) -> Advance:
     """Carries an error set through a piece of motion.
-
-    Args:
-        assembly: the two parts.
-        piece: the piece of motion.
-        errors: error set at its start.
-        tolerance: velocity error and metric.
 
     Raises:
         InfeasibleError: the contact to be made cannot be reached along the motion, one cannot be given up alone,

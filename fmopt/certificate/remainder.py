@@ -88,7 +88,6 @@ class Curvature:
         """The curvature of rows over a piece with a twist (6,).
 
         Args:
-            start, goal: the same rows at both ends.
             twist: V (6,), m and rad.
         """
         w, b, y = (np.array(ends) for ends in zip(start.turned, goal.turned, strict=True))
@@ -96,11 +95,7 @@ class Curvature:
 
     @staticmethod
     def joined(one: Curvature, other: Curvature) -> Curvature:
-        """The curvature of the rows of both, over the same piece.
-
-        Args:
-            one, other: over one piece.
-        """
+        """The curvature of the rows of both, over the same piece."""
         (table, turned, twist), (more, ends, _) = one.bending, other.bending
         w, b, y = (np.concatenate(both, axis=1) for both in zip(turned, ends, strict=True))
         return Curvature(Bending(np.concatenate([table, more]), Turned(w, b, y), twist))
@@ -254,7 +249,6 @@ class Course:
         """Whether generators and drifts, not the ellipsoid of everything, bound the errors along rows (m, 6): (m,).
 
         Args:
-            end: of the first piece.
             N: the rows.
         """
         # Where the sum is the smaller bound, derivatives of generators are the ones that count.

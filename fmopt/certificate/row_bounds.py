@@ -137,7 +137,6 @@ def over(table: Table, motion: Motion) -> tuple[Array, Array, Array, Array]:
 
     Args:
         table: rows (k,).
-        motion: pieces (n) with their errors.
 
     Returns:
         at both ends values (2, n, k) and gradients (2, n, k, 6), how far errors reach along these (2, n, k); and the
@@ -213,11 +212,6 @@ def _margin(
     """Margin and clearance of a witness; of one that cannot have the margin asked for, some margin below that.
 
     Args:
-        which: of its rows count.
-        first: of its rows in the table.
-        table: the rows of all witnesses.
-        motion: pieces.
-        n: which piece.
         asked: what margins are divided by, and the margin asked for, m.
     """
     scale, least = asked
@@ -250,9 +244,6 @@ def best(
     No margin exceeds its witness's room: those with less of that than the best so far are left out.
 
     Args:
-        table: rows of all witnesses.
-        witnesses: how they are listed.
-        motion: the pieces.
         least: margins (n, m) that are asked for, m.
         grazing: how far nominal distances may be below zero, m.
 
@@ -328,9 +319,6 @@ def best_sides(
     face is given up at the first corner that it does not keep off.
 
     Args:
-        sides: the faces and the pieces that they keep off.
-        scratch: a row of zeros.
-        motion: the pieces of motion.
         least: margins (n, m) that are asked for, m.
         grazing: how far nominal distances may be below zero, m.
 

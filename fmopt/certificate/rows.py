@@ -41,9 +41,7 @@ class Rows:
     At several poses all of them have leading axes.
 
     Args:
-        f: values.
         N: gradients.
-        forms: the functions (k).
         turned: what turns, (k, 3) each.
     """
 
@@ -163,7 +161,6 @@ def balls_above(points: Array, normals: Array, offsets: Array | float, radii: Ar
     """n·(p + R v) − a − r.
 
     Args:
-        points, normals, offsets: as for `points_above`, v the centres.
         radii: r (k,), m.
     """
     return Forms(records(definitions.ball_face, v=points, n=normals, c=offsets, r=radii))
@@ -208,7 +205,6 @@ def records(definition: Definition, **parameters: Array | float) -> Any:
     """Records (r,) of rows.
 
     Args:
-        definition: of the function.
         parameters: its own: vectors (r, 3) or one for all (3,), numbers (r,) or one.
 
     Raises:

@@ -37,7 +37,6 @@ class Linearisation:
         turn: τ, rad.
         length: L in the metric of ρ, m.
         directions: compliant twists C_h of the held basis (h, 6).
-        held: rows N_h of the held basis, by the contacts held, at both ends.
         made: row of the contact being made, by the contacts held, at both ends; None without.
         start_dual: T^S (6, h), dual to the held rows at the start.
         goal_dual: T^h (6, h), dual to the held rows at the goal.
@@ -114,11 +113,6 @@ class Linearisation:
 def linearisation_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Linearisation:
     """The linear picture of a piece.
 
-    Args:
-        assembly: the parts.
-        piece: the piece of motion.
-        tolerance: metric and velocity error.
-
     Raises:
         InfeasibleError: the piece turns too far or goes nowhere, contacts do not determine their compliant
             directions, or the motion does not lead to the contact that it is to make.
@@ -142,10 +136,6 @@ def _way(
     """See `linearisation_of`: no error enters it, so that a motion certified under other errors has the same.
 
     Args:
-        assembly: the two parts.
-        ends: nominal poses.
-        held_all: all contacts held.
-        basis: the independent ones, and the bytes of their compliant twists.
         making: the contact being made and the share φ of what is left of its move; None without.
         rho: characteristic length, m.
     """
@@ -178,8 +168,6 @@ def cone(tolerance: Tolerance, way: Linearisation, N: Array) -> float:
     """How far the velocity error can move a row (6,) along the piece, m.
 
     Args:
-        tolerance: velocity error and metric.
-        way: of the piece.
         N: gradient (6,), m and m/rad.
     """
     t, r = tolerance.velocity_error[0], tolerance.velocity_error[1] / tolerance.rho
@@ -213,12 +201,6 @@ def approach(tolerance: Tolerance, way: Linearisation, extent: Extent, linkage: 
     """How much nearer the contact being made comes along a piece, at every error in the bounds; None without one.
 
     An execution stops when it first touches: that needs the distance to fall all along.
-
-    Args:
-        tolerance: velocity error.
-        way: of the piece.
-        extent: bounds of its errors.
-        linkage: how generators move on with the part.
     """
     if way.made is None:
         return None
@@ -297,14 +279,7 @@ class Piece:
     """A piece of a move: nominal poses, contacts held and to be held, the basis, and which fraction of the move it is.
 
     Args:
-        start: nominal pose at the beginning.
-        goal: nominal pose at the end.
-        held: all contacts held along the piece.
-        goal_contacts: all contacts held after the whole move.
-        basis: independent contacts of `held`, each with its compliant direction.
         made: the contact that the move makes, one for all that are made together, or None.
-        progress: fractions of the move at both ends.
-        left: contacts held up to the start of the move, which it gives up.
     """
 
     start: Pose

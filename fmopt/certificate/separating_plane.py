@@ -131,7 +131,6 @@ class Candidates:
         """For each pair the witness with the largest margin among those whose planes hold nominally.
 
         Args:
-            course: pieces of motion (n).
             least: margins (n, m) that are asked for, m.
             grazing: how far nominal distances may be below zero, m.
 
@@ -174,8 +173,6 @@ def settled(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Mas
     """Which vertices (v) of the moving piece contacts keep from crossing a plane of the fixed part.
 
     Args:
-        assembly: the parts.
-        pair: of pieces.
         normal: unit normal (3,).
         offset: of the plane, m.
     """

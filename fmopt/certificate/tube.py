@@ -62,7 +62,6 @@ class Numbers(NamedTuple):
         turn: τ, rad.
         rate: how much nearer the contact being made comes, m; 0 without one.
         leaning: |turning part of N′|, m.
-        share: φ, the part of what is left of the move that the piece covers.
         rates: velocity errors per unit of length, in translation and in angle (1/m).
         seen: N′ (6,).
         projector: Π (6, 6).
@@ -105,7 +104,6 @@ def left(bending: Bending, half: Array, coupling: Array) -> Array:
     """What the linear picture of rows leaves over a piece (k,), m.
 
     Args:
-        bending: the rows along the piece.
         half: half-widths (6,) of a box around the errors, m and rad.
         coupling: what the linear picture leaves of errors in different frames (2,), m and rad.
     """
@@ -123,7 +121,6 @@ def varied(bending: Bending, half: Array, motion: Array) -> Array:
     """Bounds (k,) of how much N·v may differ between poses of a piece, errors included, m.
 
     Args:
-        bending: the rows along the piece.
         half: half-widths (6,) of a box around the errors.
         motion: v (6,).
     """
@@ -183,9 +180,7 @@ def _grown(
 
     Args:
         half: the half-widths, m and rad.
-        layers: contacts and how they bend.
         rest: what does not depend on the half-widths, of the thickness of each (r,), m.
-        way: the piece.
         late: how much the errors at the start and the drift delay the contact that is made, as a share of the piece.
         links: sizes of the errors in different frames (5,), see `coupled`.
 
@@ -295,9 +290,6 @@ def carried(
     """Carries an error set through a piece of motion; see `segment`.
 
     Args:
-        layers: the contacts held, and on the last piece the one being made.
-        way: the piece.
-        errors: the start set without its old thickness.
         rho: ρ, m.
 
     Returns:

@@ -81,7 +81,6 @@ def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: boo
 
     Args:
         folder: of the results, made if need be.
-        files: one problem file, or parts.
         options: error, unit, moving and fixed, as they were given.
         quiet: whether what was found is not said.
 
@@ -123,8 +122,6 @@ def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
     """Writes the problem file of a question with what is found as comments, and the drawing beside it.
 
     Args:
-        asked: the question.
-        target: the problem file.
         stated: whether the start error is the user's own.
 
     Raises:
@@ -160,9 +157,7 @@ def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool,
     """Says what is found on one part, and draws it where that is asked for.
 
     Args:
-        file: of the part.
         unit: of the numbers of a mesh.
-        out: file of the drawing.
         form: whether as JSON, and whether to say nothing.
     """
     from fmopt.notebook.found import drawing_of

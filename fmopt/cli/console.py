@@ -20,11 +20,7 @@ _WIDE = 120  # columns that the whole table of moves needs
 
 
 class Stages:
-    """Progress of a long command: one changing line, on a terminal only.
-
-    Args:
-        silent: show nothing.
-    """
+    """Progress of a long command: one changing line, on a terminal only."""
 
     def __init__(self, silent: bool) -> None:
         self._console = Console(stderr=True)
@@ -48,12 +44,7 @@ class Stages:
 
 
 class Runs:
-    """Progress of a study: one bar with rate and time left, on a terminal only.
-
-    Args:
-        title: of the study.
-        silent: show nothing.
-    """
+    """Progress of a study: one bar with rate and time left, on a terminal only."""
 
     def __init__(self, title: str, silent: bool) -> None:
         from rich.progress import BarColumn, Progress, TextColumn
@@ -93,12 +84,7 @@ def duration(seconds: float) -> str:
 
 
 class Trials:
-    """Progress of trials: a bar on a terminal.
-
-    Args:
-        total: trials in all.
-        silent: show nothing.
-    """
+    """Progress of trials: a bar on a terminal."""
 
     def __init__(self, total: int, silent: bool) -> None:
         from rich.progress import Progress

@@ -41,7 +41,6 @@ class Definition:
     """A function f of a pose (p, R) and of named parameters.
 
     Args:
-        name: of the kind.
         function: f(p, R, …).
         roles: of the parameters; their order is that of the numbers in a record.
     """

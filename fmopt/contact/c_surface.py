@@ -53,7 +53,6 @@ class Surfaces(Value):
     """The C-surface functions of k contacts.
 
     Args:
-        contacts: the contacts.
         order: (k,), sends contacts stacked by kinds back to their own order.
         tables: for each kind the records of its contacts, in the order of `CONTACTS`.
     """
@@ -97,9 +96,6 @@ class Surfaces(Value):
         """Signed distances f (…, k) in m and gradients N (…, k, 6) at poses.
 
         A gradient is the wrench of a unit contact force. Level edges have neither: nan.
-
-        Args:
-            p, R: as for `heights`.
         """
         lead, k = p.shape[:-1], len(self.contacts)
         f, N = np.empty((math.prod(lead), k)), np.empty((math.prod(lead), k, 6))
@@ -218,7 +214,6 @@ def parameters(moving: Polyhedron, fixed: Polyhedron, contact: PrimitiveContact)
     Args:
         moving: in its body frame.
         fixed: in the B-frame.
-        contact: of features that they have.
     """
     match contact.kind:
         case Kind.VERTEX_FACE:
@@ -243,7 +238,6 @@ def heights(tables: Tables, p: Array, R: Array, f: Array) -> None:
     """Fills in the distances of all contacts at poses.
 
     Args:
-        tables: of all contacts, kind by kind.
         p: (m, 3), m.
         R: (m, 3, 3).
         f: (m, k), written over.
@@ -258,7 +252,6 @@ def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
     """Fills in distances and wrenches of all contacts at poses.
 
     Args:
-        tables, p, R, f: as for `heights`.
         N: (m, k, 6), written over.
     """
     for n in range(len(p)):
@@ -271,7 +264,6 @@ def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
     """Fills in how regular contacts are at a pose; see `kernels_generated.regularity`.
 
     Args:
-        tables: as for `heights`.
         p: (3,), m.
         R: (3, 3).
         found: (k,), written over.
@@ -284,7 +276,6 @@ def contact_point(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedr
     """The point (3,) of the moving part's feature, in m, at which the fixed part pushes (at a pose in contact).
 
     Args:
-        contact: of features that the parts have.
         moving: in its body frame.
         fixed: in the B-frame.
         pose: of the moving part in the B-frame; the contact touches there.
@@ -340,8 +331,6 @@ def friction_cone(normal: Array, arm: Array, friction: float, sides: int = _SIDE
     Args:
         normal: unit vector (3,) along which the contact pushes the part.
         arm: the contact point (3,) from the part's reference point, m.
-        friction: coefficient.
-        sides: of the pyramid.
     """
     first, second = plane_basis(normal).T
     turns = 2.0 * math.pi * np.arange(sides) / sides

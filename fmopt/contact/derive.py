@@ -27,11 +27,8 @@ class Derived:
     """A kind of contact as SymPy expressions.
 
     Args:
-        name: of the kind.
         p: position (3, 1) of the moving part.
         parameters: of the kind; those that turn with the part stand for R b.
-        turned: names of these.
-        f: value.
         N: gradient (6, 1) in local coordinates X = (d, δ) about the pose, the contact's wrench.
         H: second derivatives (6, 6).
         regular: what f takes roots of; where one is zero, f has no gradient.

@@ -75,10 +75,8 @@ def descended(at: Functions, on: Bits, T: Array, room: float) -> tuple[Array, Ar
     """Levenberg–Marquardt from each of n starts: poses (n, 3, 4), what is short there (n,), and whether that is final.
 
     Args:
-        at: the functions.
         on: (n, k), the contacts that are to touch.
         T: (n, 3, 4), where to start: rotations, and positions beside them in m.
-        room: clearances by which everything else is to be away.
     """
     n, k = on.shape
     found, size, final = np.zeros((n, 3, 4)), np.zeros(n), np.zeros(n, np.bool_)
@@ -114,7 +112,6 @@ def projected(at: Functions, on: Bits, T: Array, rank: Numbers) -> Array:
     """The nearest poses (n, 3, 4) where contacts touch, by Gauss–Newton with shortest scaled steps.
 
     Args:
-        at: the functions.
         on: (n, k), the contacts.
         T: (n, 3, 4), where to start.
         rank: (n,), how many singular directions a step may use.

@@ -79,8 +79,6 @@ def vertices_at_faces(corners: Corners, walls: Walls, T: Array, reach: float, an
     """Which vertices (n) of one part can meet which faces (m) of another: (n, m).
 
     Args:
-        corners: the vertices.
-        walls: the faces.
         T: (3, 4), rotation and position that carry the vertices into the frame of the faces, m.
         reach: largest shift, m.
         angle: largest turn, rad.
@@ -115,12 +113,9 @@ def edges_at_edges(own: Ridges, other: Ridges, T: Array, reach: float, angle: fl
     """Which edges (n) of one part can meet which edges (m) of another: (n, m).
 
     Args:
-        own: the edges of the one part.
-        other: those of the other.
         T: (3, 4), rotation and position that carry the first into the frame of the others, m.
         reach: largest shift, m.
         angle: largest turn about the origin of the first, rad.
-        sine: least sine of the angle between edges that meet.
     """
     near = np.zeros((len(own.ends), len(other.ends)), dtype=np.bool_)
     p = (T[0, 3], T[1, 3], T[2, 3])
@@ -169,8 +164,6 @@ def face_distance(walls: Walls, face: int, x: Vector) -> float:
     """Distance from a point to a face as a region of its plane, m.
 
     Args:
-        walls: all faces of a part.
-        face: index of one.
         x: in the frame of the part, m.
     """
     normal = row(walls.normals, face)
@@ -225,10 +218,7 @@ def distances(pairs: NDArray[np.intp], own: Solid, other: Solid, T: Array, T_bac
     Args:
         pairs: (n, 5), what each is a pair of (`VERTEX_AT_FACE`, …), and the numbers of a face, a vertex or the vertices
             of an edge of either part, those of vertices and faces twice.
-        own: the part that is carried.
-        other: the one that it is carried to.
         T: (3, 4), rotation and position that carry it, m.
-        T_back: the inverse.
     """
     found = np.empty(len(pairs))
     p, p_back = (T[0, 3], T[1, 3], T[2, 3]), (T_back[0, 3], T_back[1, 3], T_back[2, 3])

@@ -90,7 +90,6 @@ def _means(corners: Array, rays: Bits, begins: Numbers, listed: Numbers) -> Arra
         corners: vertices and rays (m, r).
         rays: which of them are rays (m,).
         begins: where the corners of each face begin (n + 1,) in the list of them.
-        listed: that list.
     """
     m, r = corners.shape
     n, width = len(begins) - 1, (r + 4) // 4 * 4  # with their number, in fours that are summed at once
@@ -191,7 +190,6 @@ def subset_tree(incidence: NDArray[np.bool_], r: int) -> tuple[Places, Places, P
 
     Args:
         incidence: (m, k + 1), r columns in each row.
-        r: how many.
 
     Returns:
         the parent (n,) and the last column (n,) of each node; where its rows begin (n + 1,) in the list of rows that
@@ -277,7 +275,6 @@ def subset_rows(parents: Places, columns: Places, k: int) -> tuple[NDArray[np.bo
     Args:
         parents: index of each node's parent (n,).
         columns: index of its last column (n,).
-        k: how many columns there are.
     """
     n = len(parents)
     rows, sizes = np.empty((n, k), np.bool_), np.zeros(n, np.intp)

@@ -48,9 +48,7 @@ def bounds(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pos
     (a reflex edge) is not bounded: the wall's own contacts stop it.
 
     Args:
-        contact: the contact.
         moving: the moving part in its body frame.
-        fixed: the fixed part.
         pose: a pose near the contact; it tells the sides of the edges' ends apart.
     """
     return BoundTable.of((contact,), moving, fixed, pose).clauses[0]
@@ -134,7 +132,6 @@ def touching(
     """Those of the contacts that touch at a pose: f = 0 to 1e-9 m, and more than `within` (m) inside their bounds.
 
     Args:
-        contacts: of the two parts.
         moving: in its body frame.
         fixed: in the B-frame.
         pose: of the moving part in the B-frame.
@@ -157,10 +154,7 @@ def cell(
     pose violates is none: in a notch, a face told edge by edge seems to go on over the notch.
 
     Args:
-        contacts: primitive contacts near the pose.
         moving: the moving part in its body frame.
-        fixed: the fixed part.
-        pose: a free pose inside the cell.
         within: bounds further away than this (m) are left out; they are not reached.
 
     Returns:
@@ -255,14 +249,7 @@ def _face_clauses(moving: Polyhedron, face: int, vertex: int) -> tuple[Clause, .
 def _edge_clauses(
     contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, sides: tuple[int, int]
 ) -> tuple[Clause, ...]:
-    """For each free end of the two edges, the end against that face of the other edge which it passes most steeply.
-
-    Args:
-        contact: of the edges.
-        moving: the part with the one edge.
-        fixed: the part with the other.
-        sides: how they pass each other, see `Crossings`.
-    """
+    """For each free end of the two edges, the end against that face of the other edge which it passes most steeply."""
     one, other = moving.edges[contact.moving_feature], fixed.edges[contact.fixed_feature]
     # Face and way are packed in one number of a byte, so that the key of what is remembered is short.
     (passed, slope), (passing, turned) = (divmod(side, 3) for side in sides)
@@ -285,10 +272,6 @@ def face_clauses(polyhedron: Polyhedron, face: int) -> tuple[tuple[tuple[int, ..
 
     Edges that meet in a reflex corner are alternatives, others hold together: along the outer loop each run of edges
     joined by reflex corners is a clause; round a hole the runs joined by convex corners are one clause's alternatives.
-
-    Args:
-        polyhedron: whose face it is.
-        face: its index.
     """
     across = {
         (f, *(edge.vertices if side == 0 else edge.vertices[::-1])): (edge.faces[1 - side] if edge.convex else None)
@@ -352,7 +335,6 @@ class Crossings:
         """Those of the contacts between these parts.
 
         Args:
-            contacts: those of two edges count.
             moving: in its body frame.
             fixed: in the B-frame.
         """

@@ -65,13 +65,7 @@ class PrimitiveContact:
 
 @remembered(_CONTACTS)
 def vertex_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
-    """The contact of a moving vertex on a fixed face.
-
-    Args:
-        fixed: the fixed part.
-        vertex: index in the moving part.
-        face: index in the fixed part.
-    """
+    """The contact of a moving vertex on a fixed face."""
     # The outer loop stands for the face; its holes are in its bounds.
     outer = fixed.faces[face].loops[0]
     return PrimitiveContact(f"v{vertex}-f{face}", Kind.VERTEX_FACE, (vertex,), outer, vertex, face)
@@ -79,26 +73,14 @@ def vertex_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
 
 @remembered(_CONTACTS)
 def ball_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
-    """The contact of a moving ball, of which a vertex is the centre, on a fixed face.
-
-    Args:
-        fixed: the fixed part.
-        vertex: index in the moving part, of the centre.
-        face: index in the fixed part.
-    """
+    """The contact of a moving ball, of which a vertex is the centre, on a fixed face."""
     outer = fixed.faces[face].loops[0]
     return PrimitiveContact(f"b{vertex}-f{face}", Kind.BALL_FACE, (vertex,), outer, vertex, face)
 
 
 @remembered(_CONTACTS)
 def face_vertex(moving: Polyhedron, face: int, vertex: int) -> PrimitiveContact:
-    """The contact of a moving face on a fixed vertex.
-
-    Args:
-        moving: the moving part.
-        face: index in the moving part.
-        vertex: index in the fixed part.
-    """
+    """The contact of a moving face on a fixed vertex."""
     outer = moving.faces[face].loops[0]
     return PrimitiveContact(f"f{face}-v{vertex}", Kind.FACE_VERTEX, outer, (vertex,), face, vertex)
 
@@ -107,11 +89,7 @@ def edge_edge(moving: Polyhedron, fixed: Polyhedron, R: Array, one: int, other: 
     """The contact of a moving edge across a fixed edge, the moving edge run so that the normal leaves the fixed part.
 
     Args:
-        moving: the part with edge `one`.
-        fixed: the part with edge `other`.
         R: rotation (3, 3) of the moving part at which the edges meet.
-        one: index of the moving edge.
-        other: index of the fixed edge.
     """
     return _crossing(moving, fixed, R, [(one, other)])[0]
 
@@ -136,8 +114,6 @@ def crossed(moving: Polyhedron, fixed: Polyhedron, one: int, other: int, along: 
     """The contact of a moving edge, run along or the other way, across a fixed one; see `edge_edge`.
 
     Args:
-        moving, fixed: the parts.
-        one, other: index of the moving edge, and of the fixed one.
         along: whether the moving edge keeps the order of its ends, on which the sign of R a × e depends.
     """
     ends = moving.edges[one].vertices if along else moving.edges[one].vertices[::-1]
@@ -150,12 +126,8 @@ class _Features:
 
     Args:
         vertices: which vertices have convex edges only.
-        edges: which edges are convex.
         directions: unit vectors (e, 3) along all edges.
         between: sums (e, 3) of the normals beside them.
-        corners: the vertices.
-        ridges: the edges.
-        solid: all vertices and faces.
     """
 
     vertices: NDArray[np.intp]
@@ -215,8 +187,6 @@ def near_contacts(
 
     Args:
         moving: the moving part in its body frame, m.
-        fixed: the fixed part.
-        pose: pose of the moving part.
         reach: largest shift of the body origin, m.
         angle: largest turn about the body origin, rad.
 
@@ -283,7 +253,6 @@ def feature_distances(contacts: Sequence[PrimitiveContact], moving: Polyhedron, 
     Bounds do not say that, as there are none where a face or an edge ends at a wall, or at the next one in its plane.
 
     Args:
-        contacts: k of features that the parts have.
         moving: in its body frame.
         fixed: in the B-frame.
         pose: of the moving part in the B-frame.

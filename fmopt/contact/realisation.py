@@ -138,7 +138,6 @@ class Neighbourhood(Value):
         """The functions of a local space's contacts between these parts.
 
         Args:
-            space: linearised at a pose.
             moving: in its body frame.
             fixed: in the B-frame.
         """
@@ -149,7 +148,6 @@ class Neighbourhood(Value):
 
         Args:
             on: (n, k), which contacts each state holds.
-            poses: n of them.
         """
         unit, values = self.space.scale[0], heights(self.functions, poses.matrices)
         f = values[:, self.functions.own]
@@ -219,10 +217,7 @@ def meet(near: Neighbourhood, on: Bits, start: Poses, room: float) -> Met:
     """Searches from each start for a pose where its contacts touch and everything else is at least `room` away.
 
     Args:
-        near: the local space and its true functions.
         on: (n, k), the contacts that are to touch.
-        start: n poses.
-        room: clearances.
     """
     found, short, settled = descended(near.functions, on, start.matrices, room)
     return Met(_projected(near, on, found, 6), short, settled)
@@ -232,8 +227,6 @@ def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | NDArray[np.
     """The nearest poses where the contacts `on` (n, k) touch, by Gauss–Newton with shortest scaled steps.
 
     Args:
-        near: the local space and its true functions.
-        on: the contacts.
         poses: where to start.
         rank: how many singular directions a step may use, of all or of each. The rank of a state's linear picture
             stays near its facet; 6 also uses those that only curvature provides.

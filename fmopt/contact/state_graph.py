@@ -57,7 +57,6 @@ class ContactState(Value):
         """Many states, whose points are checked and frozen together: a tenth of the time.
 
         Args:
-            ids, contacts, dimensions: of each.
             points: (n, 6), local coordinates in m and rad.
         """
         found = []
@@ -98,7 +97,6 @@ class ContactGraph(Value):
         The contacts of the state's sons, minus those of the state, its goal and its start.
 
         Args:
-            state, goal: indices of states.
             start: index of the state before; None at the first segment.
         """
         # What the segment itself touches is no obstacle, neither on the way nor at its ends.
@@ -113,12 +111,7 @@ class ContactGraph(Value):
 
 
 def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
-    """The contact-state graph of a local space and its faces.
-
-    Args:
-        space: local coordinates and contacts.
-        faces: of the polytope of its constraints, scaled.
-    """
+    """The contact-state graph of a local space and its faces."""
     n, names = len(faces.points), np.array([contact.id for contact in space.contacts], dtype=np.object_)
     ends, rows = held(faces.active)
     contacts = _cut(names[rows].tolist(), ends)
@@ -232,9 +225,7 @@ def local_space(
     """The contacts' half-spaces N·X ≥ D around a pose, in scaled units with unit rows.
 
     Args:
-        contacts: primitive contacts near the pose.
         moving: the moving part in its body frame.
-        fixed: the fixed part.
         pose: the reference pose X = 0.
         scale: units of lengths and angles.
         within: where they do so.

@@ -32,10 +32,6 @@ class Course:
     Args:
         recovery: what the plan says to do when a move fails; None for nothing.
         moves: of the plan; none for other programs.
-        known: its contacts.
-        fit: what success is measured by.
-        look: shown each rig in every period.
-        told: which bodies have an outcome now, with their logs, as soon as they do.
     """
 
     recovery: Recovery | None
@@ -61,8 +57,6 @@ def carried_out(course: Course, rig_of: MakeRig, starts: tuple[Array, Array]) ->
     """Runs bodies from their starts until each has seated or given up.
 
     Args:
-        course: programs, and what is tried when a move fails.
-        rig_of: makes the rig of an attempt.
         starts: positions (n, 3), m, and quaternions (n, 4).
     """
     begun = np.hstack(starts)  # of the first attempt for all of them: shifts of retries count from there

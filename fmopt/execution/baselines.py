@@ -65,7 +65,6 @@ class Task:
         """A program without friction to make up for.
 
         Args:
-            name: of the method.
             start: pose of the moving part in the B-frame.
             steps: in order.
         """

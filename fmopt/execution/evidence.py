@@ -53,16 +53,7 @@ def examine(
     bodies: Bodies, plan: PressPlan, conditions: Conditions, asked: Examination, subject: str,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Evidence:  # fmt: skip
-    """Carries a plan out for all draws and vertices, whatever comes of the first ones.
-
-    Args:
-        bodies: both parts.
-        plan: frozen.
-        conditions: that are drawn from.
-        asked: draws, rate and seed.
-        subject: digest of what is carried out.
-        progress: told in words.
-    """
+    """Carries a plan out for all draws and vertices, whatever comes of the first ones."""
     presses, threads = count_presses(plan), cores()
     progress(f"evidence: {asked.draws} draws and {VERTICES} vertices")
     numbers = range(asked.draws)

@@ -34,7 +34,6 @@ class Settled:
     Args:
         folder: for the results; what an interrupted run left there is used.
         workers: processes; None for one a core.
-        advance: told how many trials are done, each time some are.
     """
 
     folder: Path
@@ -46,8 +45,6 @@ def execute(what: Plan, trials: Trials, settled: Settled, caution: str = "") -> 
     """Runs trials of a plan and writes `trials.jsonl` and `summary.json`.
 
     Args:
-        what: the plan.
-        trials: what is to be run.
         settled: where and how.
         caution: what is to be said of the plan, if anything.
 
@@ -71,8 +68,6 @@ def compare(plans: Sequence[Plan], trials: int, seed: int, settled: Settled) -> 
 
     Args:
         plans: in the order of the rows.
-        trials: of each method, inside the certified set.
-        seed: of all that is drawn.
         settled: where and how.
 
     Returns:
@@ -106,13 +101,6 @@ def _summed(read: Plan, trials: Trials, file: Path, settled: Settled) -> dict[st
 def run_all(what: Plan, trials: Trials, file: Path, workers: int, advance: Callable[[int], None]) -> list[Any]:
     """Runs what the file does not hold yet, and keeps each trial soon after it has ended.
 
-    Args:
-        what: the plan.
-        trials: what is to be run.
-        file: of records, one JSON object a line, the first naming plan and trials.
-        workers: processes.
-        advance: told how many trials are done, each time some are.
-
     Raises:
         ResourceError: the file is of other trials or cannot be written, or the extra is missing.
     """
@@ -142,13 +130,7 @@ def run_all(what: Plan, trials: Trials, file: Path, workers: int, advance: Calla
 
 
 class _Keeper:
-    """Writes the file of trials now and then.
-
-    Args:
-        file: of records.
-        head: its first line.
-        done: records by number, those that the file holds already.
-    """
+    """Writes the file of trials now and then."""
 
     def __init__(self, file: Path, head: Mapping[str, Any], done: dict[int, Any]) -> None:
         self._file, self._head, self._done = file, head, done

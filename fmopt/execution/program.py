@@ -24,7 +24,6 @@ class Step(Value):
     """One hybrid motion.
 
     Args:
-        name: for people.
         move: number of the move that it belongs to; the reference pose starts anew where the part is at each move.
         frame: compliance frame, turned as in B, its origin from the moving frame's, axes of B; it goes with the part.
         position: projector (6, 6) of twists in the frame's coordinates onto the position-controlled ones.
@@ -79,12 +78,9 @@ class Program(Value):
     """Steps, from the first on.
 
     Args:
-        name: of the method.
-        start: pose in B at which it begins.
         rho: characteristic length, m.
         speed: m/s, to which the shares of the velocity error refer.
         steps: in order.
-        friction: greatest coefficient that the servo makes up for.
         limits: greatest force (N) and torque (N·m) of the servo.
     """
 
@@ -101,10 +97,6 @@ def planned(plan: Plan, robot: Robot) -> Program:
     """The program of a plan: its segments, moves ended by their contacts.
 
     Where a contact is not felt, the program fails; what a plan says to do then, `attempt` does.
-
-    Args:
-        plan: the plan.
-        robot: what it can push with.
 
     Raises:
         PlanFormatError: the plan cannot be run.

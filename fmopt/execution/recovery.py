@@ -35,7 +35,6 @@ class Recovery(Value):
         sunk: m, by how much start errors may lower points of the part.
         shifts: of the start (k, 3), m.
         orders: for each move, in which order they are tried, after it failed `EARLY` or `LATE`.
-        start: commanded pose of the part as it begins.
         points: vertices (v, 3) of the moving part.
         radii: of the balls about them (v,), m, 0 of those that are points.
     """
@@ -75,13 +74,7 @@ class Recovery(Value):
         )
 
     def next(self, move: int, felt: str, tried: Sequence[int]) -> int | None:
-        """The shift to try after a move failed; None when all have been tried.
-
-        Args:
-            move: number of the move that failed.
-            felt: `EARLY` or `LATE`.
-            tried: shifts that were, by number.
-        """
+        """The shift to try after a move failed; None when all have been tried."""
         return next((k for k in self.orders[move][felt] if k not in tried), None)
 
     def lowest(self, q: Array, begun: Array, at: Array) -> float:
@@ -126,10 +119,8 @@ class WayBack(Value):
         """The ways of parts to the starts with these shifts.
 
         Args:
-            recovery: what the plan says of it.
             poses: (n, 7), where the parts are.
             begun: (n, 7), where each began.
-            shifts: number of the next shift for each.
         """
         goal = begun[:, :3] + recovery.shifts[list(shifts)]
         # As it is turned, the lowest point is another one: each end of the way over has its own height.

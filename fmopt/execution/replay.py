@@ -28,12 +28,6 @@ AWAY = 3.8  # distance of the camera, in sizes of the moving part
 def replay(planned: Plan, trials: Trials, number: int, file: Path) -> dict[str, Any]:
     """Runs one trial again and writes it as a GIF.
 
-    Args:
-        planned: the plan.
-        trials: what was run.
-        number: the trial.
-        file: for the picture.
-
     Returns:
         The trial's record, the same as when it ran among others.
 

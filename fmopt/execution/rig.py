@@ -36,8 +36,6 @@ class State:
     """Where n bodies are in their programs; the only thing here that changes in place.
 
     Args:
-        step: index of the step, DONE or FAILED.
-        shown: index of the step, at the end the last one, which goes on without its twist.
         gone: way along the twist of the step, m in the metric of ρ.
         moving: s in the move.
         reference: position (n, 3) and quaternion (n, 4) that the servo leads to.
@@ -47,7 +45,6 @@ class State:
         felt, stalled: samples in a row that said the contact is felt, and that the part stands at the greatest push.
         friction: coefficient (n,) that the reaction against the motion tells of.
         effort: push in pushes of the step; it grows while the part stands and no contact is felt, and falls again.
-        brisk, pace: means of the last speed along the twist, in its own, over the same two times.
     """
 
     step: Ints
@@ -82,9 +79,6 @@ class Rig:
     """n bodies in a physics engine, all running one program.
 
     Args:
-        engine: that the bodies are in, at their starts.
-        program: what they run.
-        robot: how.
         drift: velocity error (moves, n, 6) on the twist of each move at the plan's speed, m/s and rad/s; of a step that
             is run more slowly it is the same share.
         noise: source of raw noise, (n, 6) standard normal at each call.
@@ -387,10 +381,8 @@ def contact_told(signal: Signal, force: Array, sure: Array, robot: Robot) -> NDA
     larger push would pry it off what it holds.
 
     Args:
-        signal: what the bodies feel.
         force: (n,) from which on a force on a part that is braked counts, N.
         sure: (n,) more than all friction brings about, N.
-        robot: by whose shares.
     """
     slowed = (signal.brisk <= robot.braked[0]) & (signal.sensed >= sure)
     lasting = signal.slowly >= robot.lasting * sure

@@ -17,7 +17,6 @@ class Robot:
         stiffness: of the servo, N/m.
         damping: ratio, on all axes.
         resistances: force per speed with which force-controlled axes give way on the way, N·s/m and N·m·s/rad.
-        settled: the same while the part settles.
         settling: s in which the part settles before each move.
         memory: s over which slow changes of the force signal are taken for the level that a touch rises above.
         learning: s over which the servo learns the coefficient of friction that it makes up for.
@@ -28,14 +27,10 @@ class Robot:
             part has been braked as well; pace is averaged over the longer.
         alert: share of what a plan's stop allows for friction and noise that is left after the averaging.
         debounce: samples in a row that must say that the contact is felt.
-        patience: samples in a row for which a part that stands against the greatest push is given time.
         doubling: s in which the push doubles while the part stands and no contact is felt.
-        slow, standing: shares of the commanded speed below which the push grows, and the part counts as standing.
-        braked: those below which it counts as braked, over the shorter and over the longer time.
         lasting: share of what a plan's stop allows that tells of the contact when it is averaged over the longer time.
         stuck: pushes at which a part that stands may have met the contact, and the share of the force that tells so of
             a braked one.
-        surplus: push at a stop, in pushes of the plan.
         leeway: times that by which it may grow where the new contact may be met.
         haste: s in which the push that comes on top of that, at the start of a move, brings the part to its speed.
         turning: greatest speed of turning, rad/s; moves that the plan turns faster are run more slowly.

@@ -191,8 +191,6 @@ class Fit:
 
         Args:
             point: in B, m.
-            pose: of the moving part now.
-            goal: its pose as planned.
         """
         # At the goal: carried there as a point of the moving part, or left in place and seen from that part.
         own, other = goal.apply(pose.inverse().apply(point)), goal.inverse().apply(point)
@@ -242,12 +240,7 @@ def note(log: Log, event: Event, rig: Rig, moves: Sequence[Move], known: Mapping
     """Holds the contacts at the end of a move against the plan's; without moves nothing is planned.
 
     Args:
-        log: of the body, written to.
-        event: the end of a move, of one body.
-        rig: as it stands.
         moves: of the plan; empty for a method without one.
-        known: contacts of the plan, by id.
-        fit: clearance and goal.
     """
     program = rig.program
     # The rig has gone on already: this is the step after that of the event.
@@ -278,13 +271,6 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
     Edges that have turned parallel cross nowhere; what they hold, the vertices at their ends hold on the faces. Where
     several vertices are to be on one face, what lies between them may press on it anywhere. Contacts that follow from
     others, as those of parallel walls do, are not listed: what is to touch at the goal may.
-
-    Args:
-        rig: as it stands.
-        body: its row.
-        move: that has just ended.
-        known: contacts of the plan, by id.
-        fit: clearance and parts.
     """
     q = rig.qpos[body]
     pose = Pose(q[:3], from_quaternions(q[3:]))
@@ -317,8 +303,6 @@ def watch(logs: Sequence[Log], rig: Rig, left: Container[int] = ()) -> None:
 
     Args:
         logs: of the bodies in the rig's order, written to.
-        rig: as it stands.
-        left: rows of bodies that are done.
     """
     filtered = np.linalg.norm(rig.state.filtered[:, :3], axis=1)
     raw = np.linalg.norm(rig.reaction[:, :3], axis=1)
@@ -333,7 +317,6 @@ def reasons_at_rest(fit: Fit, q: Array, v: Array, lowest: float, depth: float) -
     """What speaks against a part being seated, in words, with how far it is from the goal: (3,), m, and (3,), rad.
 
     Args:
-        fit: clearance and goal.
         q, v: pose (7,) and velocity (6,) of the part, as an engine has them.
         lowest: z of its reference point at its lowest, m.
         depth: greatest penetration, m.
@@ -357,14 +340,7 @@ def reasons_at_rest(fit: Fit, q: Array, v: Array, lowest: float, depth: float) -
 
 
 def rest(log: Log, rig: Rig, body: int, fit: Fit) -> dict[str, Any]:
-    """The verdict on the whole pose at rest, with the reasons against it.
-
-    Args:
-        log: of the body.
-        rig: as it stands at the end.
-        body: its row.
-        fit: clearance and goal.
-    """
+    """The verdict on the whole pose at rest, with the reasons against it."""
     depth = float(rig.depth[body])
     reasons, off, turned = reasons_at_rest(fit, rig.qpos[body], rig.qvel[body], log.lowest, depth)
     if rig.state.step[body] == FAILED:

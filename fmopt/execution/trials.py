@@ -53,18 +53,12 @@ class Trials:
     """What is to be run.
 
     Args:
-        inside: trials with errors uniform in the certified box.
-        beyond: trials with errors of one to `reach` times the box.
-        reach: largest error of these, in boxes.
-        seed: of all that is drawn.
         time_step: of the physics, s; None for what the clearance asks for.
         friction: coefficient; None for the plan's, which is the most that it allows for.
-        method: plan, or one of the baselines.
         growth: of the moving part to each side, m; more than the clearance makes an interference fit.
         offset: of each start along x, m, that nobody knows of.
         recovery: whether a plan that says so backs off and tries again when a move fails.
         covered: whether trials beyond have errors uniform in what the plan's retries cover, instead.
-        engine: of the physics.
 
     Raises:
         SettingsError: a number is out of range.
@@ -104,9 +98,6 @@ def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
     """The errors of a trial.
 
     Args:
-        what: plan with the box of start errors.
-        program: that is run, for the bounds of its velocity errors.
-        trials: how many are inside, and the seed.
         number: counted from 0 through all of them; its own stream, whatever the others draw.
 
     Raises:
@@ -207,14 +198,6 @@ def run(
 ) -> list[Any]:
     """Runs some trials together.
 
-    Args:
-        what: the plan.
-        trials: what is to be run.
-        numbers: which of them.
-        told: records of those that have just ended, as soon as they have.
-        robot: what runs them.
-        look: shown the rig in every period.
-
     Returns:
         One record a trial, as in the file of trials.
 
@@ -264,7 +247,6 @@ def grown(plan: Plan, growth: float) -> Plan:
     Only what the scene is built from changes; moves and contacts stay as they are.
 
     Args:
-        plan: any.
         growth: m, of either sign; the plan itself where there is none.
     """
     if growth == 0.0:

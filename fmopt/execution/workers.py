@@ -20,10 +20,7 @@ def spread(run: Run, chunks: Sequence[Sequence[int]], workers: int, take: Take) 
     """Runs chunks, in this process where there is one worker, or one chunk.
 
     Args:
-        run: what is done with each chunk.
         chunks: in the order in which they are given out.
-        workers: processes.
-        take: told records as they come.
 
     Raises:
         ResourceError: no process can be started, or one was killed.

@@ -73,7 +73,6 @@ def towards(body: Polyhedron, centre: Array) -> Array:
     """Unit directions (k, 3) from a ball's centre to the nearest points of the edges of a polyhedron.
 
     Args:
-        body: whose edges are looked at.
         centre: (3,), m, in its frame.
     """
     start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
@@ -103,7 +102,6 @@ class Clearance(Value):
             depth by which the peg's section would have to shrink all around.
         play: free travel (x, y) in m from stop to stop, infinite where nothing stops it, 0 when they overlap.
         where: place of the smallest gap, B-frame, m, with the peg at the depth where the two sections meet.
-        moving_face, fixed_face: the faces on its two sides.
         half_diagonal: half the diagonal of the peg's section there, m: the characteristic length ρ.
     """
 
@@ -171,9 +169,6 @@ def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
 def facing(moving: Part, fixed: Part, depth: float) -> list[tuple[Slice, Slice]]:
     """Sections of the peg with those of the hole that they pass.
 
-    Args:
-        moving, fixed, depth: as for `mating_clearance`.
-
     Raises:
         GeometryError: peg or hole has no material at those depths.
     """
@@ -208,7 +203,6 @@ def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> 
     """The measured clearance of parts that can be assembled.
 
     Args:
-        moving, fixed, depth: as for `mating_clearance`.
         seated: pose of the moving part in the B-frame at the goal.
 
     Raises:
@@ -242,7 +236,6 @@ def past_shoulders(peg: Part, hole: Part, length: float, depth: float) -> float:
 
     Args:
         peg: in the frame of its mating feature.
-        hole: likewise.
         length: of the peg up to its first shoulder, m.
         depth: of the hole, m; shoulders further up are not asked.
     """
@@ -290,11 +283,7 @@ def _meet(peg: Slice, hole: Slice, depth: float) -> bool:
 
 
 def gap(peg: MultiPolygon, hole: MultiPolygon) -> float:
-    """Distance between two sections, m; for overlapping ones minus the offset by which the peg's has to shrink.
-
-    Args:
-        peg, hole: in one plane.
-    """
+    """Distance between two sections, m; for overlapping ones minus the offset by which the peg's has to shrink."""
     if (apart := float(peg.distance(hole))) > 0.0:
         return apart
     low, high = 0.0, 0.5 * diameter(_corners(peg))
@@ -310,7 +299,6 @@ def overlap_shrunk(peg: MultiPolygon, hole: MultiPolygon, offset: float) -> bool
     """Whether two sections overlap still when the peg's has shrunk by an offset.
 
     Args:
-        peg, hole: in one plane.
         offset: m, not negative.
     """
     with np.errstate(invalid="ignore"):  # GEOS raises the flag where a mitre has no corner

@@ -67,7 +67,6 @@ def clip(body: Polyhedron, normal: Array, offset: float) -> Polyhedron | None:
     Vertices on the plane stay as they are; cuts across an axis get that coordinate exactly.
 
     Args:
-        body: a convex polyhedron.
         normal: unit normal (3,).
         offset: m.
     """

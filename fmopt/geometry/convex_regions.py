@@ -58,8 +58,6 @@ def along_edge(i: int, chosen: Sequence[int], ends: Array, inward: Array, offset
     """Whether a convex part before some edges goes along the line of one of them no farther than the edge does.
 
     Args:
-        i: that edge.
-        chosen: the edges before which the part lies.
         ends: as for `convex_regions` (2, n, 3), m.
         inward: of each edge (n, 3), of length 1.
         offsets: of the edges (n,), m.

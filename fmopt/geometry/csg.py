@@ -279,7 +279,6 @@ def depth(solid: Solid, points: ArrayLike) -> Array:
     For a primitive the distance to the nearest face plane, then max for unions, min with the opposite for differences.
 
     Args:
-        solid: any tree of it.
         points: (n, 3), m, in its frame.
     """
     points = np.asarray(points, dtype=np.float64)
@@ -304,7 +303,6 @@ def contains(solid: Solid, points: ArrayLike) -> NDArray[np.bool_]:
     union is missed nor a wall of no thickness kept.
 
     Args:
-        solid: any tree of it.
         points: (n, 3), m, in its frame.
     """
     points = np.asarray(points, dtype=np.float64)

@@ -46,7 +46,6 @@ def exact_vertices(
 
     Args:
         body: the part's boundary.
-        directions: normals that faces are to have, which they have but for rounding.
         most: how far from the floats they may be, m.
 
     Raises:
@@ -76,7 +75,6 @@ def facing_directions(
         moving: the other part's boundary.
         exact: those of its vertices that are not where their floats are.
         fixed: the part's boundary.
-        faces: which of its faces.
     """
     found = {}
     for n in faces:
@@ -148,11 +146,6 @@ class _Placing:
     """Places the vertices and faces of a part, see the module.
 
     Faces that are in one plane are one face here, by the number of the first.
-
-    Args:
-        body: the part.
-        alike: for each face those in its plane.
-        directions: normals that faces are to have.
     """
 
     def __init__(self, body: Polyhedron, alike: list[list[int]], directions: Mapping[int, Direction]) -> None:

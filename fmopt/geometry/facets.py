@@ -104,7 +104,6 @@ def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices,
 
     Args:
         vertices, triangles, tol, numbers: as for `polygon_faces`, (n, 3) and (m, 3), tol in m, and (m,).
-        most: faces, at most.
 
     Raises:
         GeometryError: as `polygon_faces`.
@@ -120,7 +119,6 @@ def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[tuple[Loop, ...],
     A region without corners, such as a sliver along an edge, goes to the one beside it with which it shares most.
 
     Args:
-        parts: the mesh that is divided.
         region: number of the region of each triangle (m,).
 
     Raises:

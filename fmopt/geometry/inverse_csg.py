@@ -53,7 +53,6 @@ def solid_of(body: Polyhedron, tol: float) -> Solid:
     excess thinner than `tol` is dropped.
 
     Args:
-        body: closed, its faces planar within `tol`.
         tol: size of the noise, m.
 
     Raises:
@@ -64,9 +63,6 @@ def solid_of(body: Polyhedron, tol: float) -> Solid:
 
 def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
     """As `solid_of`, with the polyhedron cleaned of noise as well: its faces and corners, the coordinates of the solid.
-
-    Args:
-        body, tol: as for `solid_of`.
 
     Raises:
         GeometryError: the excess does not come apart into convex bodies.

@@ -71,7 +71,6 @@ def found_features(body: Polyhedron, pieces: Sequence[Polyhedron]) -> tuple[Feat
 
     Args:
         body: the part's boundary, m.
-        pieces: convex polyhedra whose union it is.
 
     Raises:
         GeometryError: there are none, or the part is as much a peg along one axis as along another.
@@ -159,12 +158,7 @@ def _boss(pieces: Sequence[Polyhedron], face: Face, rim: Array) -> _Found | None
 
 
 def other_ends(body: Polyhedron, pieces: Sequence[Polyhedron], feature: Feature) -> list[Pose]:
-    """The frames of a found feature by its other end, where that leads as well: of a prism, of a hole with like mouths.
-
-    Args:
-        body, pieces: of its part, as for `found_features`.
-        feature: as it was found.
-    """
+    """The frames of a found feature by its other end, where that leads too: of a prism, a hole with like mouths."""
     found = _ends(body, pieces) if feature.kind == "solid" else [*_around_inner_loops(body, pieces)]
     z, beside = feature.frame.R[:, 2], _SAME * body.diameter
     own = [f for f in found if np.linalg.norm(f.frame.p - feature.frame.p) <= beside and f.frame.R[:, 2] @ z > 0.0][:1]
@@ -371,8 +365,6 @@ class Feature(Value):
     """A mating feature, a leaf of the tree object, feature class, feature, instances of [LeeHuang1985] section 3.
 
     Args:
-        name: key name, unique in its part.
-        kind: "solid" or "hollow".
         frame: pose in the part's model frame. Hollow: origin at the centre of the mouth, z out of the mouth.
             Solid: origin at the centre of the leading end face, z from there back into the part.
         length: depth or length along z, m.

@@ -50,7 +50,6 @@ def best_fit(peg: Part, hole: Part, depth: float, turning: bool = True) -> Fit:
 
     Args:
         peg: in the frame of its feature.
-        hole: likewise.
         depth: of the insertion, m.
         turning: whether to try any turn but none.
 
@@ -76,9 +75,6 @@ def best_fit(peg: Part, hole: Part, depth: float, turning: bool = True) -> Fit:
 
 def goes_in(peg: Part, hole: Part, depth: float, turning: bool = True) -> bool:
     """Whether a peg has room in a hole at any turn about the axis.
-
-    Args:
-        peg, hole, depth, turning: as for `best_fit`.
 
     Raises:
         GeometryError: peg or hole has no material at those depths.
@@ -169,7 +165,6 @@ def other_frames(pieces: Sequence[Polyhedron], feature: Feature) -> Iterator[Pos
 
     Args:
         pieces: of its part, in the frame of the model.
-        feature: as it was found.
     """
     from shapely.geometry.polygon import orient
 
@@ -190,7 +185,6 @@ def frames_from_beyond(part: Part, feature: Feature) -> Iterator[Pose]:
 
     Args:
         part: in the frame of its model.
-        feature: of the part, as it was found.
     """
     for frame in other_ends(part.polyhedron, part.pieces, feature):
         yield frame
@@ -199,10 +193,6 @@ def frames_from_beyond(part: Part, feature: Feature) -> Iterator[Pose]:
 
 def require_near(fit: Fit, peg: str, hole: str) -> None:
     """Refuses a peg that is lost in its hole: no fit, but a wrong unit.
-
-    Args:
-        fit: of the two.
-        peg, hole: what they are called, for the message.
 
     Raises:
         GeometryError: there is more room on each side than the peg is wide.

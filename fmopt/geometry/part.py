@@ -98,7 +98,6 @@ def part_of(name: str, solid: Solid, features: Sequence[Feature] = ()) -> Part:
     """The part of a solid, in the solid's model frame.
 
     Args:
-        name: for messages and plans.
         solid: in its model frame.
         features: frames in the model frame.
 
@@ -245,7 +244,6 @@ def stretched(part: Part, factors: Sequence[float]) -> Part:
     """The part stretched along its axes by positive factors (3,), `rounded`; its features stay where they are.
 
     Args:
-        part: any.
         factors: (3,), positive, along x, y and z.
     """
     return replace(
@@ -264,7 +262,6 @@ def settled(moving: Part, fixed: Part) -> tuple[Part, Part]:
     motion is found for are then not quite the parts that a proof is about, which has exact ones.
 
     Args:
-        moving: the moving part as it is turned when it is seated.
         fixed: the fixed one in the same frame, but for a shift.
 
     Raises:
@@ -294,7 +291,6 @@ def _in_planes(piece: Polyhedron, body: Polyhedron, moved: Mapping[bytes, Array]
     A face of 2 mm that rounding turns is 1e-12 off 10 mm farther out, where a piece goes on behind it.
 
     Args:
-        piece: the piece.
         body: the part's boundary.
         moved: where vertices that it had before are now, by their bytes.
     """

@@ -253,7 +253,6 @@ def scaled(polyhedron: Polyhedron, factors: Sequence[float]) -> Polyhedron:
     """The polyhedron stretched along the axes by positive factors (3,); balls stay balls, by the least of these.
 
     Args:
-        polyhedron: any.
         factors: (3,), positive, along x, y and z.
     """
     found = with_vertices(polyhedron, polyhedron.vertices * np.asarray(factors))
@@ -285,7 +284,6 @@ def with_vertices(polyhedron: Polyhedron, points: Array) -> Polyhedron:
     """The polyhedron with its vertices at other points (n, 3), m, as good as in the same planes.
 
     Args:
-        polyhedron: whose faces, edges and balls are kept.
         points: (n, 3), m, one for each of its vertices.
     """
     planes = [plane_of(points, face.loops) for face in polyhedron.faces]
@@ -298,7 +296,6 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
 
     Args:
         points: (n, 3), m.
-        tol: points this close to a face plane lie on it, relative to the diameter of the set.
 
     Raises:
         GeometryError: the points lie in a plane, or as good as in one.

@@ -42,7 +42,6 @@ def part_of(thing: object, name: str = "part", unit: Unit | None = None, deviati
     [('peg', 'solid', 0.03)]
 
     Args:
-        thing: see `imported_of`.
         name: the part's name.
         unit: length unit of its numbers; mm for solids of CAD libraries if not given, what a trimesh says itself.
         deviation: how far facets may lie from curved faces of a CAD solid, m, positive.
@@ -122,8 +121,6 @@ def step_of(thing: object, path: Path, unit: str | None = None) -> bool:
     """Writes a solid of a CAD library as a STEP file, which its own kernel does; False for any other object.
 
     Args:
-        thing: see `imported_of`.
-        path: of the file.
         unit: of the solid's numbers, mm if not given.
 
     Raises:

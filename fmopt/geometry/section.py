@@ -67,7 +67,6 @@ def section(bodies: Sequence[Polyhedron], frame: Pose) -> MultiPolygon:
     of a body empty.
 
     Args:
-        bodies: convex polyhedra whose union is the solid.
         frame: pose of the section plane.
     """
     return _polygons(section_limit(bodies, frame, 1).intersection(section_limit(bodies, frame, -1)))
@@ -77,7 +76,6 @@ def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1
     """The limit of the sections of a union of convex bodies when the plane comes from above (1) or below (−1).
 
     Args:
-        bodies: convex.
         frame: whose plane z = 0 cuts them.
         side: from where that plane comes, 1 for its positive z.
     """
@@ -137,7 +135,6 @@ def reach(solid: Solid, pose: Pose | None = None) -> Array:
     """Points (n, 3) in m whose bounding box holds the solid: what is taken away from it does not count.
 
     Args:
-        solid: any tree of it.
         pose: of its frame where the points are wanted; the identity if None.
     """
     where = Pose.identity() if pose is None else pose

@@ -36,10 +36,7 @@ def as_in_the_paper(
     """The same pieces and planes with the paper's error sets, and the margins that it would see.
 
     Args:
-        assembly: the two parts.
-        claims: the motion, soundly judged.
         start: error set at its start; the paper knows its ellipsoid alone.
-        tolerance: velocity error and metric.
     """
     errors = ErrorSet.from_ellipsoid(start.shape)
     found = []
@@ -56,13 +53,6 @@ def goal_in_the_paper(
     """The paper's error sets at both ends of a piece of motion.
 
     The paper works inside the facet: what the held contacts' normals have turned since is projected away first.
-
-    Args:
-        assembly: the two parts.
-        piece: the piece.
-        step: its outcome, soundly judged.
-        errors: error set at its start.
-        tolerance: velocity error and metric.
     """
     if piece.basis:
         held = contact_rows(assembly, [c.contact for c in piece.basis], piece.held, piece.goal).N

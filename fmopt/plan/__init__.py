@@ -150,7 +150,6 @@ def write(document: Mapping[str, Any], path: Path) -> None:
     """Writes a plan, whole or not at all.
 
     Args:
-        document: of texts, finite numbers, lists and tables.
         path: replaced where it exists.
 
     Raises:
@@ -175,7 +174,6 @@ def parsed(document: Any, name: str = "") -> Plan:
     """The plan of a JSON document.
 
     Args:
-        document: tables and lists, as JSON has them.
         name: of the file, for messages; empty if it has none.
 
     Raises:

@@ -23,7 +23,6 @@ class Contact(Value):
     """One primitive contact.
 
     Args:
-        name: as in the plan.
         kind: vertex-face, face-vertex, edge-edge or ball-face, the moving part's feature first.
         moving, fixed: vertices (n, 3) of the features, in the moving part and in B, m; of a ball its centre.
         moving_normal, fixed_normal: outward normals (3,) of a face, or the sum of those beside an edge; 0 for vertices.

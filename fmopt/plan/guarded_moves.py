@@ -42,7 +42,6 @@ class Stop(Value):
         threshold: N, what `force` has above it is the allowance for friction and noise.
         max_travel: m in the metric of ρ.
         timeout: s.
-        contacts: those that end the move.
         gentle: whether held contacts may be pried open by more than the reaction that ends the move.
     """
 
@@ -65,9 +64,7 @@ class Move(Value):
     """One segment of a plan.
 
     Args:
-        segment, number: index of the segment, and of the move that it is a piece of.
         last: whether it is the last piece of its move.
-        start, goal: poses of the moving part in B.
         length: m in the metric of ρ, from start to goal.
         duration: s, at the plan's speed.
         twist: (6,) of the moving frame's origin, axes of B, m/s and rad/s.
@@ -80,7 +77,6 @@ class Move(Value):
         rubbing: wrench (6,) that friction of coefficient 1 on the held contacts puts on the sliding part, about the
             moving frame's origin in axes of B; points that may as well slide the other way count less.
         stop: how the move ends before its travel is used up; None where no contact is expected.
-        state, goal_state: contacts held on the way, and at the end.
     """
 
     segment: int

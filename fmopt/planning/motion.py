@@ -53,10 +53,7 @@ class Attempt:
     """How far a motion came that was not found.
 
     Args:
-        stage: in which it ended, "search" or "placement".
         moves: its moves, not all of which may be certified.
-        names: the freedom of each.
-        onward: the moves that were tried from their end, each with the name of its freedom.
         seated: whether they come to the goal.
     """
 
@@ -103,10 +100,6 @@ def motion(posed: Posed, stages: Stages) -> tuple[Searched, Placed]:
     """A sequence of contact states with its goal poses placed, found in the attitude that its parts are planned for.
 
     Where the likeliest ways to begin leave no margin there, those of the other attitudes are tried, then the rest.
-
-    Args:
-        posed: the problem.
-        stages: told what is being done.
 
     Raises:
         SearchError: no sequence was found.

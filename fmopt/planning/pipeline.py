@@ -73,7 +73,6 @@ class Share:
         share: 0 where there is none.
         margin: the least of its motion, m.
         late: whether time ended an attempt, so that more of it might have found more.
-        velocity: the errors of velocity with which it is proved.
     """
 
     share: float
@@ -85,11 +84,6 @@ class Share:
 @undisturbed()
 def synthesise(problem: Problem, progress: Progress = lambda _: None, reserved: float = 0.0) -> Synthesis:
     """Solves a problem, or as much of its start errors as there is a plan for where its settings ask for that.
-
-    Args:
-        problem: the task.
-        progress: told what is being done.
-        reserved: share of the time limit that the search leaves for `nearest`.
 
     Raises:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
@@ -111,9 +105,7 @@ def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: Non
     start, that of all errors alike is looked for.
 
     Args:
-        problem: the task, which has no plan for all of them.
         seconds: how long that may take; each share that is tried may take its part of what is left of it.
-        progress: told what is being done.
     """
     stated, lates, moment = problem.velocity_error, list[bool](), clock() + seconds
 
@@ -158,12 +150,7 @@ def tried(problem: Problem) -> Clearance:
 
 @undisturbed()
 def certified_motion(problem: Problem, stages: Stages | None = None) -> CertifiedMotion:
-    """Measures the parts and finds the motion; errors as of `synthesise`.
-
-    Args:
-        problem: the task.
-        stages: told what is being done.
-    """
+    """Measures the parts and finds the motion; errors as of `synthesise`."""
     stages = stages or Stages()
     stages.progress("measuring the parts")
     posed = Posed.of(problem)
@@ -197,9 +184,6 @@ def planned(
     What its verdict does not rest on is left out where there is no time for it.
 
     Args:
-        problem: the task.
-        motion: the motion.
-        stages: told what is being done.
         measured: how much error the motion tolerates, where that is to be in the plan.
         notes: what could not be found of that, and why.
     """
@@ -251,10 +235,6 @@ def _described(name: str, found: Callable[[], T]) -> tuple[T | None, tuple[str, 
 def proved(problem: Problem, motion: CertifiedMotion) -> tuple[dict[str, Any], Verdict]:
     """The plan of a motion without what its verdict does not rest on: nominal trajectory, contact states, tolerances.
 
-    Args:
-        problem: checked.
-        motion: certified on its parts.
-
     Raises:
         InfeasibleError: no bias force holds the contacts.
     """
@@ -267,8 +247,6 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
     P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
 
     Args:
-        problem: checked.
-        errors: at the start.
         rho: ρ, m.
     """
     return _nominal_motion(problem, answer(*task_command(problem)), errors, rho)

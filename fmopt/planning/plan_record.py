@@ -47,15 +47,7 @@ class Nominal:
 
 @dataclass(frozen=True, eq=False)
 class Described:
-    """What a plan tells besides its proof; what could not be found is None, and a note says why.
-
-    Args:
-        task: as the knowledge base answers it.
-        nominal: trajectory, S(t) and critical poses.
-        states: the contact states on the way.
-        measured: how much error the motion tolerates.
-        notes: what is left out, and why.
-    """
+    """What a plan tells besides its proof; what could not be found is None, and a note says why."""
 
     task: Answer
     nominal: Nominal | None = None
@@ -65,12 +57,7 @@ class Described:
 
 
 def proof_document(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
-    """What of a plan file its verdict rests on, which is still open: geometry, errors, segments with their control.
-
-    Args:
-        problem: checked.
-        motion: with its control.
-    """
+    """What of a plan file its verdict rests on, which is still open: geometry, errors, segments with their control."""
     described = Description(search=_search(motion.motion.found))
     return dict(plan.clean({**_proof(problem, motion), "description": described.record()}))
 
@@ -143,13 +130,7 @@ def _frames(problem: Problem, errors: ErrorSet) -> dict[str, Any]:
 
 
 def plan_document(problem: Problem, told: Described, motion: ControlledMotion) -> dict[str, Any]:
-    """The plan file of a finished placement, its verdict still open.
-
-    Args:
-        problem: the task.
-        told: what it tells besides its proof.
-        motion: the motion with its control.
-    """
+    """The plan file of a finished placement, its verdict still open."""
     proof, done = _proof(problem, motion), motion.motion
     claims, segments, states = done.claims, proof["segments"], told.states
     described = Description(
@@ -272,10 +253,6 @@ def exact_parts(
     Walls that contacts are on are made exactly parallel to the faces that lie flat in them, which they are but for
     rounding: else a part could not lie in two of them at once, as it does.
 
-    Args:
-        assembly: the parts.
-        contacts: that the plan lists.
-
     Raises:
         GeometryError: there are none next to the floats.
     """
@@ -311,8 +288,6 @@ def segment_record(claim: Claim, move: int, start: Any, goal: Any) -> dict[str, 
     """A claim as a segment of the plan file, without its control strategy.
 
     Args:
-        claim: what is claimed of the piece.
-        move: number of the move that the piece belongs to.
         start: pose (6,) at the beginning, exactly as the neighbouring segment has it.
         goal: pose (6,) at the end.
     """

@@ -40,7 +40,6 @@ class Stages:
     """What is being done, and how long it took.
 
     Args:
-        progress: told what is being done.
         seconds: that stages took, by name; time spent on compiling does not count.
     """
 
@@ -57,15 +56,7 @@ class Stages:
 
 @dataclass(frozen=True, eq=False)
 class Posed:
-    """A problem as a motion is looked for.
-
-    Args:
-        problem: the task.
-        assembly: its parts.
-        clearance: as measured on them.
-        errors: at the start.
-        tolerance: velocity error and metric.
-    """
+    """A problem as a motion is looked for."""
 
     problem: Problem
     assembly: Assembly
@@ -121,7 +112,6 @@ class Posed:
         """Its motion, from what is said of the search and the sequence that is placed.
 
         Args:
-            found: what is said of the search.
             placed: the sequence, which need not be as it was found.
         """
         said = found.of(placed.moves)
@@ -146,12 +136,7 @@ def _tolerance(problem: Problem, rho: float, share: float = 1.0) -> Tolerance:
 
 
 def under_errors(found: CertifiedMotion, problem: Problem) -> Motion:
-    """The moves of a motion under the errors of a problem, which need not be those that it was found for.
-
-    Args:
-        found: whose moves are taken.
-        problem: whose errors are.
-    """
+    """The moves of a motion under the errors of a problem, which need not be those that it was found for."""
     tolerance = _tolerance(problem, found.tolerance.rho)
     return Motion(found.assembly, found.placed.moves, problem.start_box, tolerance, found.placed.step, problem.framing)
 
@@ -160,9 +145,6 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: flo
     """All goal poses placed for the largest certified margin, by the method that the problem asks for.
 
     Args:
-        posed: the problem.
-        moves: the sequence, with goals in the contact states that it goes through.
-        progress: told the margin after each gain.
         step: greatest turn of one piece, rad.
 
     Raises:
@@ -199,11 +181,6 @@ def placed_anew(posed: Posed, moves: Sequence[Move], progress: Progress) -> Plac
 
     Where they cannot, errors are grown first as the poses come to bear them.
 
-    Args:
-        posed: the problem.
-        moves: the sequence, with goals in the contact states that it goes through.
-        progress: told the margin after each gain.
-
     Raises:
         InfeasibleError: all of the errors cannot be followed.
     """
@@ -215,11 +192,6 @@ def placed_anew(posed: Posed, moves: Sequence[Move], progress: Progress) -> Plac
 
 def placed_by_growing(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed:
     """Goal poses placed from where they bear a share of the errors, until they bear all.
-
-    Args:
-        posed: problem, parts and tolerance.
-        moves: as they were found under less.
-        progress: told in words.
 
     Raises:
         InfeasibleError: all of the errors cannot be followed.
@@ -277,12 +249,7 @@ def _fineness(placed: Placed) -> list[float]:
 
 
 def by_method(posed: Posed, placed: Placed) -> Placed:
-    """A sequence with the claims of the method that the problem asks for.
-
-    Args:
-        posed: problem, parts and tolerance.
-        placed: certified.
-    """
+    """A sequence with the claims of the method that the problem asks for."""
     if posed.problem.settings.method != "dakin1993":
         return placed
     from fmopt.papers.dakin_popplestone import as_in_the_paper

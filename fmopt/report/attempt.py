@@ -34,10 +34,8 @@ class Step:
     """A move of an attempt.
 
     Args:
-        name: of the freedom that it goes along or about.
         start: pose (6,) where it begins, m and rad.
         goal: pose (6,) where it ends.
-        made: ids of the contacts that it ends with.
         margin: the least that is certified of it, m; None where nothing is.
     """
 
@@ -74,7 +72,6 @@ class Nearest:
     """The nearest problem that does work: the same with a share of all start errors.
 
     Args:
-        share: of them.
         box: half-widths (6,) of what is stated of the start error then, m and rad.
         margin: the least certified margin of its plan, m.
         velocity: the errors of velocity then, of translation and rotation, as fractions; None where they are as stated.
@@ -105,19 +102,12 @@ class Failure:
     """Why there is no plan.
 
     Args:
-        title: of the problem.
         stage: which did not come to an end: begin, search, placement or control.
-        message: what it says.
         late: whether the time limit ended it.
         lack: what the closest attempt lacks; None where no motion could begin.
-        steps: its moves.
         box: half-widths (6,) of the start error that was asked for, m and rad.
         rho: characteristic length, m.
         nearest: the nearest problem that does work; None where none was found.
-        advice: what to change, each of it on its own.
-        moving: the moving part.
-        fixed: the fixed part.
-        contacts: those that the moves make.
     """
 
     title: str
@@ -238,12 +228,7 @@ def _paint(failure: Failure, sheet: Sheet) -> None:
 
 
 def failure_page(failure: Failure, svgs: Mapping[str, str]) -> str:
-    """The page: what is missing first, then the closest attempt, what would work, and what was asked.
-
-    Args:
-        failure: why there is no plan.
-        svgs: its figures as SVG by name.
-    """
+    """The page: what is missing first, then the closest attempt, what would work, and what was asked."""
     catalogue = failure.figures
     drawn = "".join(figure(svg, *_said(catalogue[name])) for name, svg in svgs.items())
     chapters = [

@@ -47,7 +47,6 @@ def contact_place(plan: Parts, contact: str, pose: Pose) -> Array:
     """Where a contact touches (3,), m: its vertex, or the point of a ball, or of an edge, nearest to what is fixed.
 
     Args:
-        plan: whose parts touch.
         contact: id, one of the plan's.
         pose: of the moving part in the B-frame.
     """

@@ -103,7 +103,6 @@ def hybrid_cells(piece: Segment, last: bool, rho: float) -> tuple[str, ...]:
     """The strategy of a piece in words: position axes, force axes, velocity, bias wrench, end.
 
     Args:
-        piece: a segment of a plan.
         last: whether its move ends with it.
         rho: characteristic length, m, with which turns and torques are counted.
     """
@@ -196,8 +195,6 @@ def jamming_cells(hybrid: Hybrid, free: JamFree, rho: float) -> tuple[str, str, 
     """Of a strategy: the push and what it takes, the angle in any direction, and the narrow ranges.
 
     Args:
-        hybrid: the strategy of a move.
-        free: what is proved of its pushes.
         rho: metric in which sizes of pushes are meant, m.
     """
     least = free.least_push

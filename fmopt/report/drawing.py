@@ -72,14 +72,7 @@ def _calm(figure: Figure) -> None:
 
 
 def drawn(paint: Callable[[Figure], None], size: tuple[float, float], form: str = "svg", dpi: float = 150.0) -> bytes:
-    """The bytes of a figure, the same for the same painting.
-
-    Args:
-        paint: fills an empty figure.
-        size: width and height in inches.
-        form: "svg" or "png".
-        dpi: dots per inch of a PNG.
-    """
+    """The bytes of a figure, the same for the same painting."""
     content = BytesIO()
     # Nothing of the day, the machine or the library's version goes into the file.
     unsaid: dict[str, Any] = {"Date": None, "Creator": None} if form == "svg" else {"Software": None}

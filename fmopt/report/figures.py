@@ -32,10 +32,6 @@ class Figure:
     Args:
         name: what to call its file: cut, states, states-2…, margin, tube, budget, sets, surfaces, diagrams,
             trajectory.
-        title: what is seen.
-        alt: the same for who cannot see it, with the main numbers.
-        size: width and height in inches.
-        paint: fills a sheet.
     """
 
     name: str

@@ -33,16 +33,11 @@ class Move:
 
     Args:
         number: counts from 1 through the plan.
-        segments: its pieces, as the plan holds them.
-        state: ids of the contacts held during the move.
-        goal_state: ids held after it.
-        left: ids held up to its start, which it gives up.
         made: id of the contact that ends it, None for a move that makes none.
         travel: way of the moving part's reference point, m.
         turn: angle turned, rad.
         clearance: smallest over the pieces, m.
         margin: smallest over the pieces, m.
-        binding: what the smallest margin is of, as the plan names it.
     """
 
     number: int

@@ -50,7 +50,6 @@ def signed(value: float, form: str) -> str:
     """A number with a true minus sign, and no minus before a zero.
 
     Args:
-        value: any finite number.
         form: format specification, such as ".3f".
     """
     text = format(value, form)
@@ -91,7 +90,6 @@ def contact_words(plan: Parts, contact: str) -> str:
     """A contact in words, the moving part's feature first: "side edge e0 touches rim edge e8 (x = −10.1 mm)".
 
     Args:
-        plan: whose corners give the places.
         contact: id; one that the plan does not list is named as it is.
     """
     record = next((c for c in plan.contacts if c.id == contact), None)
@@ -102,13 +100,7 @@ def contact_words(plan: Parts, contact: str) -> str:
 
 
 def meeting_words(plan: Parts, record: Contact | UnplannedContact, own: str = "", other: str = "") -> str:
-    """What touches what, by the vertices of both sides, with names for the two: "corner touches wall (y = 10 mm)".
-
-    Args:
-        plan: whose corners give the places.
-        record: by indices of vertices on either side.
-        own, other: names put behind the moving and the fixed feature, a space before each.
-    """
+    """What touches what, by the vertices of both sides, with names for the two: "corner touches wall (y = 10 mm)"."""
     tip, wall = _points(plan.moving, record.moving), _points(plan.fixed, record.fixed)
     moved = "ball" if record.kind == "ball-face" else _moving_words(plan.moving, tip)
     return f"{moved}{own} touches {_fixed_words(wall)}{other}{_place(wall)}"
@@ -173,7 +165,6 @@ def binding_words(plan: Parts, binding: str) -> str:
     """What a margin is of, in words; the names are those of the plan's `binding_contact`.
 
     Args:
-        plan: whose pieces and contacts are meant.
         binding: contact, pair of pieces "0/3", or contact with " too early".
     """
     pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
@@ -189,11 +180,7 @@ def binding_words(plan: Parts, binding: str) -> str:
 
 
 def binding_label(plan: Plan, binding: str) -> str:
-    """The same in two or three words, for figures.
-
-    Args:
-        plan, binding: as for `binding_words`.
-    """
+    """The same in two or three words, for figures."""
     pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
     if pair:
         return f"against {_side_words(plan.fixed, int(pair[2]))}"

@@ -25,7 +25,6 @@ def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
     """The report: verdict first, then the motion, why it holds, what it tolerates, and what was not checked.
 
     Args:
-        plan: the plan.
         figures: its figures as SVG by name, as `fmopt.report.figures.figures` gives them; those left out are not shown.
 
     Returns:

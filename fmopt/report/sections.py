@@ -39,12 +39,7 @@ def asked_words(plan: Plan) -> str:
 
 
 def clearance_words(plan: Plan, kind: str) -> str:
-    """The declared or measured clearance on each side along x and y; where a plan has only the least, that one.
-
-    Args:
-        plan: any.
-        kind: "declared" or "measured".
-    """
+    """The declared or measured clearance on each side along x and y; where a plan has only the least, that one."""
     if kind == "measured" and plan.diagnostics is None:
         return f"{millimetres(plan.fixed.measured_clearance)} mm where it is least"
     value: tuple[float | None, ...] = plan.fixed.declared_clearance or ()

@@ -26,9 +26,7 @@ def figure(svg: str, alt: str, caption: str, size: tuple[float, float] | None = 
     """A figure with what it shows in words.
 
     Args:
-        svg: the picture.
         alt: what is to be seen, for who cannot see it; plain text, as the caption.
-        caption: what it shows.
         size: width and height in inches, where the picture is not to be as wide as the page.
     """
     # CSS has 96 px to an inch, so that figures keep their own size in print.
@@ -41,9 +39,6 @@ def page(title: str, style: str, body: str, scripts: bool = False) -> str:
     """A page of HTML that opens offline and fetches nothing.
 
     Args:
-        title: in plain text.
-        style: its style sheet.
-        body: in HTML.
         scripts: whether scripts in it may run.
     """
     # Styles and scripts are part of the page, hence inline; nothing may be fetched, and no form sent.
@@ -72,9 +67,6 @@ def chaptered(kind: str, heading: str, chapters: Sequence[Chapter], lead: str = 
 
     Args:
         kind: what it is a page of; plain text, as the heading.
-        heading: of the page.
-        chapters: what it has.
-        lead: in HTML, what comes first.
     """
     shown = [chapter for chapter in chapters if chapter[2]]
     links = "\n".join(f'<li><a href="#{name}">{escape(said)}</a></li>' for name, said, _ in shown)
@@ -103,11 +95,8 @@ def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], numb
     """A table with its caption; the first cell of a row heads it. Nothing when there are no rows.
 
     Args:
-        caption: what it lists.
         head: the columns; no row of heads when all are empty.
         rows: plain texts; they are escaped here.
-        numbers: for each column "n" when it holds numbers, else anything.
-        worst: index of the row to bring out.
     """
     rows = list(rows)
     if not rows:

@@ -32,9 +32,6 @@ def compile_ahead(tell: Callable[[str], None] = lambda _: None) -> None:
     """Compiles what nearly all plans call, unless that was done before or there is one core only.
 
     Two processes that come to it at once do not do it twice: one waits for the other, or for its end.
-
-    Args:
-        tell: told how far it is.
     """
     count, done = cores(), mark()
     if config.DISABLE_JIT or count < 2 or done.exists():

@@ -36,8 +36,6 @@ class Child:
     """A process of the calling thread.
 
     Args:
-        entry: "module:function", called there with the other end of the connection and the arguments.
-        arguments: texts.
         said: file that takes what the process writes; None for this one's standard error.
 
     Raises:

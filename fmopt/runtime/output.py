@@ -61,10 +61,6 @@ def own_folder() -> Path:
 def save(content: bytes, path: Path) -> None:
     """Writes a file, whole or not at all; who may do what with a file that is there stays as it is.
 
-    Args:
-        content: of the file.
-        path: a symbolic link is followed to what it names. Folders that are missing are made.
-
     Raises:
         ResourceError: something else than a regular file is there, or it cannot be written.
     """
@@ -88,7 +84,6 @@ def set_aside(folder: Path, names: Sequence[str]) -> list[Path]:
 
     Args:
         folder: where they are.
-        names: of files, of which those that are there become `earlier-` and their name.
 
     Raises:
         ResourceError: one cannot be renamed.

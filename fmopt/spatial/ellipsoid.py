@@ -39,7 +39,6 @@ def narrow(F: Array, most: int) -> Array:
 
     Args:
         F: (n, m), root of a shape matrix F Fᵀ.
-        most: number of columns wanted.
     """
     # F = (Q R)ᵀ with orthonormal Q: F Fᵀ = Rᵀ R, and R has no more rows than F.
     return F if F.shape[1] <= most else np.asarray(np.linalg.qr(F.T).R.T)

@@ -29,7 +29,6 @@ def row(rows: Array, i: int) -> Vector:
 
     Args:
         rows: (n, 3).
-        i: index of the row.
     """
     return rows[i, 0], rows[i, 1], rows[i, 2]
 

@@ -29,7 +29,6 @@ def frozen(values: ArrayLike, *shape: int | None, name: str = "array") -> Array:
     Args:
         values: numbers, of any shape (…,).
         shape: expected length of each axis, None for any; no shape means any shape.
-        name: what to call the array in an error.
 
     Raises:
         ValueError: the shape differs, or a number is not finite.

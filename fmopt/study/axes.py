@@ -24,14 +24,11 @@ class Axis:
     """A parameter that varies.
 
     Args:
-        name: of its column.
         dimension: of its values; None when they are words.
         values: those that it takes in turn; empty when it has a distribution.
         distribution: over its range; None when it has values.
         sets: key path and dimension of each parameter that it sets, and the arithmetic that gives its value, or nothing
             for the axis's own.
-        linked: number of the axis that it moves along with.
-        place: of its table in the file.
     """
 
     name: str
@@ -56,10 +53,7 @@ def axes_of(
     """The axes of a study file, and everything that is wrong with them.
 
     Args:
-        source: of the study file.
-        file: its tables.
         reading: its units.
-        targets: what can be varied, by path.
     """
     axes, faults = [], list[Fault]()
     names = [axis.name for axis in file.axes]
@@ -279,7 +273,6 @@ def points_of(axes: Sequence[Axis], sampling: files.Sampling) -> list[tuple[Numb
 
     Args:
         axes: of the study.
-        sampling: method, number and seed.
     """
     free = [i for i, axis in enumerate(axes) if axis.linked is None]
     row = {number: column for column, number in enumerate(free)}
@@ -313,7 +306,6 @@ def assignments(axes: Sequence[Axis], point: Sequence[Number]) -> tuple[tuple[Ke
 
     Args:
         axes: of the study.
-        point: a value for each of them.
 
     Raises:
         QuantityError: arithmetic on the values fails.

@@ -32,7 +32,6 @@ class Asked:
 
     Args:
         jobs: processes, or batches under way on a cluster; None for as many as there are processors.
-        limit: runs to do at most now.
         retry_failed: whether to do failed runs again.
         cluster: address of a Dask scheduler, None for this machine.
     """
@@ -49,8 +48,6 @@ def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally]
     Args:
         file: the study's.
         folder: made if need be.
-        asked: options of the command.
-        progress: told how far it is.
 
     Raises:
         InputError: the file cannot be used.
@@ -125,9 +122,7 @@ def allocated(file: Path, folder: Path, progress: Callable[[str], None]) -> tupl
     """Allocates the tolerances of a file, writes allocation.json and plan.json; the answer as data and in words.
 
     Args:
-        file: with tolerances and costs.
         folder: made if need be.
-        progress: told in words.
 
     Raises:
         InputError: the file cannot be used.
@@ -155,13 +150,8 @@ class Forecast:
     """What a study will be: its number of runs, how many are done, seconds for the rest, and how that is known.
 
     Args:
-        total: different runs.
-        done: those that have a row already.
-        asked: those that would be done now.
         seconds: that one run takes; None when its trial failed.
-        rest: seconds for all that would be done now.
         source: where that comes from, in words.
-        listing: the first and last runs in words.
     """
 
     total: int
@@ -179,10 +169,7 @@ def forecast(file: Path, folder: Path, asked: Asked, progress: Callable[[str], N
     The time of a run is the median of the runs in the folder, or that of a trial of the middle run, on this machine.
 
     Args:
-        file: of the study.
         folder: of its results, there or not.
-        asked: what the command line says of it.
-        progress: told what takes time.
 
     Raises:
         InputError: the file cannot be used.

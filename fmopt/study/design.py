@@ -31,11 +31,7 @@ class Study:
     """A study whose file is in order.
 
     Args:
-        source: its document.
-        file: its contents.
-        base: the problem that it varies.
         axes: what varies.
-        points: a value for every axis, run by run.
     """
 
     source: Source

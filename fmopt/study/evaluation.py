@@ -37,8 +37,6 @@ class Quantity:
 
     Args:
         columns: names of its answers, in the order of the table.
-        answer: computes them.
-        says: what it is, for people.
     """
 
     columns: tuple[str, ...]
@@ -50,9 +48,6 @@ class Solved:
     """One problem, and what is known of it so far: each stage is done when it is first asked for.
 
     Args:
-        source: the document of the problem.
-        problem: the problem.
-        inputs: what tells the files of its models from others.
         kept: whether the whole plan is wanted in the end.
     """
 
@@ -126,12 +121,7 @@ def _given(found: T | NoAnswer) -> T:
 
 
 def evaluate(run: Run, folder: Path) -> Row:
-    """The row of a run: depends on the run, the files in the folder, and the program alone.
-
-    Args:
-        run: what to put into the base problem, and what to compute of it.
-        folder: of the input files.
-    """
+    """The row of a run: depends on the run, the files in the folder, and the program alone."""
     source = assigned(read(folder / run.question.problem), run.assigned)
     try:
         solved = Solved(source, problem_of(source), folder.name, "plan" in run.question.keep)

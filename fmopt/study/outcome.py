@@ -22,11 +22,7 @@ _SHOWN = 12  # lines of the table that a notebook shows
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a study's folder holds, read when it is first asked for.
-
-    Args:
-        folder: with the store, the table and, once written, the report.
-    """
+    """What a study's folder holds, read when it is first asked for."""
 
     folder: Path
 
@@ -104,12 +100,9 @@ def study(
     """Starts a study or goes on with it, and gives its results; as `fmopt.study(…)`.
 
     Args:
-        file: study file (TOML).
         out: folder for the results; out/<study> when not given. What is done there already is not done again.
         jobs: processes; as many as there are processors when not given.
-        limit: runs to do at most now.
         retry_failed: whether runs that failed are done again.
-        cluster: address of a Dask scheduler.
 
     Raises:
         InputError: the file cannot be used.

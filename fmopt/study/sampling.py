@@ -57,7 +57,6 @@ def stepped(uniform: Uniform, steps: int) -> list[float]:
     """A number of even steps from the lower bound to the upper one, the ends exactly.
 
     Args:
-        uniform: the range.
         steps: 1 or more; one is the lower bound alone.
     """
     if steps == 1:
@@ -77,9 +76,6 @@ def cube(method: Method, dimensions: int, runs: int, seed: int) -> Array:
     Args:
         method: "saltelli" makes runs · (d + 2): two independent samples A and B, then A with each column from B in
             turn, after Saltelli et al. (2010), which Sobol indices are computed from.
-        dimensions: d.
-        runs: n.
-        seed: of the generator.
     """
     from scipy.stats import qmc
 

@@ -133,12 +133,7 @@ def canonical_digest(value: object) -> str:
 
 
 def target(targets: Mapping[str, Target], path: str) -> Target | str:
-    """The target of a path, or advice when there is none; `problem.` in front may be left out.
-
-    Args:
-        targets: what can be varied, by path.
-        path: as it was written.
-    """
+    """The target of a path, or advice when there is none; `problem.` in front may be left out."""
     short = path.removeprefix("problem.")
     if short in targets:
         return targets[short]
@@ -151,12 +146,7 @@ def target(targets: Mapping[str, Target], path: str) -> Target | str:
 
 
 def assigned(source: Source, values: Iterable[tuple[Key, Assigned]]) -> Source:
-    """A document with values put in, its file left as it is.
-
-    Args:
-        source: of a problem.
-        values: by key path.
-    """
+    """A document with values put in, its file left as it is."""
     data = copy.deepcopy(dict(source.data))
     for key, value in values:
         table: Any = data
@@ -176,7 +166,6 @@ def blamed(faults: Iterable[Fault], mine: Mapping[str, Fault]) -> list[Fault]:
     """Faults of a changed problem, those of changed keys told of the study file instead.
 
     Args:
-        faults: of the problem.
         mine: by dotted key of the problem's data, a fault of the study file without words.
     """
     found = []

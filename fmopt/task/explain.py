@@ -26,12 +26,7 @@ _FREE = {"p_z": "free_depth", "q_z": "free_turn"}
 
 
 def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
-    """The same as data: SI units, half-widths of errors in the order x, y, z, rx, ry, rz.
-
-    Args:
-        problem: checked.
-        clearance: of its parts, as measured.
-    """
+    """The same as data: SI units, half-widths of errors in the order x, y, z, rx, ry, rz."""
     play = [width if math.isfinite(width) else None for width in clearance.play]  # JSON has no infinity
     return {
         "valid": True,
@@ -64,11 +59,7 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
 
 
 def explain(problem: Problem, clearance: Clearance) -> str:
-    """What a problem asks for, one statement a line, lengths in mm and angles in degrees.
-
-    Args:
-        problem, clearance: as for `facts`.
-    """
+    """What a problem asks for, one statement a line, lengths in mm and angles in degrees."""
     sections = {
         "parts": list(_parts(problem)),
         "task": list(_task(problem)),
@@ -271,7 +262,6 @@ def assembly_facts(assembly: Assembly, steps: Sequence[Step]) -> dict[str, Any]:
     """The same as data: SI units, poses as (x, y, z, rotation vector).
 
     Args:
-        assembly: as its file states it.
         steps: its tasks in order, each answered.
     """
     return {
@@ -308,11 +298,7 @@ def _operand_facts(operand: Operand) -> dict[str, Any]:
 
 
 def explain_assembly(assembly: Assembly, steps: Sequence[Step]) -> str:
-    """The workcell and what each task comes to, one statement a line, lengths in mm and angles in degrees.
-
-    Args:
-        assembly, steps: as for `assembly_facts`.
-    """
+    """The workcell and what each task comes to, one statement a line, lengths in mm and angles in degrees."""
     lines = [assembly.title, str(assembly.source.path)]
     lines.append(f"{'objects':<10} {', '.join(tree.name for tree in assembly.workcell.objects)}")
     for step in steps:

@@ -45,12 +45,7 @@ def takes(mesh: Mesh | None, name: str) -> bool:
 
 
 def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
-    """A mesh without a unit, with its size in the numbers of its file to choose by; or a file that says it with one.
-
-    Args:
-        source: of the model file.
-        mesh: its table.
-    """
+    """A mesh without a unit, with its size in the numbers of its file to choose by; or a file that says it with one."""
     faults = []
     if mesh.body is not None and not is_step(mesh):
         place = source.place(("mesh", "body"), of_key=True)
@@ -90,10 +85,6 @@ def deviation(mesh: Mesh) -> float | None:
 def imported(source: Source, mesh: Mesh) -> Imported:
     """The mesh of a model file, in m; features, part and tree of one model are made of one reading.
 
-    Args:
-        source: of the model file, whose folder the mesh is looked for in.
-        mesh: its table, without faults.
-
     Raises:
         InputError: it cannot be read, bounds no solid or is of no plausible size; at its place in the model file.
         ResourceError: a STEP file without the extra that reads it.
@@ -123,12 +114,7 @@ def _path(source: Source, mesh: Mesh) -> Path:
 
 
 def assumed(source: Source, part: Part) -> str:
-    """What is to be said of a mesh file for whose numbers nobody says a unit.
-
-    Args:
-        source: that stands for the file.
-        part: that comes of it.
-    """
+    """What is to be said of a mesh file for whose numbers nobody says a unit."""
     low, high = part.polyhedron.vertices.min(axis=0), part.polyhedron.vertices.max(axis=0)
     widths = (high - low).tolist()
     size = " x ".join(f"{1e3 * width:.6g}" for width in widths)

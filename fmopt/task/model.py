@@ -37,9 +37,7 @@ class Model:
 
     Args:
         source: its document; of a mesh or STEP file the one that would name it.
-        file: its tables, with what was found of its features.
         given: whether it is a model file.
-        notes: what a user should know of how it was taken.
     """
 
     source: Source
@@ -94,7 +92,6 @@ def load_model(
         path: the file; a mesh or STEP file is taken for a part without parameters, whose features are found.
         cited: where the problem names it.
         overrides: parameter values that replace the file's.
-        said: of a mesh or STEP file.
 
     Raises:
         InputError: the file cannot be read or is not TOML.

@@ -30,8 +30,6 @@ class Mated:
     """How a part mates, as far as that was found.
 
     Args:
-        side: of the part in the problem file.
-        feature: name of the feature.
         frame: of the feature in the model's frame (x, y, z and rotation vector), m and rad; None where the model states
             it.
         turn: angle of the peg about the axis of the hole at the goal, rad.
@@ -65,12 +63,6 @@ def paired(
     The models are those that it was found on: a peg and its hole are found each on its own, and where none fits another
     about the centre of its section, others are tried, and then the other end of a prism or of a hole that is alike from
     both sides: an L goes into its hole by one end only. In an L the gap may decide which point the centre is.
-
-    Args:
-        source: the problem file.
-        file: its tables.
-        models: by side.
-        parts: by side, in the frames of their models.
 
     Raises:
         InputError: no two features can mate, or several pairs fit alike.
@@ -165,7 +157,6 @@ def is_found(models: Mapping[str, Model], names: Mapping[Side, str | None]) -> b
     """Whether any feature of these names was found on its part rather than stated.
 
     Args:
-        models: by side.
         names: by side; None stands for all features of that side.
     """
     return any(

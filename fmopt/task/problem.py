@@ -92,7 +92,6 @@ class Attributes(Value):
     """What [LeeHuang1985] section 3 has among the five attributes of a task and the mating frames do not show.
 
     Args:
-        attachment: the lower pair to be made.
         exchanged: whether the hollow part is in the hand and the solid one stands.
         grasp: frame of the grasped feature in the frame of the hand.
         turn: angle of the peg about the axis of the hole at the goal, rad. The peg's mating frame is turned by it, so
@@ -117,31 +116,19 @@ class Problem(Value):
     errors, speeds and forces are those of the peg's leading face against the hole all the same.
 
     Args:
-        title: for people.
-        path: the problem file.
         sha256: of the contents of the problem file and its models; comments and layout do not count.
         moving: the moving part; its origin is the centre of the peg's leading face, z back into the part.
         fixed: the fixed part in the B-frame; its origin is the centre of the mouth, z out of the hole.
-        trees: the object trees of the moving and the fixed part, in their models' frames.
-        moving_feature: name of the peg.
-        fixed_feature: name of the hole.
         mated: how the moving and the fixed part mate, as far as that was found; None for a part whose files state it.
         goal: pose (6,) of the moving part when seated, m and rad.
         start: P(0) (6,), where the nominal trajectory begins, m and rad.
-        task: attachment, grasp and what the goal leaves free.
         declared_clearance: on each side along x and y of the B-frame, m; None where the file declares none.
         approach: height of the tilted part's lowest point above the mouth at the start, m.
         start_box: half-widths (6,) of the start error in local coordinates (d, δ), m and rad.
-        framing: which share of it is fixed in the hole, in the hand, and in the world.
         trapezoid: radius of the ball (m) and half-angle of the cone (rad) of S(t); None for those of the start error.
         sources: where the start box comes from; None when the file gives it outright.
         budget: what each source contributes to the start box; none when the file gives it outright.
         plane: the profiles of a planar problem, whose parts are solids of the same contacts; None in space.
-        velocity_error: fractions of the speed.
-        specification: speed, forces, friction.
-        friction: interval of the coefficient of friction that trials draw from.
-        robot: that carries presses out.
-        settings: how the plan is computed.
     """
 
     title: str

@@ -22,7 +22,6 @@ def round_solid(table: files.Cylinder | files.Cone, hollow: bool) -> Cylinder | 
     """The polyhedron that stands for a solid of revolution.
 
     Args:
-        table: of a model file.
         hollow: whether the solid is taken away.
 
     Raises:

@@ -42,10 +42,8 @@ def implausible(source: Source, key: Key, unit: str | None, error: SizeError) ->
     """The fault of a part's size, with the unit for which it would be plausible.
 
     Args:
-        source: the model file.
         key: where its unit stands.
         unit: the unit of its plain numbers; None where that is not for the model file to say.
-        error: what is wrong.
     """
     lengths = UNITS["length"][1]
     given = lengths.get(unit or "", 1.0)
@@ -68,7 +66,6 @@ def refuse_reaching(source: Source, parts: Mapping[str, Part]) -> None:
     """Refuses parts that reach further from their mating features than a plan can say.
 
     Args:
-        source: the problem file.
         parts: by side, each in the frame of its feature.
 
     Raises:
@@ -89,7 +86,6 @@ def refuse_wild(source: Source, shares: Sequence[Contribution]) -> None:
     """Refuses errors of orientation that a stated box could not have either.
 
     Args:
-        source: of the problem file, for the place in the message.
         shares: of all sources, boxes (6,) in m and rad.
 
     Raises:
@@ -108,9 +104,7 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
     """Refuses errors of position larger than both parts: no tolerance, but another unit.
 
     Args:
-        source: of the problem file, for the place in the message.
         box: (6,), half-widths of the start errors, m and rad.
-        parts: both.
 
     Raises:
         InputError: at the component, or at the sources that add up to it; also where a plan cannot say the sum.
@@ -137,7 +131,6 @@ def force_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
     """The faults of forces that end moves, and of those that limit impacts.
 
     Args:
-        source: of the problem file.
         table: [specification], values in SI.
     """
     yield from _end_faults(source, table)
@@ -168,7 +161,6 @@ def configuration_faults(source: Source, sources: files.Sources | None) -> Itera
     """Configurations that are stated twice, or not at all, or by points on a line.
 
     Args:
-        source: of the problem file.
         sources: [uncertainty.sources], if the errors are described so.
     """
     for name in ("configuration", "feeder"):
@@ -243,7 +235,6 @@ def characteristic_length(problem: Problem, clearance: Clearance) -> float:
 
     Args:
         problem: whose specification may state it.
-        clearance: measured, with the size of the mating section.
     """
     return problem.settings.characteristic_length or max(clearance.half_diagonal, LEAST_LEVER)
 
@@ -288,10 +279,6 @@ def drift(problem: Problem, clearance: Clearance) -> Array:
     """How far velocity errors carry the part at most on its way down to the mouth (6,), m and rad.
 
     Zero where that is a clearance or less, next to which it does not count.
-
-    Args:
-        problem: with the velocity error and how far above the mouth it starts.
-        clearance: as for `characteristic_length`.
     """
     t, r = problem.velocity_error.translation, problem.velocity_error.rotation
     if problem.approach * max(t, r) <= clearance.per_side:

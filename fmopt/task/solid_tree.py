@@ -28,12 +28,7 @@ _MERIDIANS = 16  # of the polyhedron that stands for a ball in the tree of featu
 
 
 def tree_faults(source: Source, file: files.ModelFile) -> list[Fault]:
-    """Faults of the references: unknown solids, cycles, solids that nothing uses, trees that grow too large.
-
-    Args:
-        source: of the model file.
-        file: its tables, each right by itself.
-    """
+    """Faults of the references: unknown solids, cycles, solids that nothing uses, trees that grow too large."""
     if file.part is None:
         place = Place(str(source.path), key="part")
         return [place.fault("missing-key", "this key is missing", "name the solid that the part is")]
@@ -104,10 +99,6 @@ def _reachable(root: str, references: dict[str, list[tuple[Key, str]]]) -> set[s
 def part_reach(source: Source, file: files.ModelFile) -> Array:
     """Points (n, 3) in m whose bounding box holds the part of a checked model file with solids or a profile.
 
-    Args:
-        source: of the model file, for the place in messages.
-        file: without faults.
-
     Raises:
         InputError: a solid has no volume; at its place in the file.
     """
@@ -121,9 +112,6 @@ def part_reach(source: Source, file: files.ModelFile) -> Array:
 
 def build_part(source: Source, file: files.ModelFile) -> Part:
     """The part of a checked model file, in its model frame.
-
-    Args:
-        source, file: as for `part_reach`.
 
     Raises:
         InputError: no solid comes out; at the place of the solid or mesh in the file.
@@ -176,9 +164,6 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
 
     A mesh, and a part with a feature that none of its solids make (a hole that others leave between them), becomes its
     convex hull less convex bodies.
-
-    Args:
-        source, file: as for `part_reach`.
 
     Raises:
         InputError: no solid comes out, or a feature breaks a rule; at its place in the file.
@@ -349,7 +334,6 @@ def unstated(source: Source, file: files.ModelFile) -> tuple[str, ...]:
 
     Args:
         source: of the model file, as it was written: defaults are not in it.
-        file: the same, completed by defaults.
     """
     stated = source.data.get("features", {})
     return tuple(name for name in file.features if not {"at", "length"} <= set(stated.get(name, {})))
@@ -357,9 +341,6 @@ def unstated(source: Source, file: files.ModelFile) -> tuple[str, ...]:
 
 def bare_part(source: Source, file: files.ModelFile) -> Part:
     """The part of a checked model file with solids or a mesh, its features as they are found on it.
-
-    Args:
-        source, file: as for `part_reach`.
 
     Raises:
         InputError: no solid comes out, or nothing is found on it; at its place in the file.

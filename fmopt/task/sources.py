@@ -91,8 +91,6 @@ class Sources:
         configuration: of the fixed part, points in the B-frame.
         feeder: configuration of the moving part before it was grasped, points in its frame.
         robot: ε_pr and ε_φr of the end effector; it counts when grasping and again when inserting.
-        slide: ε_td and ε_φd of the moving part in the gripper.
-        grasp_height: distance of the grasping point from the centre of the leading face.
     """
 
     shape: float
@@ -195,7 +193,6 @@ def start_box(sources: Sources, height: float, aside: float = 0.0, lean: float =
     """Half-widths (6,) in m and rad of a box that holds every start error the sources can make together: see `budget`.
 
     Args:
-        sources: the deviations.
         height: of the leading face's centre above the mouth at the start, at most, m.
         aside: its distance from the axis of the hole then, at most, m.
         lean: angle between the two axes then, at most, rad.
@@ -279,7 +276,6 @@ def configuration_shares(configuration: Configuration, at: Point) -> list[Share]
     """How far a configuration's deviations move a point of the part, and turn the part.
 
     Args:
-        configuration: how the part lies, as far as it is known.
         at: the point (x, y, z), m.
     """
     match configuration:
@@ -375,10 +371,6 @@ def allowance(velocity: files.Velocity, shares: Sequence[Contribution]) -> Itera
     """What the start error lacks of the least one, unless the velocity's error adds to every direction anyway.
 
     The error set of a plan must reach farther in each direction than rounding does, which its sums repeat.
-
-    Args:
-        velocity: [uncertainty.velocity].
-        shares: of all that adds to the start error.
     """
     lacking = np.maximum(_LEAST - total(shares), 0.0)
     if lacking.any() and not (velocity.translation or velocity.rotation):
@@ -386,11 +378,7 @@ def allowance(velocity: files.Velocity, shares: Sequence[Contribution]) -> Itera
 
 
 def tessellation(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tuple[Contribution, ...]:
-    """What the facets of imported parts add to the position errors: how far the true surfaces lie from them, as ε_v.
-
-    Args:
-        models, parts: by side.
-    """
+    """What the facets of imported parts add to the position errors: how far the true surfaces lie from them, as ε_v."""
     return tuple(
         Contribution(
             f"{side} part, facets of its mesh", "ε_v", np.repeat([parts[side].chord_error, 0.0], 3), _SIDES[side], False

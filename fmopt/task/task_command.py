@@ -50,7 +50,6 @@ def attributes(goal: Goal, round_peg: bool, start: Pose, exchanged: bool, grasp:
     turns about its axis leaves the angle of a round peg free, which is then as the start has it.
 
     Args:
-        goal: the table of the file.
         round_peg: whether the peg is a solid of revolution.
         start: of the peg's feature in the frame of the hole.
         exchanged: whether the hole is in the hand, so that the file's angle is that of the hole against the peg.

@@ -57,7 +57,6 @@ def verify(
     the two agree, to first order and up to the small amounts that the verdict's text states as not covered.
 
     Args:
-        document: the plan as JSON gives it.
         expected_sha256: digest of the problem that the plan should belong to; not compared when None.
         overdue: whether there is no time for another segment; a plan that was not checked to its end is not proved.
 
@@ -71,7 +70,6 @@ def judge(plan: Plan, expected_sha256: str | None = None, overdue: Callable[[], 
     """Checks a plan that was read, as `verify` does.
 
     Args:
-        plan: as it was read.
         expected_sha256: of the problem that it has to be a plan of; any if None.
         overdue: asked now and then; where it says so, what is left is not checked and the plan not certified.
 
@@ -181,8 +179,6 @@ def overlap(M: Shape, F: Shape, X: Pose, least: float) -> float:
     Candidates come from floats (corners of the intersection and their mean); the depth of a candidate is exact.
 
     Args:
-        M, F: the moving and the fixed piece.
-        X: pose of the moving one.
         least: m.
     """
     if M.ball:

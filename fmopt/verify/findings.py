@@ -23,9 +23,7 @@ class Finding:
 
     Args:
         segment: index of the segment, None for the plan as a whole.
-        what: the pair, contact or number concerned.
         shortfall: by how much it is short, m (0 where that has no meaning).
-        message: in words.
     """
 
     segment: int | None
@@ -43,10 +41,8 @@ class Witness:
     """A pose at which two pieces certainly overlap.
 
     Args:
-        segment: index of the segment.
         pose: (x, y, z, rotation vector), m and rad.
         error: error (e, ε) on top of that nominal pose, zero for the nominal pose itself.
-        pair: moving and fixed piece.
         depth: certain depth of a common point in both pieces, m.
     """
 
@@ -62,14 +58,10 @@ class Verdict:
     """The outcome of a check.
 
     Args:
-        verdict: CERTIFIED, REFUTED or NOT_PROVED.
-        findings: everything that stands in the way of CERTIFIED.
         witness: for REFUTED, where the parts collide.
-        segments: number of segments in the plan.
         margin: least re-derived margin of all segments, m; None where one could not be re-derived.
         stated: the plan's own verdict.
         not_covered: what the plan says that it does not cover.
-        taken: what of the problem was taken as the planner has it.
     """
 
     verdict: str
@@ -82,12 +74,7 @@ class Verdict:
     taken: tuple[str, ...] = ()
 
     def unless(self, differences: Sequence[str], remarks: Sequence[str] = ()) -> Verdict:
-        """The same, but not CERTIFIED where the plan differs from the problem that it is held against.
-
-        Args:
-            differences: each in words.
-            remarks: what of the problem was taken as the planner has it, each in words.
-        """
+        """The same, but not CERTIFIED where the plan differs from the problem that it is held against."""
         if remarks:
             return replace(self, taken=(*self.taken, *remarks)).unless(differences)
         if not differences:
@@ -116,8 +103,6 @@ class Notes:
         """Notes a finding.
 
         Args:
-            what: pair, contact or number concerned.
-            message: in words.
             shortfall: m; 0 where that has no meaning.
         """
         self.found.append(Finding(self.segment, what, shortfall, message))
@@ -126,9 +111,6 @@ class Notes:
         """Stated numbers must be the derived ones.
 
         Args:
-            what: as for `add`.
-            stated: as in the plan.
-            derived: in fixed point, as many.
             floor: difference that always passes, in the unit of the numbers.
         """
         if len(stated) != len(derived):
@@ -144,9 +126,7 @@ class Notes:
         """A margin must not exceed the derived one, and be it but for rounding.
 
         Args:
-            what: as for `add`.
             stated: in m.
-            derived: lower bound, in fixed point.
         """
         value = number(derived)
         # Without any tolerance: the planner states margins a tenth of a picometre below what it has.
@@ -159,9 +139,7 @@ class Notes:
         """A bound of errors must not be below the derived one, and be it but for rounding or an allowance.
 
         Args:
-            what: as for `add`.
             stated: m or rad.
-            derived: upper bound, in fixed point.
             allowance: by how much it may be less, in fixed point.
         """
         value = number(derived)
@@ -174,9 +152,7 @@ class Notes:
         """A clearance that nothing rests on must not exceed the derived one but for rounding.
 
         Args:
-            what: as for `add`.
             stated: in m.
-            derived: in fixed point.
         """
         value = number(derived)
         if not -(RELATIVE * abs(value) + MARGIN_FLOOR) <= stated - value <= _OTHER_SIDE:
@@ -186,7 +162,6 @@ class Notes:
         """A derived margin must be positive.
 
         Args:
-            what: as for `add`.
             derived: m, in fixed point.
         """
         if derived <= 0:

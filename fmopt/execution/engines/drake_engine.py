@@ -44,7 +44,6 @@ class DrakeEngine:
     """n bodies in a scene; see `Engine`.
 
     Args:
-        diagram: of the plant with the body `part` and its geometry.
         starts: positions (n, 3) and quaternions (n, 4) of the bodies.
     """
 

@@ -103,9 +103,7 @@ class Setup:
     """What a scene is made of.
 
     Args:
-        bodies: both parts.
         clearance: a side, m, which says how hard contacts have to be.
-        robot: whose apparent mass and period it is.
         friction: coefficient, or (n,) of each body.
         time_step: s; None for what the clearance asks for.
         threads: that step the bodies; one where cores are taken by processes, a chunk each.

@@ -21,9 +21,7 @@ class MujocoEngine:
     """n bodies in a scene; see `Engine`.
 
     Args:
-        model: of the scene.
         friction: coefficients (n,) of the bodies; None for that of the model.
-        threads: that step the bodies.
         starts: positions (n, 3) and quaternions (n, 4) of the bodies.
     """
 

@@ -24,9 +24,6 @@ class Physics:
         time_step: s.
         solref: time constant (s) and damping ratio of contacts; None for HARD, or two time steps if that is more,
             and 1: a smaller step then resolves the same contacts better, instead of making them harder.
-        solimp: impedance of contacts.
-        impratio: ratio of frictional to normal impedance.
-        cone: friction cones.
         margin: distance at which contacts begin, m.
     """
 

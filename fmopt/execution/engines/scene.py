@@ -54,11 +54,8 @@ def scene(bodies: Bodies, physics: Physics, mass: float, inertia: float, frictio
     """The scene as MJCF.
 
     Args:
-        bodies: both parts.
-        physics: trusted settings.
         mass: apparent mass of robot and part, kg.
         inertia: about each axis through the moving frame's origin, kg·m².
-        friction: coefficient.
 
     Raises:
         SettingsError: the settings cannot be trusted.

@@ -42,7 +42,6 @@ def three_mf(data: bytes, most: int) -> tuple[str, list[Shell]]:
     """The unit of a 3MF file, and its solids where its build puts them.
 
     Args:
-        data: the file.
         most: how many bytes its model may have.
 
     Raises:

@@ -237,7 +237,6 @@ def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, o
 
     Args:
         points: (n, 3), m.
-        faces: loops of vertices of each face.
         planes: unit normals (k, 3) and offsets (k,) in m, a row a face.
         off: how far a corner may move, m.
         frame: (3, 3), of the points in the mesh, where places in messages are.

@@ -40,11 +40,8 @@ class Imported(Value):
     Args:
         body: the polyhedron, m.
         chord_error: how far the curved surfaces that it stands for may lie from it, m.
-        mended: what closes gaps of the mesh.
-        notes: what was done to the mesh that a user should know of.
         off: how far the facets of the file lie from the faces of the polyhedron at most, m.
         where: the place (3,) of that, m.
-        kind: what it was read from: a mesh, or a solid with surfaces of its own.
     """
 
     body: Polyhedron
@@ -99,7 +96,6 @@ def load_mesh(path: Path | str, unit: Unit) -> Imported:
     plane but for noise become plane faces, see `plane_facets.flattened`; how far they lie from the file's is `off`.
 
     Args:
-        path: the file.
         unit: length unit of its numbers; mesh files do not say.
 
     Raises:

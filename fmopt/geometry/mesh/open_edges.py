@@ -34,7 +34,6 @@ class Patch(Value):
     Args:
         triangles: (k, 3) vertex indices, counter-clockwise seen from outside.
         corners: (n, 3), the rim of the gap, m.
-        beside: index of a triangle at the rim.
         flush: whether it goes on a face that is there, in its plane.
     """
 

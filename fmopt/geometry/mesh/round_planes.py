@@ -103,7 +103,6 @@ def through_columns(points: Array, faces: Sequence[Sequence[Loop]], planes: Plan
 
     Args:
         points: (n, 3), m.
-        faces: their loops.
         planes: normals and offsets (k,).
         which: faces along z that meet others at small angles (k,).
     """

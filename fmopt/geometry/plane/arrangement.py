@@ -36,11 +36,9 @@ class Arrangement:
     """Edges between shared vertices.
 
     Args:
-        curves: one per edge.
         vertices: points (n, 2) in m.
         ends: first and last vertex of each edge, (m, 2).
         right: winding number of each operand on the right of each edge, (m, k).
-        left: the same on the left.
     """
 
     curves: tuple[Curve, ...]
@@ -100,7 +98,6 @@ def linked(i: Integers, j: Integers, size: int) -> tuple[Integers, Integers]:
 
     Args:
         i, j: (k,), one pair at each index.
-        size: how many numbers there are.
     """
     before, label, first, count = np.arange(size), np.empty(size, dtype=np.intp), np.empty(size, dtype=np.intp), 0
     for k in range(len(i)):

@@ -171,7 +171,6 @@ def bearing(curve: Curve, origin: Array, radius: float) -> float:
     """Polar angle (rad) of the point where a simple curve from `origin` (2,) leaves the circle of `radius` round it.
 
     Args:
-        curve: farther from the origin at its end than the radius.
         origin: (2,), m.
         radius: m.
     """

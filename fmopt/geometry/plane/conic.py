@@ -28,9 +28,6 @@ class ConicArc(Value):
     """The conic arc from `first` to `last` (2,) in m whose end tangents meet in `shoulder` (2,).
 
     Args:
-        first: p₀.
-        shoulder: p₁.
-        last: p₂.
         weight: w > 0.
     """
 
@@ -231,7 +228,6 @@ def ellipse_arcs(centre: ArrayLike, major: ArrayLike, minor: ArrayLike, start: f
         major: conjugate half diameter at φ = 0, (2,).
         minor: conjugate half diameter at φ = 90°, (2,).
         start: first φ in rad.
-        sweep: signed.
     """
     centre = np.asarray(centre, dtype=np.float64)
     axes = np.stack([np.asarray(major, dtype=np.float64), np.asarray(minor, dtype=np.float64)])
@@ -254,10 +250,6 @@ def unit_roots(coefficients: Sequence[float], touch: float) -> list[float]:
 
     Between two roots of the derivative a polynomial is monotone, so a bracket holds at most one root and nothing is
     missed; a turning point where the value is at most `touch` counts as a (double) root.
-
-    Args:
-        coefficients: c₀, c₁, … of any degree.
-        touch: values of this size and less are zero.
 
     Returns:
         The roots; none when the whole polynomial is at most `touch` in size.

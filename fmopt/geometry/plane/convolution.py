@@ -59,8 +59,6 @@ def minkowski_sum(first: Region, second: Region, tolerance: float) -> Region:
     fitted, as 15 points of each tell: there the answer contains the sum, with a margin but without a proof.
 
     Args:
-        first: A.
-        second: B.
         tolerance: in m.
     """
     return union([_sum(a, b, tolerance) for a in components(first) for b in components(second)])
@@ -117,7 +115,6 @@ def convolution(first: Sequence[Curve], second: Sequence[Curve], tolerance: floa
     Equal directions are told apart as if the first loop were turned right by an infinitesimal angle.
 
     Args:
-        first, second: curves one behind the other, the interior on their left.
         tolerance: m, of sums that are no conics.
     """
     lines, turns = _features(first)

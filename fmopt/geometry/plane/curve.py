@@ -200,7 +200,6 @@ class Arc(Value):
         """The parameter at which the arc passes the polar `angle` (rad) of its circle, None when it does not.
 
         Args:
-            angle: about the centre, any turn.
             slack: an overshoot in rad that still counts as an end.
         """
         if self.sweep == 0.0:

@@ -22,8 +22,6 @@ def meet(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
     """Parameters (s on a, t on b) of the points where the curves come within `tolerance` (m) of each other.
 
     Args:
-        a: a curve.
-        b: a curve.
         tolerance: distance in m below which points are one.
     """
     # Ends first: a crossing next to an end is often lost to rounding, while the end itself is found.

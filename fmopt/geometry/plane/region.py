@@ -164,7 +164,6 @@ class Region(Value):
 
         Args:
             tolerance: in m.
-            side: "left" gives a polygon within the region, "right" one that contains it.
         """
         from shapely import MultiPolygon, Polygon, get_parts, unary_union
 

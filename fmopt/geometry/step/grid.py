@@ -70,12 +70,7 @@ class Grid:
         return any(np.linalg.norm(point - seam) <= REACH for seam in self._seams)
 
     def seam(self, edge: Same, number: int) -> bool:
-        """Whether an edge is where a face meets itself.
-
-        Args:
-            edge: by which its faces are known.
-            number: of a face.
-        """
+        """Whether an edge is where a face meets itself."""
         return self.faces[edge] == [number, number]
 
     def _join(self, number: int, surface: Surface) -> None:

@@ -116,7 +116,6 @@ def inside(shape: TopoDS_Shape, kind: str) -> Iterator[Any]:
 
     Args:
         shape: what is searched.
-        kind: as the kernel names it, in capitals.
     """
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp_Explorer

@@ -63,7 +63,6 @@ def bodies(path: Path, deviation: float = DEVIATION) -> tuple[Body, ...]:
     The pose of one part relative to another, as the file has them, is `one.pose.inverse().compose(other.pose)`.
 
     Args:
-        path: the file.
         deviation: how far facets may lie from curved faces, m, positive.
 
     Raises:
@@ -85,7 +84,6 @@ def load_step(path: Path, deviation: float = DEVIATION, body: str = "") -> Impor
     where all faces are plane.
 
     Args:
-        path: the file.
         deviation: how far facets may lie from curved faces, m, positive.
         body: its name or its number, from 1; "" where there is but one.
 

@@ -83,8 +83,6 @@ class Surface:
         Args:
             u, v: the kernel's parameters: u about the axis, rad; v along a straight profile, mm, or around a round one,
                 rad.
-            across: by what the distance from the axis is multiplied.
-            along: by what the radius of the profile of a sphere or torus is multiplied.
         """
         if self.kind == "Cylinder":
             r, z = self.radius, v

@@ -128,12 +128,7 @@ def _turned(child: Token, name: str) -> None:
 
 
 def inside(link: str, name: str) -> str:
-    """Where a link of page `name` leads within the one page; links to elsewhere stay as they are.
-
-    Args:
-        link: as written, such as `problem.md#meshes`, `#meshes` or an address.
-        name: of the page that it stands on.
-    """
+    """Where a link of page `name` leads within the one page; links to elsewhere stay as they are."""
     told = re.fullmatch(r"(?:(\w+)\.md)?(?:#([\w\-]+))?", link)
     if told is None:
         return link

@@ -89,7 +89,6 @@ def account(moving: ArrayLike, fixed: Sequence[ArrayLike], nominal: Nominal, run
     Args:
         moving: corners (n, 2) of the moving profile about its reference point, m.
         fixed: loops (k, 2) of the fixed one, m.
-        nominal: the nominal trajectory, on which the errors are those of the first stretch.
         run: the motion, in order.
     """
     grasped, static = Profile.of(moving), Profile.of(*fixed)
@@ -207,8 +206,6 @@ def boundary(found: PlanarSet, name: str, nominal: ArrayLike = ()) -> Boundary:
     """A set with its name, its boundary, and what it shrinks to.
 
     Args:
-        found: the set.
-        name: as the paper writes it.
         nominal: polyline (k, 2) that the set shrinks to without deviations, m; empty if nothing does.
     """
     return Boundary(name, tuple(_loop(loop) for loop in found.boundary()), polyline(nominal))
@@ -233,7 +230,6 @@ def contact_sets(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[Boun
     Type 1: Uv, CUv of the middle of the edge, CUl. Type 2: Ul with its case, CUl.
 
     Args:
-        cu: the contact.
         phi: orientation, rad.
         pose: reference point (2,) at which Uv and Ul are drawn, m.
     """
@@ -267,12 +263,7 @@ def _middle(exact: CU, phi: float) -> Array:
 
 
 def surface(cu: CU, count: int = 25) -> Surface:
-    """CU over its range of φ, in slices, with the nominal C-surface (a segment a slice) where there is one.
-
-    Args:
-        cu: of one basic contact.
-        count: of slices, both ends of the range of φ among them.
-    """
+    """CU over its range of φ, in slices, with the nominal C-surface (a segment a slice) where there is one."""
     # Whole turns are taken off, so that φ is shown near zero.
     turns = 2.0 * math.pi * round((cu.range.low + cu.range.high) / (4.0 * math.pi))
     low, high = cu.range.low - turns, min(cu.range.high, cu.range.low + 2.0 * math.pi) - turns

@@ -77,7 +77,6 @@ def outline(candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: 
     A set without interior is run round along both its sides. A single point has no boundary curve, hence no loop.
 
     Args:
-        candidates: directed curves that contain the boundary, the core on their left.
         gap: distance (k,) of points (k, 2) from the core of the set, m.
         radius: r, m.
         size: of the set, m; tolerances are relative to it.

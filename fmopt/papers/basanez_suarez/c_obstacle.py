@@ -82,7 +82,6 @@ class PossibleContacts(Value):
 
     Args:
         sets: CU of each basic contact, those of type 1 first.
-        tables: the same as arrays, for each type.
     """
 
     sets: tuple[CU, ...]
@@ -94,7 +93,6 @@ class PossibleContacts(Value):
 
         Args:
             moving, static: profiles, each in its own frame.
-            deviations: of both, as sums of all sources.
         """
         return PossibleContacts.of(basic_contacts(moving, static, deviations))
 
@@ -176,7 +174,6 @@ def cover(tables: Sequence[Table], phi: Array, tolerance: float) -> list[MultiPo
     """For each φ the union (m) of the pieces of all contacts possible; see `PossibleContacts.polygons`.
 
     Args:
-        tables: of the two kinds of basic contact.
         phi: (k,), rad.
         tolerance: m.
     """

@@ -52,7 +52,6 @@ class CU(Value):
         static: index of the static object's edge (type 1) or vertex (type 2).
         edge: ends (2, 2) of the edge, m, a static one in the world, one of the grasped object in its frame.
         vertex: (2,), m, likewise.
-        range: orientations at which the contact is possible.
         nominal: orientations at which it is possible without uncertainty; None when only deviations make it possible.
         spread: ε_φrφg, rad.
         radius: ε_prpgv + ε_a, m.
@@ -100,7 +99,6 @@ class CU(Value):
 
         Args:
             phi: orientation of the grasped object, rad.
-            k: share of the static edge, from its first end.
         """
         if self.kind is not Kind.TYPE_1:
             raise ValueError("CUv belongs to a vertex of the grasped object, hence to a type-1 contact")
@@ -152,7 +150,6 @@ def core_gap(kind: Kind, edge: Array, vertex: Array, spread: float | Array, pose
     """Distance (…) in m of poses (…, 3) from contact without the deviations of position, of any number of contacts.
 
     Args:
-        kind: of all contacts.
         edge: (…, 2, 2), m; see `CU`.
         vertex: (…, 2), m.
         spread: ε_φrφg (…), rad.
@@ -183,7 +180,6 @@ def basic_contacts(moving: Profile, static: Profile, deviations: Deviations) -> 
     Args:
         moving: the grasped object, in the gripper's frame.
         static: the other, in the frame of the plane.
-        deviations: sums of all sources, one for each vertex of the static object.
     """
     own = moving.edge_turns(deviations.shape)
     other = static.edge_turns(np.broadcast_to(deviations.static, len(static.vertices)))

@@ -32,14 +32,7 @@ class MotionKind(StrEnum):
 
 @dataclass(frozen=True)
 class Phase:
-    """A part of a path with one set of possible contacts.
-
-    Args:
-        kind: gross, fine or blocked.
-        start: parameter of the path, waypoint i at i.
-        end: parameter of the path.
-        contacts: the basic contacts that are possible somewhere in the phase.
-    """
+    """A part of a path with one set of possible contacts."""
 
     kind: MotionKind
     start: float
@@ -76,9 +69,7 @@ def classify(
 
     Args:
         path: waypoints (k, 3), x and y in m and φ in rad, straight in between; φ is not taken modulo 2π.
-        static: the static object.
         moving: the grasped object in the frame of the gripper's reference point.
-        deviations: what the sources add up to.
         tolerance: m; a contact is listed where it is possible and at most where a CU is nearer than this.
 
     Raises:
@@ -109,7 +100,6 @@ def possible_spans(
     is dropped, one that it proves inside is kept, any other is halved until the change over it is below the tolerance.
 
     Args:
-        possible: contacts that the deviations allow.
         path: (n, 3), x and y in m, φ in rad, straight from row to row.
         tolerance: m; what is nearer than this to a CU counts as on it.
     """
@@ -133,7 +123,6 @@ def clearance(possible: PossibleContacts, path: ArrayLike, tolerance: float) -> 
     the length of path at about the least distance, over the tolerance.
 
     Args:
-        possible: contacts that the deviations allow.
         path: (n, 3), x and y in m, φ in rad, straight from row to row.
         tolerance: m, by how much the bound may be too low.
     """
@@ -162,9 +151,7 @@ def clearance_for_gross(
 
     Args:
         path: waypoints (k, 3), m and rad; see `classify`.
-        static: the static object.
         moving: the grasped object in the frame of the gripper's reference point.
-        deviations: what the sources add up to.
         farthest: (2,), the farthest displacement to consider, away from the static object, m; all are along it.
         tolerance: m.
 

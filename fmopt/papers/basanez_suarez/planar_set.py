@@ -96,7 +96,6 @@ class PlanarSet(Value, ABC):
 
         Args:
             tolerance: m.
-            side: "outside" contains the set, "inside" lies in it.
 
         Raises:
             GeometryError: the tolerance is not positive.
@@ -121,7 +120,6 @@ def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon
     number zero.
 
     Args:
-        loops: of one set.
         tolerance: how far it may be from them, m.
         side: whether it holds the set or is held by it.
     """
@@ -141,7 +139,6 @@ def ring(loop: Loop, tolerance: float, side: Side) -> Array:
 
     Args:
         loop: pieces, each from where the one before ends.
-        tolerance, side: as for `polygon`.
     """
     return np.vstack([piece.curve.polyline(tolerance, SIDES[side])[:-1] for piece in loop])
 

@@ -141,9 +141,6 @@ class GraspedSources(Value):
 
     Args:
         shape: of the object.
-        configuration: of the object before it was grasped.
-        robot: of the end effector.
-        slide: in the gripper.
         grasp: grasping point (2,) in the frame of `configuration`, m.
     """
 
@@ -216,9 +213,7 @@ def deviations(static: StaticSources, vertices: ArrayLike, grasped: GraspedSourc
     The deviation of a point of an edge is at most the greater one of its ends.
 
     Args:
-        static: sources of the object that stands.
         vertices: (n, 2), m, of that object.
-        grasped: sources of the other, its robot and its gripper.
     """
     points = frozen(vertices, None, 2, name="vertices of the static object")
     moving = grasped_budget(grasped)
@@ -230,7 +225,6 @@ def static_budget(static: StaticSources, point: ArrayLike) -> Budget:
     """Shares of ε_a at a point (2,) of the static object: ε_v + ε_pp, with what a turn moves it by, or ε_m alone.
 
     Args:
-        static: sources of the object that stands.
         point: (2,), m, of that object.
     """
     match static.configuration:
@@ -285,7 +279,6 @@ def placed_in_turn(first: Configuration, handlings: Iterable[GraspedSources]) ->
     """The configuration after several handlings in turn; what each states as its configuration does not count.
 
     Args:
-        first: the configuration before all of them.
         handlings: in order.
     """
     configuration = first

@@ -79,7 +79,6 @@ def vertex_face(
         vertex: v (3,) in that frame, m.
         normal: unit outward normal n (3,) of the face.
         offset: n·a of a point a of the face, m.
-        turns: ε_φrφg.
         radius: ε_prpgv + ε_a, m.
     """
     n, v = frozen(normal, 3, name="normal"), frozen(vertex, 3, name="vertex")
@@ -98,7 +97,6 @@ def face_vertex(
         normal: unit outward normal n (3,) of the face in that frame.
         offset: of the face in that frame, m.
         vertex: w (3,), m.
-        turns: ε_φrφg.
         radius: ε_prpgv + ε_a, m.
     """
     n, w = frozen(normal, 3, name="normal"), frozen(vertex, 3, name="vertex")
@@ -117,7 +115,6 @@ def edge_edge(pose: Pose, moving: ArrayLike, fixed: ArrayLike, turns: Turns, rad
         pose: of the moving part's frame, whose origin is the reference point.
         moving: ends (2, 3) in that frame, m, run so that m points out of the fixed part.
         fixed: ends (2, 3), m.
-        turns: ε_φrφg.
         radius: ε_prpgv + ε_a, m.
 
     Raises:

@@ -29,9 +29,7 @@ class Family:
     Args:
         function: signed distance of vertex and edge line, positive when apart; eq. (13) or (14) with k eliminated.
         k: place of the contact on the edge, 0 at its first end and 1 at its second, from the same equations.
-        configuration: p_x, p_y, φ = φ_ro + φ_go.
         geometry: type 1: a₁ₓ, a₁ᵧ, a₂ₓ, a₂ᵧ, h, γ; type 2: aₓ, aᵧ, h₁, γ₁, h₂, γ₂.
-        deviations: δ_φ, δ_p, θ_p, δ_a, θ_a: of the angle, of the grasped point, and of the static one.
     """
 
     function: sympy.Expr
@@ -144,9 +142,7 @@ def casadi_function(name: str, inputs: Mapping[str, Sequence[sympy.Symbol]], out
     Common subexpressions of all outputs are built once.
 
     Args:
-        name: name of the function.
         inputs: for each input its name and its symbols, in order.
-        outputs: expressions in those symbols.
 
     Raises:
         TypeError: an expression holds a node outside the table, or a symbol that is no input.

@@ -132,7 +132,6 @@ def vertex_position(reference: ArrayLike, phi: float, reach: Reach, spread: floa
     Args:
         reference: p_ro (2,), m.
         phi: φ_ro + φ_go, rad.
-        reach: h and γ of the vertex.
         spread: ε_φrφg, rad.
         radius: ε_prpgv, m.
     """
@@ -146,7 +145,6 @@ def directed_arc(centre: Array, radius: float, first: float, last: float, on: Ca
         centre: (2,), m.
         radius: m, of either sign.
         first, last: bearings of outward normals, rad.
-        on: what the arc belongs to.
     """
     if radius >= 0.0:
         return Piece(Arc(centre, radius, first, last - first), on)

@@ -64,7 +64,6 @@ def cut_diagram(solid: Solid, plane: Pose) -> Region:
     change, each limit is built over the whole tree, and the two are intersected.
 
     Args:
-        solid: a tree of instances.
         plane: pose of the section plane in the solid's frame.
     """
     above, below = zip(*_leaves(solid, exact_pose(exact_pose(plane).inverse())), strict=True)
@@ -177,7 +176,6 @@ class Slant:
 
     Args:
         low: (R − D) = low[0] + low[1] s, in m.
-        high: (R + D) likewise.
         span: first and last s at which the section has points, last ≤ first when it has none.
         origin: of (s, w) on the plane (2,).
         along: direction of s on the plane (2,).
@@ -196,7 +194,6 @@ def slant(profile: Profile, pose: Pose) -> Slant:
     """How the plane z = 0 cuts the round instance placed by `pose`.
 
     Args:
-        profile: radius over the height.
         pose: of the instance in the frame of the plane, its axis not along z.
     """
     axis, base = pose.R[:, 2], pose.p

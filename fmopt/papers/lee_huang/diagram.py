@@ -127,7 +127,6 @@ def of_region(region: Region, tolerance: float = 0.0) -> Diagram:
     """The features of a region of the plane.
 
     Args:
-        region: cut-diagram or section.
         tolerance: m; 0 keeps circular arcs as they are; else they become polylines within it. Conics always do, within
             1e-9 of the region's size where it is 0. Polylines contain the region: what they leave free is free.
     """

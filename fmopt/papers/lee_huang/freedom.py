@@ -108,7 +108,6 @@ def freedom(moving: Part, fixed: Part, path: NominalTrajectory, box: ArrayLike) 
     Args:
         moving: in its body frame.
         fixed: in the B-frame.
-        path: P(t).
         box: half-widths a (6,) of the pose error (d, δ), m and rad; of an error set, its support along each axis.
 
     Returns:

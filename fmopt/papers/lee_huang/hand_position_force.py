@@ -36,7 +36,6 @@ def position_force(
     """C-PF: P(t) × S(t) → Pₐ(t) × Fₐ(t), one row for each stretch on which P is straight and S constant.
 
     Args:
-        path: P(t).
         freedom: S(t) on [0, T].
         forces: fᵢ (6,), N and N·m.
     """
@@ -53,10 +52,6 @@ def position_force(
 
 def hand_motion(found: Answer, segments: Sequence[Mapping[str, Any]]) -> Hand | None:
     """The motion of the hand in the frame of the feature that stays; None where that is the plan's.
-
-    Args:
-        found: the task, answered.
-        segments: of the plan, with `start`, `goal` and `hybrid`.
 
     Returns:
         Names of both features, and for each segment poses (6,) of the hand at its ends, the twist (6,) of the grasped
@@ -90,7 +85,6 @@ def grasped_pose(found: Answer, X: ArrayLike) -> Pose:
     """Pose of the grasped feature in the frame of the one that stays, of X (6,) in m and rad.
 
     Args:
-        found: says which of the operands X belongs to.
         X: (6,), pose in m and rotation vector in rad, of operand 1 in the frame of operand 2.
     """
     pose = Pose.from_vector(X)
@@ -98,21 +92,13 @@ def grasped_pose(found: Answer, X: ArrayLike) -> Pose:
 
 
 def world_pose(found: Answer, X: ArrayLike) -> Pose:
-    """Pose of the grasped feature in the global reference frame, for an X (6,) in m and rad.
-
-    Args:
-        found, X: as for `grasped_pose`.
-    """
+    """Pose of the grasped feature in the global reference frame, for an X (6,) in m and rad."""
     base = found.moving.frame if found.exchanged else found.fixed.frame
     return base.compose(grasped_pose(found, X))
 
 
 def hand_pose(found: Answer, X: ArrayLike) -> Pose:
-    """Pose of the hand in the global reference frame, by the grasp H_ho, for an X (6,) in m and rad.
-
-    Args:
-        found, X: as for `grasped_pose`.
-    """
+    """Pose of the hand in the global reference frame, by the grasp H_ho, for an X (6,) in m and rad."""
     return world_pose(found, X).compose(found.task.grasp.inverse())
 
 
@@ -120,7 +106,6 @@ def grasped_twist(found: Answer, X: ArrayLike, V: ArrayLike) -> Array:
     """Twist (v, ω) of the grasped feature against the one that stays, in the axes of the latter.
 
     Args:
-        found: the answer.
         X: pose (6,) of operand 1 in the B-frame, m and rad.
         V: its twist (6,): velocity of its frame's origin (m/s) and angular velocity (rad/s), in the B-frame's axes.
     """
@@ -138,7 +123,6 @@ def grasped_wrench(found: Answer, X: ArrayLike, F: ArrayLike) -> Array:
     What acts on operand 1 acts on operand 2 with the opposite sign. The power with `grasped_twist` is that of F with V.
 
     Args:
-        found: the answer.
         X: pose (6,) of operand 1 in the B-frame, m and rad.
         F: wrench (6,) on operand 1 about its frame's origin, in N and N·m, in the B-frame's axes.
     """

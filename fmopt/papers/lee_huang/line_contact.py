@@ -128,7 +128,6 @@ def possible(c: Array, m: Array, force: Array, turns: Array, leg: Leg) -> tuple[
         c, m: (n, 2, 2), of each pair.
         force: (n, 2), unit vectors.
         turns: (n, 2), of each pair.
-        leg: straight piece of the way of the nominal centre.
     """
     start, travel = leg.start, leg.travel
     rows, shares = np.empty(len(c) * _MOST_CUTS, dtype=np.intp), np.empty((len(c) * _MOST_CUTS, 3))

@@ -46,7 +46,6 @@ class PlaneDiagrams(Value):
     """One plane of the mapping.
 
     Args:
-        zone: the plane, and the radii of ball and cone on it.
         fixed: G, the cut-diagram of operand 2, in the plane's axes u, v, m.
         sections: sections of operand 1 about its nominal centre at the goal's orientation, each with the stretch of
             heights (m) that it stands for on the plane x-y; a stretch that tapers has two.
@@ -94,7 +93,6 @@ def answered(found: Answer, box: ArrayLike, rho: float) -> Mapping:
     What is linked to an operand moves or stands with it; obstacles stand, or where the operands were exchanged move.
 
     Args:
-        found: the answer.
         box: half-widths (6,) of the pose error of operand 1 in the B-frame, m and rad.
         rho: characteristic length, m.
 
@@ -117,7 +115,6 @@ class Task:
         moving: operand 1 in its own frame, whose origin is the nominal centre.
         fixed: operand 2 in the B-frame.
         start: P(0) (6,), m and rad.
-        goal: P(T).
         box: half-widths (6,) of the pose error, m and rad.
         speed: of the specification, m/s.
         rho: characteristic length, m.
@@ -197,7 +194,6 @@ def nominal_path(task: Task, planes: Sequence[PlaneDiagrams], margin: float) -> 
 
     Args:
         task: from where to where, how fast, and past what.
-        planes: the diagrams.
         margin: how far a point of the uncertain operand 1 strays, m.
 
     Raises:
@@ -294,7 +290,6 @@ def diagrams(mapping: Mapping, length: float) -> tuple[Diagram, ...]:
     """The diagrams for plans and figures, curves as polylines within 1e-4 of the size of their loops.
 
     Args:
-        mapping: the finished mapping.
         length: of the line L, m.
     """
     return tuple(_diagram(plane, mapping.path, mapping.freedoms, length) for plane in mapping.planes)

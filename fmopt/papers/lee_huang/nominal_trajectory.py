@@ -117,7 +117,6 @@ def through(
     Args:
         positions: nodes (3,) in m.
         start_turn: M₁, rotation vector (3,), rad.
-        goal_turn: M_T.
         speed: of the specification, m/s.
         rho: characteristic length, m.
         turned: the leg on which the part turns, from 0, and the share of it, above 0, at most 1.
@@ -194,7 +193,6 @@ def intervals(stops: Stops, duration: float, blur: float) -> tuple[FreedomInterv
     """S on the cells between all ends, equal neighbours joined; at T also what touches there only.
 
     Args:
-        stops: what is stopped when.
         duration: T, s.
         blur: s; ends nearer than this cannot be told apart: starts among them move to the first, ends to the last.
     """
@@ -249,7 +247,6 @@ def critical_poses(moving: Part, fixed: Part, path: NominalTrajectory, reach: fl
     Args:
         moving: in its body frame.
         fixed: in the B-frame, z along the mating axis.
-        path: P(t).
         reach: widest gap in m that still constrains, such as how far the uncertain part may reach sideways.
 
     Returns:

@@ -84,8 +84,6 @@ def freedom_on_planes(
     """S(t) along the nominal trajectory, piecewise constant, switching times exact to rounding.
 
     Args:
-        views: the planes, with what is seen on them.
-        path: P(t).
         free_until: s; up to here the uncertain operand 1 is known to touch nothing, however it turns.
 
     Returns:
@@ -180,7 +178,6 @@ def spans(moving: Diagram, fixed: Diagram, leg: Leg) -> Spans:
     Args:
         moving: section of operand 1 about its nominal centre at the nominal angle.
         fixed: cut-diagram of operand 2.
-        leg: path of the nominal centre.
     """
     lines = _lines(moving, fixed, leg.half_angle)
     rows, shares = lines.spans(leg)
@@ -216,8 +213,6 @@ def _meeting(one: Diagram, other: Diagram, sense: float, half_angle: float) -> t
     """Edges of one and corners of the other that can meet from outside, with opposite normals, at turns of the cone.
 
     Args:
-        one: whose edges.
-        other: whose corners.
         sense: 1 when the edges turn with ψ, −1 when the corners do.
         half_angle: s.
 

@@ -68,7 +68,6 @@ def expanded(G: Region, sections: Sequence[Region], tolerance: float | None = No
     Segments and circular arcs are exact, and so are the conic arcs of one operand where the other one is a polygon.
 
     Args:
-        G: cut-diagram of the fixed operand.
         sections: cut-diagrams of the moving operand's instances, about the nominal centre as origin. Empty ones add
             nothing; without any other the operand is its centre alone, and G comes back as it is.
         tolerance: in m; by how much GE may be too large where conic arcs meet curves, 1e-6 of the larger size if None.
@@ -90,10 +89,8 @@ def expanded_turning(
     centre: arcs about it and the sections at both ends, exact as in `expanded`.
 
     Args:
-        G: cut-diagram of the fixed operand.
         sections: of the moving operand's instances at φ = 0, about the nominal centre.
         interval: first and last φ in rad; from a full turn on every orientation is taken.
-        tolerance: as in `expanded`.
     """
     return expanded(G, [turn_swept(section, *interval) for section in sections], tolerance)
 
@@ -111,7 +108,6 @@ def turn_swept(region: Region, first: float, last: float) -> Region:
     arcs about the origin.
 
     Args:
-        region: what turns.
         first: rad.
         last: rad, not less than first; from a full turn on every orientation is taken.
     """
@@ -194,7 +190,6 @@ def section_at(moving: Solid, plane: Plane, turn: Array) -> Region:
 
     Args:
         moving: operand 1 in its own frame.
-        plane: which of the three.
         turn: rotation vector (3,), rad.
     """
     turned = Placed(moving, Pose(np.zeros(3), exp(turn)))
@@ -250,10 +245,6 @@ def enclosing(solid: Solid, outward: bool = True) -> Solid:
     """The solid with polygons that contain its round instances; those that are taken away lie inside theirs.
 
     Where nothing is round, that is the solid itself, whose pieces may be known.
-
-    Args:
-        solid: CSG tree.
-        outward: False for the opposite, polygons inside the solid.
     """
     match solid:
         case Cylinder(radius, _, sides):
@@ -309,12 +300,7 @@ def grown(solid: Solid) -> float:
 
 
 def finer(solid: Solid, sides: int) -> Solid:
-    """The solid with at least so many sides for each cylinder and cone; spheres, whose faces are many, as they are.
-
-    Args:
-        solid: any tree of it.
-        sides: the least number.
-    """
+    """The solid with at least so many sides for each cylinder and cone; spheres, whose faces are many, as they are."""
     match solid:
         case Cylinder() | Cone():
             return replace(solid, sides=max(solid.sides, sides))

@@ -42,7 +42,6 @@ class Meeting(Value):
     """Where the nominal motion runs into something.
 
     Args:
-        moving, fixed: names of the two bodies.
         time: s, when they first meet, to 1e-9 of the leg.
         pose: P (6,) then, m and rad.
         point: (3,) in the B-frame, m, inside both bodies shortly after.
@@ -76,7 +75,6 @@ def meetings(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTraject
     Args:
         moving: names and solids in the moving operand's frame; all of them move.
         fixed: names and solids in the B-frame, operand 2 and obstacles.
-        path: P(t).
 
     Returns:
         The meetings in the order of time; none when the motion is free.
@@ -132,8 +130,6 @@ def free_until(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTraje
     """Up to when every point of what moves keeps more than `margin` from what stands: a node of P(t), s.
 
     Args:
-        moving, fixed: as for `meetings`.
-        path: P(t).
         margin: m, positive: how far a point of the uncertain operand 1 strays.
 
     Returns:

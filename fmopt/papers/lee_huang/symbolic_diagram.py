@@ -31,8 +31,6 @@ class SymbolicCurve:
 
     Args:
         u: expression in t and the symbols of instance and plane, in m.
-        v: likewise.
-        present: condition in those symbols.
     """
 
     u: Expression
@@ -53,7 +51,6 @@ class SymbolicCurve:
         """Points (…, 2) in m at parameters (…), given numbers for all symbols; the curve must bound the section.
 
         Args:
-            t: (…), parameters of the curve.
             values: a number for every symbol but that parameter, SI.
         """
         t = np.asarray(t, dtype=np.float64)

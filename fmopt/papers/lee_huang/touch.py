@@ -108,7 +108,6 @@ def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array
         moving: in its body frame.
         fixed: in the B-frame.
         p: nominal positions (n, 3) of the moving body, m.
-        R: its orientation at all of them.
         half_widths: a (6,), m and rad.
 
     Returns:
@@ -152,7 +151,6 @@ def linear(items: Indices, moving: Body, fixed: Body, p: Array, R: Array, half_w
 
     Args:
         items: (n, 3), kind of the pair, number on `moving`, number on `fixed`.
-        moving, fixed: bodies of the operands.
         p: (n, 3), nominal position, m.
         R: (n, 3, 3), nominal orientation.
         half_widths: box (6,) of the pose error, m and rad.

@@ -146,8 +146,6 @@ def turning_nodes(
     Args:
         start: N₁ (3,) in the B-frame, m.
         goal: N_T (3,).
-        sights: GE on the planes.
-        room: as for `position_nodes`.
 
     Raises:
         GeometryError: N₁ or N_T lies in GE, or there is no such way.

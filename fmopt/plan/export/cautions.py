@@ -22,7 +22,6 @@ def check_rate(rate: float, seconds: float) -> None:
 
     Args:
         rate: samples a second, Hz.
-        seconds: how long the motion takes.
 
     Raises:
         PlanFormatError: it is such a rate.
@@ -81,7 +80,6 @@ def failing_words(plan: Plan, base: Pose) -> str:
     """What may be done when a move fails, as the plan says it; nothing where it does not.
 
     Args:
-        plan: with or without a recovery.
         base: the B-frame in the robot's base, T_base_B.
     """
     if plan.recovery is None or plan.recovery.lift is None:

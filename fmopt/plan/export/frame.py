@@ -40,7 +40,6 @@ def task_frame(move: Move, rho: float) -> TaskFrame:
     arms are others, and what is right for a part that is all the way in tips one that is not.
 
     Args:
-        move: the segment.
         rho: characteristic length, m.
 
     Raises:

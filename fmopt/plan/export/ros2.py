@@ -52,9 +52,7 @@ def export(plan: Plan, base: Pose, rate: float, folder: Path, caution: str = "")
     """Writes the bag (MCAP), `controllers.yaml` and `segments.yaml` into a new folder.
 
     Args:
-        plan: the plan.
         base: pose of the hole's frame B in the robot's base.
-        rate: samples a second of the motion.
         folder: must not hold a bag yet.
         caution: what is to be said of the plan, if anything.
 

@@ -50,7 +50,6 @@ def samples(plan: Plan, rate: float) -> Samples:
     """Every 1/rate seconds from the start, and the end; where S jumps, the value that begins there.
 
     Args:
-        plan: the plan.
         rate: Hz.
 
     Raises:
@@ -77,7 +76,6 @@ def csv_text(plan: Plan, rate: float, caution: str = "") -> str:
     """The samples as CSV: comment lines with `#`, one line of names, numbers that read back exactly, S in integers.
 
     Args:
-        plan: the plan.
         rate: Hz.
         caution: what is to be said of the plan, if anything.
     """

@@ -132,12 +132,10 @@ class Settings:
         gain: scaling of force mode's gain, 0 to 2.
         acceleration, acceleration_angular: of the moves, m/s² and rad/s².
         stop, stop_angular: decelerations at a stop, m/s² and rad/s².
-        debounce: samples in a row above the force that ends a guarded move.
         settling: s in which the held contacts settle before a move starts.
         starting: s at the start of a move in which the sensor's reading is noted and nothing is felt.
         memory: s over which slow changes of the reading are taken for the level that a touch rises above.
         averaging: s over which the force of the new contacts is averaged.
-        slow: share of the commanded speed below which the level is kept.
         alert: share of what a plan's stop allows for friction and noise that is left after the averaging.
         early: bounds of its travel by which a move may end early.
         approach, turning: greatest speeds of guarded moves, m/s and rad/s.
@@ -173,7 +171,6 @@ def program(plan: Plan, base: Pose, caution: str = "", settings: Settings | None
     """The program as text.
 
     Args:
-        plan: the plan.
         base: pose of the hole's frame B in the robot's base.
         caution: what is to be said of the plan; empty where the check has certified it.
         settings: what the plan does not know; none for the defaults.

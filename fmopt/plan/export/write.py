@@ -22,9 +22,7 @@ class Form:
     """How a plan is to be written.
 
     Args:
-        to: one of `FORMATS`.
         base: pose (x, y, z, rx, ry, rz) of the hole's frame in the robot's base, m and rad; None for tables.
-        rate: samples a second of tables and bags.
         caution: what is to be said of the plan in all that is written; empty where the check has certified it.
 
     Raises:
@@ -62,7 +60,6 @@ class Written(NamedTuple):
 
     Args:
         paths: files and folders; none where the text is for standard output.
-        notes: what to know before a robot runs them.
         text: for standard output; empty where there are files.
     """
 
@@ -76,7 +73,6 @@ def place(file: Path, to: str, out: Path | None) -> Path:
 
     Args:
         file: the plan's.
-        to: name of the format.
         out: where it is wanted; beside the plan, or here for a plan from standard input, if None.
 
     Raises:
@@ -94,7 +90,6 @@ def export(plan: Plan, form: Form, target: Path) -> Written:
 
     Args:
         plan: that the check has certified, or of which `form` says that it was not asked.
-        form: how.
         target: file, or folder for ros2; "-" for the text itself.
 
     Raises:

@@ -48,7 +48,6 @@ class GuardedMove(Value):
     """What a segment asks of its controller, all about the moving part's reference point at the goal, axes of B.
 
     Args:
-        reference: pose of the moving part at the goal.
         displacement: V (6,) = (p_G − p_S, ω), m and rad.
         held: wrenches (m, 6) of the held contacts for a unit normal force, all of them, also dependent ones.
         points: their contact points (m, 3) in the B-frame, m.
@@ -148,10 +147,8 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
     and the program is solved without g. `stays` tells which.
 
     Args:
-        move: the move.
         V: unit twist (6,) in the metric of ρ.
         rho: characteristic length, m.
-        specification: forces and friction.
 
     Raises:
         InfeasibleError: the move does not approach its contact, or the greatest t is not positive.
@@ -176,9 +173,6 @@ class Balance(NamedTuple):
     """A linear program of `bias_wrench` with its answer x.
 
     Args:
-        program: what the forces obey.
-        push: along the motion.
-        rubbed: share of the least force that friction leaves which nobody makes up for.
         x: the forces (f, g, k, r, m, b, t).
         which: of them presses the least pressed contact; t by default.
     """
@@ -219,9 +213,7 @@ def firmness(move: GuardedMove, rho: float, specification: Specification) -> flo
     bias holds all contacts.
 
     Args:
-        move: with its contacts held and made.
         rho: ρ, m.
-        specification: forces and friction.
     """
     return 1.0 if turns(move.direction(rho), rho) else _pressed(move, rho, specification)
 
@@ -232,9 +224,6 @@ def steadiness(move: GuardedMove, rho: float, specification: Specification) -> f
     It counts while a part turns to its next contact. What such friction opens stays open: the load then lies on other
     contacts, which rub in other directions than those planned. Of moves that do not turn, hold nothing or meet nothing
     it is 1, and 0 where friction opens a contact under any bias, or the next contact does not come nearer.
-
-    Args:
-        move, rho, specification: as for `firmness`.
     """
     return _pressed(move, rho, specification) if turns(move.direction(rho), rho) else 1.0
 

@@ -96,7 +96,6 @@ def compliance_frame(wrenches: Array, points: Array, reference: Pose, rho: float
     Args:
         wrenches: held contact wrenches (m, 6) about the reference point, axes of the B-frame.
         points: contact points (m, 3) in the B-frame, m, and other places through which contacts push.
-        reference: pose of the moving part.
         rho: characteristic length, m.
     """
     orientations = np.array(list(_orientations(wrenches, reference.R)))
@@ -118,7 +117,6 @@ def wrenches_in(frame: Pose, wrenches: Array, reference: Pose) -> Array:
     Args:
         frame: in the B-frame.
         wrenches: (m, 6), about the reference point, axes of B.
-        reference: pose of which the position is the reference point.
     """
     force, torque = wrenches[:, :3], wrenches[:, 3:]
     moved = torque - force @ hat(frame.p - reference.p).T

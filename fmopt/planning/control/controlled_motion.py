@@ -72,9 +72,6 @@ class ControlledPiece:
 
     Args:
         move: that it is a piece of, from 0.
-        claim: what is certified of it.
-        strategy: how it is controlled.
-        held, made: the contacts that touch at its goal, those held on the way and those made there.
         impact: how softly contacts are met, where that is limited.
         jam_free: how far its applied wrench may turn, where that is asked for and contacts are held.
     """
@@ -107,8 +104,6 @@ def controlled(problem: Problem, motion: CertifiedMotion, *, ranges: bool = Fals
     """A motion with its control strategies, from the contacts that touch at the goal of each piece.
 
     Args:
-        problem: whose specification says how fast, and with which forces.
-        motion: the motion.
         ranges: whether to tell the jam-free ranges of applied wrenches.
 
     Raises:
@@ -144,30 +139,19 @@ def runs_against(problem: Problem, assembly: Assembly, claims: Sequence[Claim], 
     """Whether every piece of a motion runs against the contact that ends its move, so that it can be felt.
 
     Args:
-        problem: whose specification counts.
-        assembly: the parts.
         claims: of one motion, in order.
-        tolerance: metric and velocity error.
     """
     return all(move.approaches for move in _guarded_moves(problem, assembly, claims, tolerance))
 
 
 def least_firm(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
-    """The firmness of the least firm piece of a motion.
-
-    Args:
-        problem, assembly, claims, tolerance: as for `runs_against`.
-    """
+    """The firmness of the least firm piece of a motion."""
     slides = _guarded_moves(problem, assembly, claims, tolerance, turning=False)
     return min((firmness(move, tolerance.rho, problem.specification) for move in slides), default=1.0)
 
 
 def least_steady(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
-    """The steadiness of the least steady piece of a motion.
-
-    Args:
-        problem, assembly, claims, tolerance: as for `runs_against`.
-    """
+    """The steadiness of the least steady piece of a motion."""
     turned = _guarded_moves(problem, assembly, claims, tolerance, turning=True)
     return min((steadiness(move, tolerance.rho, problem.specification) for move in turned), default=1.0)
 
@@ -305,7 +289,6 @@ class Meeting(Value):
         """The meeting of a primitive contact of two parts at a pose.
 
         Args:
-            contact: of the parts.
             moving: in its body frame.
             fixed: in the B-frame.
             pose: of the moving part in the B-frame.
@@ -357,10 +340,6 @@ def impact_force(specification: Specification, approach: float) -> float | None:
     """The force (N) with which a contact is met at the specified speed, for its normal speed for a unit twist.
 
     None where the specification does not say what meets.
-
-    Args:
-        specification: speed, apparent mass and stiffness.
-        approach: normal speed at the contact, as a share of the speed of the twist.
     """
     mass, stiffness = specification.apparent_mass, specification.contact_stiffness
     if mass is None or stiffness is None:
@@ -369,11 +348,7 @@ def impact_force(specification: Specification, approach: float) -> float | None:
 
 
 def slowed(specification: Specification, approach: float) -> Specification:
-    """The specification with its speed lowered as far as the impact asks for, for the normal speed for a unit twist.
-
-    Args:
-        specification, approach: as for `impact_force`.
-    """
+    """The specification with its speed lowered as far as the impact asks for, for the normal speed for a unit twist."""
     force, limit = impact_force(specification, approach), specification.impact_force
     if force is None or limit is None or force <= limit:
         return specification
@@ -381,9 +356,5 @@ def slowed(specification: Specification, approach: float) -> Specification:
 
 
 def impact_record(specification: Specification, approach: float) -> dict[str, Any]:
-    """The `impact` entry of a segment's strategy at the specified speed.
-
-    Args:
-        specification, approach: as for `impact_force`.
-    """
+    """The `impact` entry of a segment's strategy at the specified speed."""
     return {"approach": approach, "force": impact_force(specification, approach)}

@@ -58,7 +58,6 @@ def nearest_opening(wrench: Array, normal: Array, tangent: Array, least: float) 
         wrench: (6,).
         normal: (m, 6), normal velocity at a contact point for a scaled twist, positive where the contact opens.
         tangent: (m, 2, 6), its sliding velocity times the coefficient of friction.
-        least: by how much contacts open.
     """
     m, count = len(normal), len(normal) * _RAYS
     rows = np.empty((count + m * _ROUNDS, 6))  # a round adds one to each contact at most
@@ -89,7 +88,6 @@ def nearest(point: Array, rows: Array, least: float, twist: Array, held: Places,
     Args:
         point: (6,).
         rows: (n, 6).
-        least: what each comes to.
         twist: (6,), moved.
         held: (7,), up to six rows that hold with equality, updated; the last entry is how many.
         force: (6,), their multipliers, not negative, updated.
@@ -198,7 +196,6 @@ class FrictionCones(Value):
             wrenches: (m, 6), of unit force.
             arms: (m, 3), from the reference point, m.
             rho: ρ, m.
-            friction: coefficient, the same for all.
         """
         sides = np.array([plane_basis(n).T for n in wrenches[:, :3]]).reshape(-1, 2, 3)
         rows = friction * np.concatenate([sides, cross(arms[:, None], sides)], axis=2)

@@ -42,10 +42,6 @@ def holds(
     """How surely the pieces of a motion hold their contacts, of those that hold them by little.
 
     Args:
-        problem: whose specification says with which forces.
-        assembly: the two parts.
-        claims: of all pieces.
-        tolerance: velocity error and metric.
         least: how firm slides and how steady turns have to be, shares of the contact force; 0 where nothing is asked.
     """
     found = list[Hold]()
@@ -69,13 +65,7 @@ def holds(
 def move_derivatives(
     assembly: Assembly, claim: Claim, held: Sequence[PrimitiveContact], made: Sequence[PrimitiveContact]
 ) -> MoveDerivatives:
-    """How the guarded move of a piece changes with displacements (12) of its start and its goal, inside its contacts.
-
-    Args:
-        assembly: the two parts.
-        claim: of the piece.
-        held, made: the contacts that touch at its goal.
-    """
+    """How a guarded move changes with displacements (12) of its start and goal, inside its contacts."""
     turn = claim.piece.start.local(claim.piece.goal)[3:]
     displacement = np.zeros((12, 6))
     displacement[:6, :3], displacement[6:, :3] = -np.eye(6, 3), np.eye(6, 3)
@@ -162,11 +152,7 @@ def hold_derivatives(
     """The derivatives (n,) of the share of the contact force that presses a move's least pressed contact.
 
     Args:
-        move: the move, which holds contacts and meets one.
-        found: its balance, as `fmopt.planning.control.bias_wrench.held_by` finds it.
-        changing: how the move changes.
         rho: characteristic length, m.
-        specification: forces and friction.
     """
     slopes = _Change.of(move, changing, rho, specification).of_force(found)
     return slopes / specification.contact_force
@@ -177,9 +163,6 @@ class _Change:
     """A guarded move with how it changes, in the terms of its linear programs.
 
     Args:
-        move: the move.
-        changing: its derivatives.
-        specification: forces and friction.
         scale: of twists (6,).
         V, dV: unit twist (6,) and its derivatives (n, 6).
         projector: Π (6, 6).

@@ -63,9 +63,7 @@ class HybridStrategy(Value):
         speed: m/s.
         bias_wrench: applied wrench (6,), N and N·m.
         push: size of the part of the bias that pushes along the motion, N in the metric of ρ.
-        termination: when the move ends.
         normal_forces: (m,), a normal force of each held contact that balances the rest of the bias, N.
-        stays: what the held contacts stay closed under.
     """
 
     frame: Array
@@ -121,7 +119,6 @@ def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification)
     Args:
         move: what is held, where it goes, what ends it.
         rho: characteristic length, m.
-        specification: speed, forces and friction.
 
     Raises:
         ValueError: the move has no length.
@@ -189,8 +186,6 @@ def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specificat
     """The jam-free range of a strategy's applied wrench; None where nothing is held, or nothing can be pushed.
 
     Args:
-        move: what is held.
-        strategy: its strategy.
         rho: characteristic length, m.
         specification: friction, and the push of a servo where the move ends by its travel.
 

@@ -79,11 +79,8 @@ def recovery_record(
     """What a plan says of recovery, as its file holds it.
 
     Args:
-        assembly: the two parts.
         claims: of the plan's pieces.
-        segments: of the plan, with their control.
         box: half-widths (6,) of the start error.
-        specification: forces and friction.
         rho: characteristic length, m.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
@@ -147,8 +144,6 @@ def lowest(body: Polyhedron, segment: Mapping[str, Any], rho: float) -> float:
     errors are taken off.
 
     Args:
-        body: the moving part.
-        segment: of a plan.
         rho: ρ, m.
     """
     start, goal = Pose.from_vector(segment["start"]), Pose.from_vector(segment["goal"])
@@ -229,8 +224,6 @@ def told_apart(found: UnplannedContact, specification: Specification, rho: float
     """Whether noise of the force signal leaves a contact apart from the wanted one: by its angle, or without one.
 
     Args:
-        found: with the angle between its wrench and the wanted one.
-        specification: the force that ends a move.
         rho: ρ, m.
     """
     if found.angle is None:
@@ -249,11 +242,8 @@ def order(
     """In which order to try again after a move failed: `late`, its contact was not felt, or `early`, something was.
 
     Args:
-        assembly: the two parts.
-        claims: of the pieces of the move.
         found: what contacts it does not plan errors could make.
         box: half-widths (6,) of the start error.
-        retries: shifts of the start.
     """
     piece = claims[-1].piece
     images = images_of(claims[-1].advance.ends.start_set, np.flatnonzero(box))

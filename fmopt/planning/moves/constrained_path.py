@@ -139,11 +139,8 @@ def repeated(held: tuple[Table, Array], twist: Array, gives: Array, fresh: bool,
 
     Args:
         held: functions of the contacts kept (r,) and their compliant twists (r, 6).
-        twist: of each piece.
         gives: how much compliance there is in each (n, r), a guess at first, if not `fresh`.
         fresh: whether each piece is to begin with what the one before it has found.
-        p: positions, the first given.
-        R: rotations, the first given.
 
     Returns:
         as of `onto`.
@@ -194,8 +191,6 @@ def along(
         motion: rotation (3, 3) at the beginning, the body point (3,) about which it turns, where that is then (3,), and
             the twist (6,).
         amounts: of it (n,).
-        p: positions.
-        R: rotations.
 
     Returns:
         as of `onto`.
@@ -224,12 +219,8 @@ def roots(
     """Fills in amounts (m,) at which distances vanish or jump, by Anderson and Björck's method of false position.
 
     Args:
-        held: as of `along`.
-        motion: as of `along`.
-        tables: a stack of contacts.
         which: m of them.
         bracket: two amounts, and the distances (2, m) there, the first positive, the second not.
-        found: the amounts.
 
     Returns:
         as of `onto`.

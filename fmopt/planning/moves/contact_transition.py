@@ -49,9 +49,6 @@ def described(
     holds what is before it.
 
     Args:
-        assembly: the parts.
-        held: contacts.
-        start, goal: of the piece.
         errors: on the piece, which may carry a vertex over a rim.
     """
     known = _known(assembly, held)
@@ -66,14 +63,9 @@ class _Wall:
     """A fixed face that a face or an edge of the moving part lies in.
 
     Args:
-        number: of the face.
         flush: whether it is a face that lies in it.
-        own: vertices of the moving part that lie in the plane.
         vertices: where they are in the body (n, 3).
-        numbers: convex edges of the moving part between them.
-        edges: these and the convex rims, as kernels take them.
         convex: convex edges of the face, the first of its rims; at the others another face begins.
-        rims: of the face, as kernels take them.
     """
 
     number: int
@@ -160,12 +152,7 @@ def _run(part: Polyhedron, edges: Sequence[int]) -> tuple[Array, Array]:
 
 
 def within_rims(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> list[Forms]:
-    """How far vertices that lie in a wall are within its convex rims: of each wall, the rims of each vertex in turn.
-
-    Args:
-        assembly: the parts.
-        held: contacts, among them those that put vertices into walls.
-    """
+    """How far vertices that lie in a wall are within its convex rims: of each wall, the rims of each vertex in turn."""
     found = []
     for wall in _known(assembly, held).walls:
         places, inward = (numbers[: len(wall.convex)] for numbers in wall.rims)
@@ -176,13 +163,7 @@ def within_rims(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> list[
 
 
 def on_wall(assembly: Assembly, contact: PrimitiveContact, number: int) -> bool:
-    """Whether a contact is on a fixed face: a vertex against it, or an edge across an edge in its plane.
-
-    Args:
-        assembly: the parts.
-        contact: of any kind.
-        number: index of the fixed face.
-    """
+    """Whether a contact is on a fixed face: a vertex against it, or an edge across an edge in its plane."""
     fixed = assembly.fixed.polyhedron
     face = fixed.faces[number]
     if contact.kind is Kind.VERTEX_FACE:
@@ -242,7 +223,6 @@ def depths(vertices: Array, rims: Rims, p: Array, R: Array, depth: Array, rows: 
 
     Args:
         vertices: in the body (n, 3).
-        rims: of the face.
         p: positions (2, 3).
         R: rotations (2, 3, 3).
         depth: (2, n, r).
@@ -316,7 +296,6 @@ def pattern(
     Args:
         vertices: in the body (n, 3), in the face's plane.
         rims: of the face, c convex ones first; at the others another face begins.
-        edges: convex edges between the vertices.
         pose: position (3,) and rotation (3, 3) at the start.
         inside: how far inside rims vertices are at both ends (2, n, r), m, and how far errors displace that.
         found: (n + e c), of each vertex whether it is listed, of each edge and rim 1 where they cross, 2 where they do

@@ -55,11 +55,7 @@ class Move:
     """A move from pose to pose inside held contacts, ending as new ones are made.
 
     Args:
-        start: nominal pose at the beginning.
-        goal: nominal pose at the end.
-        held: contacts held on the way.
         making: contacts made at the end, all at once; the first is the one that counts.
-        left: contacts held up to the beginning, which the move gives up.
     """
 
     start: Pose
@@ -114,12 +110,6 @@ def claims_of_moves(claims: Sequence[Claim]) -> list[list[Claim]]:
 def onto(assembly: Assembly, poses: Poses, basis: Sequence[Compliance], context: Iterable[PrimitiveContact]) -> Poses:
     """Poses shifted along the compliant directions until all contacts of the basis are zero, by Newton's method.
 
-    Args:
-        assembly: the parts.
-        poses: near the contacts.
-        basis: contacts, with the twists that give way to them.
-        context: contacts held, which decide by what function each counts.
-
     Raises:
         InfeasibleError: the contacts cannot be met near one of them.
     """
@@ -131,11 +121,7 @@ def onto(assembly: Assembly, poses: Poses, basis: Sequence[Compliance], context:
 def held_by(
     assembly: Assembly, basis: Sequence[Compliance], context: Iterable[PrimitiveContact]
 ) -> tuple[Table, Array]:
-    """The functions of a basis (r,) as kernels take them, and its compliant twists (r, 6).
-
-    Args:
-        assembly, basis, context: as for `onto`.
-    """
+    """The functions of a basis (r,) as kernels take them, and its compliant twists (r, 6)."""
     forms = contact_forms(assembly, tuple(c.contact for c in basis), tuple(context))
     return forms.table, np.array([c.direction for c in basis]).reshape(-1, 6)
 
@@ -160,10 +146,6 @@ def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int,
     anew until the last piece ends at the goal.
 
     Args:
-        assembly: the two parts.
-        move: the move.
-        basis: independent held contacts with their compliant directions.
-        count: how many pieces.
         shots: how often the twist is aimed; the last piece takes up what is left.
     """
     if count == 1:
@@ -200,12 +182,8 @@ def unroll(
     """Certifies a move piece by piece.
 
     Args:
-        assembly: the two parts.
-        move: the move.
         reached: where it starts.
-        tolerance: velocity error and metric.
         step: greatest turn of one piece, rad.
-        care: what is done besides.
 
     Raises:
         InfeasibleError: parts overlap nominally on the way, or a step is impossible.
@@ -322,8 +300,6 @@ def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple
 
     Args:
         moves: in order.
-        start: of the first.
-        goals: one for each.
     """
     ways = pairwise((start, *goals))
     return tuple(replace(move, start=at, goal=to) for move, (at, to) in zip(moves, ways, strict=True))
@@ -331,11 +307,6 @@ def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple
 
 def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:
     """The nearest pose at which all contacts are exactly zero, by Gauss–Newton with the least turn.
-
-    Args:
-        assembly: the two parts.
-        pose: a pose near by.
-        move: the move that ends with the contacts.
 
     Raises:
         InfeasibleError: no pose near by makes all of them.

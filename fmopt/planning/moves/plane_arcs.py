@@ -64,8 +64,6 @@ class Kept(NamedTuple):
     """The edges of each pair (n, m, e) that are looked at more closely.
 
     Args:
-        edge: which they are.
-        share: which plane through each kept most so far.
         low: where the planes through it begin between its two faces.
         high: where they end.
         normal: the best plane's normal (n, m, 3).
@@ -230,9 +228,6 @@ def _refine_tightest(edges: Edges, reached: Reached, kept: Kept, asked: tuple[fl
     """Refines the planes of pairs that may be the tightest, those tightest so far first.
 
     Args:
-        edges: of the fixed pieces.
-        reached: by the moving piece.
-        kept: the planes so far.
         asked: how far nominal distances may be below zero, and a margin above which no pair is the tightest, m.
 
     Returns:
@@ -268,9 +263,7 @@ def best(
     margin so far are looked at with errors.
 
     Args:
-        edges: of the fixed pieces.
         body: vertices (v, 3) of the moving piece, m.
-        motion: the pieces of motion.
         grazing: how far nominal distances may be below zero, m.
         enough: a margin above which no pair is the tightest, m; not a number where the best planes of all are asked.
 

@@ -38,11 +38,6 @@ def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> li
 
     Pieces in touch are kept apart by a plane that the contacts themselves lie in; others by any plane through an edge
     of the fixed piece, or by a face of the moving one.
-
-    Args:
-        assembly: the parts.
-        facing: pairs of pieces.
-        course: pieces of motion with their errors.
     """
     return _choice(assembly, facing, course, math.nan).chosen
 
@@ -80,9 +75,7 @@ class _Choice:
         """Has a pair kept apart by this plane over a piece of motion.
 
         Args:
-            n: index of the piece of motion.
             m: index of the pair.
-            found: the plane.
         """
         self.chosen[n][m], self.least[n, m] = found, found.margin
 
@@ -143,8 +136,6 @@ class _Touched:
 
     Args:
         walls: faces of the fixed pieces of which contacts say nothing, those of each moving piece's pairs.
-        places: the pairs of which contacts say something about a plane, by their places in the list.
-        table: these planes.
     """
 
     walls: tuple[Faces, ...]
@@ -235,12 +226,7 @@ class Faces:
 
     @staticmethod
     def walls(moving: Polyhedron, own: Sequence[tuple[int, Pair, Places]]) -> Faces:
-        """Faces of fixed pieces that may keep off a moving one.
-
-        Args:
-            moving: the moving piece.
-            own: the places of its pairs, the pairs, and which faces of the fixed piece.
-        """
+        """Faces of fixed pieces that may keep off a moving one."""
         normals = np.concatenate([pair.fixed.normals[which] for _, pair, which in own])
         offsets = np.concatenate([_reach(pair.fixed)[which] for _, pair, which in own])
         loops = [pair.fixed.faces[k].loops[0] for _, pair, which in own for k in which.tolist()]
@@ -306,7 +292,6 @@ class FreePlanes:
         """What keeps one pair apart over one piece of motion.
 
         Args:
-            n: index of the piece of motion.
             m: index of the pair.
         """
         plane = free_plane(self.normals[n, m].tolist(), float(self.offsets[n, m]))
@@ -330,7 +315,6 @@ class Fans:
         """For each fixed piece the plane with the largest certified margin over pieces of motion.
 
         Args:
-            course: the pieces of motion.
             enough: a margin (m) above which no pair is the tightest; best are the planes of those that may be, or all.
         """
         p, R, columns, cuts, twist, half, coupling, form = course.motion
@@ -345,12 +329,7 @@ class Fans:
 
 @remembered(_FANS)
 def fans(moving: Polyhedron, pieces: tuple[Polyhedron, ...]) -> Fans:
-    """The planes between a moving piece and fixed ones that no contact touches.
-
-    Args:
-        moving: a convex piece.
-        pieces: convex, of the fixed part.
-    """
+    """The planes between a moving piece and fixed ones that no contact touches."""
     most = max(len(piece.vertices) for piece in pieces)
     corners = np.array([np.resize(piece.vertices, (most, 3)) for piece in pieces])
     sides = [np.array([edge.faces for edge in piece.edges]) for piece in pieces]

@@ -104,8 +104,6 @@ def lower_bound(normal: Vector, reached: Reached, n: int, heights: Array) -> flo
 
     Args:
         normal: unit vector.
-        reached: how far the moving piece reaches.
-        n: which piece of motion.
         heights: scratch (2, v).
     """
     vertices, count = reached.vertices, reached.vertices.shape[3]

@@ -50,7 +50,6 @@ def largest(tried: Callable[[float], Trial], likely: Callable[[float], bool]) ->
     The factor is 0 where the least of the grid does not hold.
 
     Args:
-        tried: certifies the motion for a factor.
         likely: whether a factor is likely to hold, which takes less to say: where to look first, no more.
     """
     found = _Tried(tried, {})
@@ -128,7 +127,6 @@ def largest_share(
         attempt: tries a share between 0 and the whole; None when it fails.
         steps: how finely shares are told apart, at least 2.
         finer: in how many the last step is divided; 1 for not at all.
-        whole: the share of which steps are taken, at which it fails.
     """
     low, high = 1, steps
     found = attempt(whole / steps)

@@ -266,7 +266,6 @@ def certify(program: ConeProgram, x: ArrayLike, duals: Duals | None = None, tol:
     """Checks a proposed point, and its optimality when multipliers are given, on the original data.
 
     Args:
-        program: the program as stated.
         x: proposed point (n,).
         duals: proposed multipliers, original units.
         tol: largest violation accepted, in scaled units.
@@ -310,8 +309,6 @@ def dual_bound(program: ConeProgram, duals: Duals, x: Array) -> tuple[float, flo
     r·x is at most its maximum over the box. Multipliers outside their cones are pulled in first.
 
     Args:
-        program: maximises c·x.
-        duals: multipliers of its equations, rows and norms.
         x: (n,), which counts for variables that lack the bound they would need.
 
     Raises:
@@ -341,7 +338,6 @@ def checked(program: ConeProgram, solver: Solver) -> Solution:
     """The solver's solution, certified again here, so that a solver that lies is caught.
 
     Args:
-        program: maximises c·x.
         solver: not trusted.
 
     Raises:

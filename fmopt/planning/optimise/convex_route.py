@@ -79,12 +79,7 @@ class ConvexSets(Value):
         return ConvexSets(frozen(filled, None, None, None, name="corners"), _fixed(pairs), costs)
 
     def part(self, sets: Indices, arcs: Indices) -> ConvexSets:
-        """Some of the sets, and some arcs between these.
-
-        Args:
-            sets: indices.
-            arcs: indices, of arcs between those sets.
-        """
+        """Some of the sets, and some arcs between these."""
         place = np.zeros(len(self.corners), dtype=np.intp)
         place[sets] = np.arange(len(sets))
         return ConvexSets(_fixed(self.corners[sets]), _fixed(place[self.arcs[arcs]]), _fixed(self.tolls[arcs]))
@@ -136,13 +131,6 @@ class Route(Value):
 
 def shortest_route(sets: ConvexSets, start: int, goal: int, gap: float = 0.03, steps: int = 1000) -> Route:
     """The shortest of the routes tried from one set to another, with a bound on all.
-
-    Args:
-        sets: sets and arcs.
-        start: the set in which it begins.
-        goal: the one in which it ends.
-        gap: share of the cost at which the bound is near enough.
-        steps: after which to stop with the bound that there is.
 
     Raises:
         ValueError: the gap is not between 0 and 1.

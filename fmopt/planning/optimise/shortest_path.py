@@ -24,7 +24,6 @@ class Ends:
         ends: the places (h,) that are ends.
         begins: where each begins (h,) in the order.
         groups: for each arc in order (e,) which of the ends it has.
-        count: of all places.
     """
 
     tails: Indices
@@ -40,7 +39,6 @@ class Ends:
 
         Args:
             tails, heads: (e,), places by number.
-            count: of places.
         """
         order = np.argsort(heads, kind="stable")
         return Ends(tails, order, *np.unique(heads[order], return_index=True, return_inverse=True), count)
@@ -53,7 +51,6 @@ class Ends:
 
         Args:
             lengths: (e,), of any sign.
-            source: number of a place.
         """
         tails, ordered = self.tails[self.order], lengths[self.order]
         far, arcs = np.full(self.count, np.inf), np.full(self.count, -1, dtype=np.intp)
@@ -97,7 +94,6 @@ def shortest_path(inward: Ends, lengths: Array, start: int, goal: int) -> Path |
 
     Args:
         inward: the arcs in order of the places that they lead to.
-        lengths: of the arcs.
         start: where it begins.
         goal: where it ends.
     """

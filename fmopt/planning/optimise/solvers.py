@@ -151,12 +151,7 @@ def _said(status: str) -> tuple[str, str]:
 
 
 def standard_form(scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, tuple[int, ...]]:
-    """Clarabel's M v + s = rhs over v = (x, r), r_k ≥ |F_k x + g_k|: zero cone, non-negative cone, one cone a norm.
-
-    Args:
-        scaled: the program.
-        kept: rows of its equations that are independent.
-    """
+    """Clarabel's M v + s = rhs over v = (x, r), r_k ≥ |F_k x + g_k|: zero cone, non-negative cone, one cone a norm."""
     n, K, p, m = len(scaled.c), len(scaled.norms), len(kept), len(scaled.h)
     low, high = np.flatnonzero(np.isfinite(scaled.lower)), np.flatnonzero(np.isfinite(scaled.upper))
     stack = scaled.stacked
@@ -179,7 +174,6 @@ def duals(program: ConeProgram, kept: Indices, z: Array) -> Duals:
 
     Args:
         program: in its own units.
-        kept: as for `standard_form`.
         z: Clarabel's multipliers, in the order of `standard_form`.
     """
     size = program.size

@@ -45,7 +45,6 @@ class Sensitivity:
     Derivatives are with respect to displacements (d, δ) of all poses one after the other, n = 6 (moves + 1).
 
     Args:
-        start, goal: generators and derivatives.
         held: what is left of displacements (6, 6) at both ends once compliance has kept the held contacts.
         compliant: derivatives of the twists along which the contacts of the held basis give way (h, 6, n).
         brought: what errors at the end of each move before have become at both ends (k, 6, 6).
@@ -80,9 +79,7 @@ def sensitivities(
     """How generators change along a sequence of moves, piece by piece.
 
     Args:
-        assembly: the two parts.
         claims: of all pieces of the moves, in order.
-        tolerance: velocity error and metric.
         drifting: whether drift is to grow with the moves.
     """
     n = 6 + 6 * sum(claim.piece.progress[0] == 0.0 for claim in claims)
@@ -137,9 +134,7 @@ def pose_derivatives(assembly: Assembly, claims: tuple[Claim, ...], tolerance: T
     the held contacts.
 
     Args:
-        assembly: the two parts.
         claims: of all pieces of the moves, in order.
-        tolerance: velocity error and metric.
     """
     moves, changing = claims_of_moves(claims), iter(sensitivities(assembly, claims, tolerance))
     displaced, found = np.eye(6 * (len(moves) + 1)), list[tuple[Array, Array]]()
@@ -159,8 +154,6 @@ def _between(
     """The derivatives (6, n) of all poses of a move in k pieces, from its start to its goal.
 
     Args:
-        ways: the linear pictures of the pieces (k).
-        shares: of the move, that they are (k).
         compliant: derivatives of the twists along which held contacts give way (h, 6, n).
         ends: derivatives (6, n) of the start and of the goal of the move.
     """
@@ -189,8 +182,6 @@ class _Moved:
     """A piece of motion, and how it changes.
 
     Args:
-        way: its linear picture.
-        share: φ.
         inverse: (N_h C)⁻¹ (h, h).
         compliant: derivatives of the twists C (h, 6, n).
         motion: derivative of v (6, n).

@@ -52,9 +52,6 @@ class _Grown:
     """A sequence under a share of the errors.
 
     Args:
-        share: of all errors.
-        aim: what it is placed for, with the errors of that share.
-        placed: the sequence.
         rows: its rows; what counts is by how much more of all errors each bears, times `unit`.
         unit: what the errors take of the row that they take most of, m.
     """
@@ -100,8 +97,6 @@ def grown(
         aim_at: what for, under a share of all errors, in pieces that turn by
             `fmopt.planning.placement.sequence_program.COARSE` at most. Whether a sequence will do is asked in the end.
         moves: the sequence; their goals make the contacts that they should.
-        solver: for cone programs.
-        settings: trust region, and how far the margin is raised in the end.
         step: greatest turn of one piece in the end, rad.
 
     Raises:

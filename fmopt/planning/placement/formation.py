@@ -63,7 +63,6 @@ class Derivatives:
 
         Args:
             x: X / units (6,).
-            parameters: numbers of the placement.
             weights: of the rows (k,) in the Hessian.
         """
         for array, values in zip(self._arguments, (x, parameters, weights), strict=True):
@@ -75,11 +74,7 @@ class Derivatives:
 
 @lru_cache(maxsize=64)
 def formation_derivatives(contacts: Counts, obstacles: Counts) -> Derivatives:
-    """The derivatives of this many rows of each kind, contacts then obstacles.
-
-    Args:
-        contacts, obstacles: of each kind, how many.
-    """
+    """The derivatives of this many rows of each kind, contacts then obstacles."""
     import casadi as ca
 
     x, rows, parameters = _symbols(ca, contacts, obstacles)
@@ -92,11 +87,7 @@ def formation_derivatives(contacts: Counts, obstacles: Counts) -> Derivatives:
 
 @lru_cache(maxsize=64)
 def formation_solver(contacts: Counts, obstacles: Counts) -> Any:
-    """IPOPT for this many rows of each kind, contacts then obstacles; call it under the lock of `nonlinear_program`.
-
-    Args:
-        contacts, obstacles: as for `formation_derivatives`.
-    """
+    """IPOPT for this many rows of each kind, contacts then obstacles; call it under the lock of `nonlinear_program`."""
     import casadi as ca
 
     x, rows, parameters = _symbols(ca, contacts, obstacles)
@@ -218,7 +209,6 @@ def ball_face(v: ArrayLike, radius: float, n: ArrayLike, a: ArrayLike) -> Row:
     Args:
         v: (3,), centre of the ball, body frame, m.
         radius: r, m.
-        n, a: as for `vertex_face`.
     """
     offset = float(np.dot(np.asarray(n), np.asarray(a)))
     return Row(RowKind.BALL_FACE, np.concatenate([v, n, [offset, radius]]))
@@ -258,9 +248,7 @@ class Table:
     """Rows sorted by kind once, to be evaluated often.
 
     Args:
-        count: how many rows there are.
         contacts: places of the contacts among them (k,), stacked by kinds.
-        tables: records of the contacts of each kind.
         flat: places of the planes (n,).
         planes: their numbers (n, 7).
     """
@@ -300,9 +288,5 @@ def evaluate(rows: Sequence[Row], reference: Pose, X: Array) -> tuple[Array, Arr
 
     Gradients are with respect to local coordinates about the *reached* pose, where they are contact wrenches. A plane's
     gradient is its N, with respect to X itself.
-
-    Args:
-        rows: k of them.
-        reference, X: as for `at`.
     """
     return Table.of(rows).at(reference, X)

@@ -58,9 +58,7 @@ def descend(problem: Placement, guess: ArrayLike | None = None, settings: Descen
     """Perturbs the poses along the state's surface until the reciprocal cost has a minimum; proves no optimum.
 
     Args:
-        problem: as for `max_min_clearance`.
         guess: start of the descent, poses (ends, 6), else the least-squares point of the affine spaces.
-        settings: asymptote and step limits.
 
     Raises:
         InfeasibleError: the affine spaces contradict each other.
@@ -187,7 +185,6 @@ def refine_goals(
 
     Args:
         aim: what for; whether a sequence is fit is not asked.
-        placed: the sequence to improve.
         clearance: clearance a side, m, the unit of length of the programs.
         method: nonlinear program on the true surfaces, or reciprocal cost and steepest descent on the linear ones.
         turns: how often each pose gets its turn, and how far it may go.

@@ -70,7 +70,6 @@ class Room(Value):
     Args:
         metric: scale of rotations, and the unit.
         lower: bounds (6,) of the local coordinates from below, m and rad.
-        upper: the same from above.
         weights: metres of slack per metre of clearance (k,), else |N*|, so that t is a distance in the metric.
         growth: λ_N (k,), slack lost per metre of travel, else none.
         cap: largest clearance of interest (m), else the diameter of the bounds.
@@ -115,7 +114,6 @@ class Placement(Room):
     Args:
         N: gradient rows (k, 6) of the obstacles, any length.
         D: offsets (k,), in m times that length; allowances such as √(NᵀQN) are added by the caller.
-        goal: affine space of the goal state, else everything.
         start: fixed start pose (6,), or the affine space of a free one.
 
     Raises:
@@ -206,7 +204,6 @@ def max_min_clearance(problem: Placement, solver: Solver | None = None) -> Solut
     """The poses of largest least clearance; the value t (m) is negative when obstacles must overlap.
 
     Args:
-        problem: in displacements about a pose.
         solver: whose answer is checked again; Clarabel if None.
 
     Raises:
@@ -221,9 +218,6 @@ def lexicographic(problem: Placement, solver: Solver | None = None) -> Solution:
 
     Rows with positive multipliers are tight at every optimum: they are held where they are, and the rest
     is maximised again, until no row is left.
-
-    Args:
-        problem, solver: as for `max_min_clearance`.
 
     Raises:
         InfeasibleError, SolverError: as `max_min_clearance`.

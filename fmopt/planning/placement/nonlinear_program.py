@@ -108,7 +108,6 @@ def certify_on_surfaces(problem: SurfacePlacement, X: ArrayLike) -> Solution:
     """Checks a pose (6,) in plain NumPy and takes the clearance t that it really has; x of the result is (X, t).
 
     Args:
-        problem: contacts, obstacles and bounds.
         X: (6,), m and rad, about its reference.
 
     Raises:
@@ -136,9 +135,6 @@ def project(problem: SurfacePlacement, X: ArrayLike) -> Array:
     """The pose (6,) on all contacts' surfaces next to X: Gauss–Newton steps of least metric length.
 
     Coordinates held by equal bounds stay; the other bounds are left to `certify_on_surfaces`.
-
-    Args:
-        problem, X: as for `certify_on_surfaces`.
     """
     X = np.asarray(X, dtype=np.float64)
     if not problem.contacts:
@@ -170,7 +166,6 @@ def place_on_surfaces(problem: SurfacePlacement, guess: ArrayLike | None = None)
     Contacts that depend on others at the guess are left out of the optimisation and checked afterwards.
 
     Args:
-        problem: contacts, obstacles and bounds.
         guess: (6,), m and rad, about its reference; 0 if None.
 
     Raises:
@@ -308,11 +303,8 @@ def largest(
     """A local optimum (x, t) (7,) from a start (7,); None where the steps do not come to an end.
 
     Args:
-        functions: values and derivatives of the rows.
-        equalities: how many of the rows, the first ones, are to be zero.
         weights: w (k,), zero for equalities and for rows that only have to hold.
         begin: where to start (7,).
-        parameters: of the functions.
         bounds: lower and upper (7,).
     """
     program = _Program(functions, equalities, weights, parameters, *bounds)

@@ -83,12 +83,9 @@ def certified(
     """Certifies a sequence of moves from the start, with all care unless it is said otherwise.
 
     Args:
-        assembly: the parts.
         moves: in order.
         start: where the first begins, with its errors.
-        tolerance: metric and velocity error.
         step: greatest turn of one piece, rad.
-        care: with which.
 
     Raises:
         InfeasibleError: a move is impossible.
@@ -104,16 +101,12 @@ class Aim:
     """What a sequence is placed for.
 
     Args:
-        assembly: the two parts.
-        start: errors at the start.
-        tolerance: velocity error and metric.
         step: greatest turn of one piece, rad.
         fit: whether a sequence will do, whatever its margin.
         turning: whether goal poses in free space may turn. If not, how the part is tilted as it enters is for the
             search to say: what gives way under a contact that is aslant is the robot.
         lift: height of the lowest point above the mouth at the start, m, where the start may be displaced at that
             height; None where it stays.
-        holds: how surely the pieces of claims hold their contacts, of those that hold them by little.
     """
 
     assembly: Assembly
@@ -139,8 +132,6 @@ def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed |
 
     Args:
         aim: what for; whether they are fit is not asked.
-        moves: the sequence.
-        than: the other one, certified in the same way.
         by: by how much the margin has to be larger, m.
     """
     shared = sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(moves, than.moves, strict=True)))
@@ -161,10 +152,6 @@ def refine(
     """Moves all goal poses until the certified margin rises no more, or time is up; the margin never falls.
 
     Args:
-        aim: what for.
-        placed: the sequence to improve.
-        solver: for cone programs.
-        settings: rounds and trust region.
         progress: told the margin (m) after each gain.
     """
     best, radius = placed, settings.radius
@@ -198,9 +185,6 @@ def surer(aim: Aim, placed: Placed, solver: Solver, settings: Refinement) -> Pla
 
     Args:
         aim: what for; where it asks for no holds, the sequence stays.
-        placed: the sequence, with a margin.
-        solver: for cone programs.
-        settings: rounds and trust region.
     """
     best, radius = placed, settings.radius
     least, aimed = (min(left * placed.margin, placed.margin) for left in (_LEFT, _AIMED))  # none below zero falls
@@ -253,8 +237,6 @@ def sequence_program(aim: Aim, placed: Placed, radius: float) -> ConeProgram:
     m; the seated pose stays where it is, the start at least at its height.
 
     Args:
-        aim: parts, start, tolerance.
-        placed: the sequence as it is.
         radius: m, in the metric of ρ.
     """
     return program_of(aim, placed, aim.rows(placed, radius), radius)
@@ -264,7 +246,6 @@ def displaced(aim: Aim, placed: Placed, shift: Array) -> Placed:
     """The sequence with its poses displaced by shifts (m + 1, 6), put back onto their surfaces, and certified anew.
 
     Args:
-        aim, placed: as for `sequence_program`.
         shift: (m + 1, 6), of the start and of each goal, m and rad.
 
     Raises:
@@ -288,10 +269,6 @@ def program_of(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> C
     """The program of a sequence with its rows, in a trust region (m, in the metric of ρ).
 
     Variables: displacements (6) of all poses from the start to the goal, then the margin t, which is maximised.
-
-    Args:
-        aim, placed, radius: as for `sequence_program`.
-        rows: derivatives of all margins.
     """
     rho, moves = aim.tolerance.rho, placed.moves
     scale = np.array([1.0, 1.0, 1.0, *[rho] * 3])
@@ -350,8 +327,6 @@ def state_rows(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: P
     """A basis (r, 6) of the displacements out of a contact state, orthonormal in the units of displacements.
 
     Args:
-        assembly: the parts.
-        contacts: of the state.
         pose: where they are held.
     """
     N = np.eye(6)[assembly.freedoms == 0.0]

@@ -35,8 +35,6 @@ class Linear:
         values: at x = 0, kinks and all, m.
         slopes: (r, n).
         counted: 1 for rows of the margin, or their weight in it; 0 for those that only have to hold.
-        drifts: sizes of gradients, of which the velocity error takes its share.
-        moves: whose row it is.
         kinks: row, value and slope (n,) of each product whose sign may change.
     """
 
@@ -76,12 +74,7 @@ class SequenceRows:
 
     @staticmethod
     def none(k: int, n: int) -> SequenceRows:
-        """No rows at all, of so many generators and displacements.
-
-        Args:
-            k: generators.
-            n: displacements.
-        """
+        """No rows at all, of so many generators and displacements."""
         empty = np.zeros(0)
         slopes, generators = np.zeros((0, n)), (np.zeros((0, k)), np.zeros((0, k, n)))
         return SequenceRows(empty, slopes, empty, empty, np.zeros(0, np.intp), *generators, empty, empty)
@@ -140,9 +133,6 @@ class _Block(NamedTuple):
         N: gradients (m, 6).
         values: (m,), what errors and remainders take of them off.
         reach, rest: what these take (m,).
-        end: which.
-        scale: what all of it is divided by.
-        factor: how often errors count.
         counted: whether they are rows of the margin.
     """
 
@@ -167,9 +157,6 @@ def sequence_rows(
     """Every row of a sequence that is within `near` (m) of binding.
 
     Args:
-        assembly: the two parts.
-        reached: the sequence.
-        tolerance: velocity error and metric.
         near: of what binds, m.
         drifting: whether it counts in later moves that a longer one drifts farther, too. That leads on where poses are
             far from where they are to be; near there, steps without it were found to end higher.
@@ -225,7 +212,6 @@ class _Gain:
     Args:
         growth: how much, and what it depends on where the piece goes.
         turned: how it changes with where the piece ends (6,), as the row turns.
-        share: of the move, at which that is.
         size: what errors take of it, or, where they do not count, what it is made up of.
     """
 
@@ -244,10 +230,6 @@ def _growing(
     get farther away; and a move is longer than what errors make its end differ by.
 
     Args:
-        gains: of all pieces of the move.
-        claim: of the last piece.
-        ending: how errors change along it.
-        number: of the move.
         shape: of generators and displacements.
     """
     piece, last, (width, n) = claim.piece, claim.advance, shape
@@ -357,9 +339,6 @@ class Hold(NamedTuple):
     """How surely a piece of a motion holds its contacts.
 
     Args:
-        claim: number of the piece.
-        share: of the contact force, on the contact that is pressed least.
-        least: what it has to be, a share of the same.
         slopes: what displacements of the piece's start and goal change of it (12,), 1/m and 1/rad.
     """
 
@@ -375,10 +354,6 @@ def hold_rows(
     """A row for each hold: that it is no less than it has to be, or than it is where it is less; shares on an arm of ρ.
 
     Args:
-        assembly: the two parts.
-        reached: the sequence.
-        tolerance: velocity error and metric.
-        holds: of its pieces.
         width: how many generators the rows are to have; holds lose to none.
     """
     rho, m = tolerance.rho, len(holds)

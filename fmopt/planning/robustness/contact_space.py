@@ -129,7 +129,6 @@ def contact_spaces(assembly: Assembly, critical: Sequence[CriticalPose], scale: 
     """The contact spaces around the critical poses of the nominal path.
 
     Args:
-        assembly: the two parts.
         critical: the critical poses in the order of the motion, its end the last.
         scale: units of lengths and angles.
     """
@@ -151,12 +150,7 @@ def space_at(
     that of the first pose aside of which this is not so.
 
     Args:
-        assembly: the two parts.
-        name: of the space.
-        pose: the pose that it belongs to.
-        aside: poses near it to linearise at instead.
         scale: units of lengths and angles.
-        wide: how many times farther than contacts are looked for the space reaches.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     for reference in (pose, *aside):
@@ -245,9 +239,7 @@ def confirm(graph: ContactGraph, moving: Polyhedron, fixed: Polyhedron) -> tuple
     """Every state of the graph taken to its true C-surfaces.
 
     Args:
-        graph: contact states with a point on each linear facet.
         moving: the moving part in its body frame.
-        fixed: the fixed part.
     """
     near = Neighbourhood.of(graph.space, moving, fixed)
     on = _contacts(graph)

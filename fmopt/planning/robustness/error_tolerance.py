@@ -38,7 +38,6 @@ class Outcome:
 
     Args:
         reached: where they have come to.
-        least: the claim of least margin of each.
         reason: why the next one is impossible; empty where it is not, or was not looked at.
     """
 
@@ -57,10 +56,7 @@ class Motion:
     """A motion that can be certified under other errors.
 
     Args:
-        assembly: the two parts.
-        moves: the motion.
         box: half-widths (6,) of its start error, m and rad.
-        tolerance: velocity error and metric.
         turn: greatest turn of one piece, rad.
         framing: where its start error is fixed.
         known: all that is certified of it, where that has been found already; None where not.
@@ -140,16 +136,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class CertifiedMotion:
-    """The motion found for a problem, and what it rests on; the problem's specification plays no part in it.
-
-    Args:
-        assembly: the two parts.
-        clearance: as measured on them.
-        errors: at the start.
-        tolerance: velocity error and metric.
-        found: what is said of the search.
-        placed: its moves, with all that is certified of them.
-    """
+    """The motion found for a problem, and what it rests on; the problem's specification plays no part in it."""
 
     assembly: Assembly
     clearance: Clearance
@@ -172,7 +159,6 @@ def error_tolerance(motion: Motion, clearance: tuple[float, float]) -> ErrorTole
     """How much error a motion tolerates and what each tolerance costs it.
 
     Args:
-        motion: the motion.
         clearance: on each side in x and y, m; infinite where the parts never touch.
     """
     factor, beyond = factors(motion)

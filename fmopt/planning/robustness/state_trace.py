@@ -40,11 +40,8 @@ class Visit:
     """A contact state on the way.
 
     Args:
-        contacts: the contacts that touch.
         claim: number of the claim with which it begins, −1 for the start.
-        change: how it begins: start, made, left (contacts given up), passed (a rim), or unexplained.
         spaces: indices of the contact spaces that hold it, in the order of the motion.
-        states: its index in each of them.
     """
 
     contacts: frozenset[str]
@@ -108,9 +105,6 @@ def visited(assembly: Assembly, claims: Sequence[Claim], nominal: Sequence[Space
     """The states of a motion, with contact spaces added wherever those at hand do not hold a change.
 
     Args:
-        assembly: the two parts.
-        claims: the motion, piece by piece.
-        nominal: contact spaces of the nominal path.
         scale: units of lengths and angles.
     """
     spaces, visits = list(nominal), _visits(assembly, [claim.piece for claim in claims])

@@ -53,8 +53,6 @@ class UnplannedContact(Value):
     """A contact that a move does not plan, and what error would make it.
 
     Args:
-        contact: the contact.
-        factor: of all start errors at which it becomes possible.
         axis, axis_factor: the one start error that makes it alone at the least factor of its own; "" and infinite where
             none does.
         gap: nominal distance, m, where it comes nearest.
@@ -104,7 +102,6 @@ def images_of(errors: ErrorSet, axes: NDArray[np.intp]) -> Array:
     An ellipsoid, as the paper's sets are, has forgotten them: all are 0, and nothing is foreseen.
 
     Args:
-        errors: whose first generators are those of the start box.
         axes: that have errors at the start, in order.
     """
     images = np.zeros((6, 6))
@@ -130,10 +127,7 @@ def unplanned_contacts(
     """The contacts that errors would make first on a move, the first of them first.
 
     Args:
-        assembly: the two parts.
-        claims: of the pieces of the move.
         box: half-widths (6,) of the start error.
-        friction: coefficient.
         rho: characteristic length, m.
     """
     best: dict[PrimitiveContact, _Met] = {}

@@ -40,19 +40,7 @@ _MORE, _WORTH = 16, 0.5  # further rounds for a steady sequence, and the share o
 
 @dataclass(frozen=True, eq=False)
 class MoveSequence:
-    """A sequence of moves with what it cost.
-
-    Args:
-        entry: how it begins.
-        moves: from the start to the seated part.
-        names: the freedom of each move.
-        reached: the claims, as coarse as the search makes them.
-        cost: of the sequence.
-        lower_bound: no sequence from the same entries costs less.
-        expanded: states looked at.
-        states: all that were come to.
-        way: numbers of those that it goes through.
-    """
+    """A sequence of moves with what it cost."""
 
     entry: Entry
     moves: tuple[Move, ...]
@@ -112,10 +100,7 @@ def best_sequences(
     is taken in its place; where there is none, those with a margin follow the first in the order in which they came.
 
     Args:
-        task: parts, errors, goal and costs.
         rounds: ways to begin, several to be weighed against each other in each; the rest stay for another call.
-        deadline: `clock()` at which to stop with what there is.
-        progress: told what is being looked at.
         steady: whether friction leaves all contacts of a sequence closed.
         more: the rounds to look for a steady one in; the same ones if not given.
 
@@ -165,7 +150,6 @@ def farther(error: SearchError, before: SearchError | None = None) -> SearchErro
     """The latest failure, with the attempt of the one before where that came farther.
 
     Args:
-        error: the latest one.
         before: the one before, if there was one.
     """
     known = None if before is None else before.attempt
@@ -181,12 +165,6 @@ def search(
     progress: Callable[[str], None] = lambda _: None,
 ) -> MoveSequence:
     """The cheapest sequence of guarded moves to the goal.
-
-    Args:
-        task: parts, errors, goal and costs.
-        entries: ways to begin.
-        deadline: `clock()` at which to stop, after the first state at the earliest.
-        progress: told what is being looked at.
 
     Raises:
         SearchError: no sequence was found.
@@ -319,10 +297,6 @@ def begin(task: Task, entry: Entry) -> Node | None:
 
     With a pose above the mouth the corner first goes down to touch the top, or the part is laid flat there, and leaves
     it to get there.
-
-    Args:
-        task: parts, errors and costs.
-        entry: how the part comes into the hole.
     """
     place = Place(entry.start, (), (), entry.corner)
     # The approach itself is no transition.

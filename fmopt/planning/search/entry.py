@@ -96,8 +96,6 @@ class Entry:
     """A way to begin.
 
     Args:
-        start: pose above the mouth, or above the top beside it.
-        inside: pose with a corner inside.
         corner: that corner (3,) in the body.
         shape: what it was made of.
         shallow: whether the corner is still among the slopes of the mouth; caught on one, it may go in deeper.
@@ -141,7 +139,6 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
     """The entry of a shape.
 
     Args:
-        moving: the moving part, tip centre at the origin.
         play: free travel (x, y) of the upright part between the walls, m.
         approach: height of the lowest point above the mouth at the start, m.
         shape: tilts, turn, depth, room, and where the corner touches first.
@@ -206,8 +203,6 @@ def planar_entries(
     the other side comes. It goes in near the middle, from where it can reach either wall.
 
     Args:
-        moving: the moving part, tip centre at the origin.
-        fixed: the fixed part.
         start_box: half-widths (6,) of the start error, m and rad.
         approach: height of the lowest point above the mouth at the start, m.
         max_tilt: greatest tilt, rad.
@@ -236,8 +231,6 @@ def deeper(moving: Part, fixed: Part, pose: Pose, corner: Array, spread: Array) 
     height is uncertain by, between the middle and the wall on the side from which it leans.
 
     Args:
-        moving: the moving part, tip centre at the origin.
-        fixed: the fixed part.
         pose: where the corner is caught.
         corner: the corner (3,) in the body.
         spread: how far the errors displace it (3,), m.
@@ -262,7 +255,6 @@ def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, ap
     """The entry of an upright part on the axis, where the start errors leave room for it in the mouth; none otherwise.
 
     Args:
-        moving: the moving part, tip centre at the origin.
         play: free travel (x, y) of the upright part between the walls, m.
         start_box: half-widths (6,) of the start error, m and rad.
         approach: height of the lowest point above the mouth at the start, m.
@@ -283,7 +275,6 @@ def hovering_entries(moving: Part, start_box: Array, approach: float) -> Iterato
     times away what the errors displace it.
 
     Args:
-        moving: the moving part, tip centre at the origin.
         start_box: half-widths (6,) of the start error, m and rad.
         approach: height of the lowest point above the mouth at the start, m.
     """

@@ -58,7 +58,6 @@ def room(assembly: Assembly, per_side: float, start_box: Array, drift: Array) ->
     They are those with which the part comes to the mouth: what it drifts by until then counts, too.
 
     Args:
-        assembly: the two parts.
         per_side: clearance a side, m.
         start_box: half-widths (6,) of the start error, m and rad.
         drift: how far velocity errors carry the part at most until it is at the mouth (6,), m and rad.
@@ -73,7 +72,6 @@ def roomy_errors(moving: Part, per_side: float, start_box: Array) -> Array:
     A part that enters tilted goes through contacts a few clearances apart, however small its errors are.
 
     Args:
-        moving: the moving part, tip centre at the origin.
         per_side: clearance a side, m.
         start_box: half-widths (6,) of the start error, m and rad.
     """
@@ -99,7 +97,6 @@ def ample(moving: Part, per_side: float, start_box: Array) -> Array:
     sides that are askew turn one lateral error into the other, contacts and drift turn lateral errors into angles.
 
     Args:
-        moving: the moving part, tip centre at the origin.
         per_side: clearance a side, m.
         start_box: half-widths (6,) of the start error, m and rad.
     """
@@ -121,11 +118,7 @@ def likely_shapes(
     the others.
 
     Args:
-        moving: the moving part, tip centre at the origin.
-        fixed: the fixed part.
-        clearance: what was measured on them.
         start_box: half-widths (6,) of the errors to leave room for, such as `roomy_errors`, m and rad.
-        rate: errors of velocity in translation and rotation together, as a share of the way.
         max_tilt: greatest tilt about each axis, rad.
     """
     if max_tilt <= 0.0:
@@ -235,7 +228,6 @@ def tilted_shapes(
     in, the less the part is tilted, so that as much of its edges is inside.
 
     Args:
-        moving: the moving part, tip centre at the origin.
         play: free travel (x, y) of the upright part between the walls, m.
         start_box: half-widths (6,) of the start error, m and rad.
         max_tilt: greatest tilt about each axis, rad.
@@ -273,10 +265,7 @@ def touching_shapes(
     """The same shapes with the top beside the mouth touched first, so that the corner need not go in as deep.
 
     Args:
-        shapes: tilted ones that go in at once.
-        moving: the moving part, tip centre at the origin.
         start_box: half-widths (6,) of the start error, m and rad.
-        rate: errors of velocity in translation and rotation together, as a share of the way.
         width: how far outside the walls the top begins, m.
     """
     tip = leading_corners(moving)
@@ -304,7 +293,6 @@ def obtuse_shapes(
     and goes in less deep than the next one along the wall is above it.
 
     Args:
-        moving: the moving part, tip centre at the origin.
         play: free travel (x, y) of the upright part between the walls, m.
         start_box: half-widths (6,) of the start error, m and rad.
         max_tilt: greatest tilt about each axis, rad.
@@ -337,11 +325,8 @@ def flat_shapes(
     """The same shapes with the part laid flat on the top first, which takes away what its height and tilts are off by.
 
     Args:
-        shapes: tilted ones that go in at once.
-        moving: the moving part, tip centre at the origin.
         play: free travel (x, y) of the upright part between the walls, m.
         start_box: half-widths (6,) of the start error, m and rad.
-        rate: errors of velocity in translation and rotation together, as a share of the way.
         funnel: how deep below the mouth the walls begin, and how far outside them the top does, m.
     """
     tip = leading_corners(moving)

@@ -49,11 +49,8 @@ class Drawing:
     """What ways to begin are drawn for.
 
     Args:
-        moving: the moving part, tip centre at the origin.
-        fixed: the fixed part.
         play: free travel (x, y) of the upright part between the walls, m.
         start_box: half-widths (6,) of the errors at the start, m and rad.
-        rate: errors of velocity in translation and rotation together, as a share of the way.
         max_tilt: greatest tilt about each axis, rad.
     """
 
@@ -144,10 +141,7 @@ def beginnings(
     """Of so many ways to begin those that can be certified with a margin, one of each cell and of each kind in turn.
 
     Args:
-        task: parts, errors, goal and costs.
-        shapes: of them.
         entry_of: the entry of a shape.
-        count: how many are tried.
     """
     cells: dict[tuple[int, float, tuple[int, ...], int], tuple[float, Entry]] = {}
     with suppress(OverdueError):  # those that could begin by then count

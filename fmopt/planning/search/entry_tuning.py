@@ -60,10 +60,8 @@ def tuned(
     where it does for all of them, all numbers of the best are varied at random.
 
     Args:
-        task: parts, errors, goal and costs.
         candidates: the sequences, the best first; one that does not start tilted is not varied.
         entry_of: makes an entry of a shape.
-        limits: when to stop.
         progress: told the margin (m) after each gain.
         steady: whether friction leaves all contacts of a sequence closed.
     """
@@ -111,10 +109,7 @@ class _Tuning:
     """The best sequence so far, the factors of the first shape's numbers that led to it, and the tries it took.
 
     Args:
-        task: as of `tuned`.
-        found: the sequence as it was found.
         shape: its own, of which the numbers are varied.
-        entry_of, limits, progress: as of `tuned`.
         kept: whether another sequence may take its place.
     """
 
@@ -184,9 +179,6 @@ def replayed(task: Task, entry: Entry, names: Sequence[str], least: float) -> No
     """The state after the same guarded moves from another entry, None where one fails, ends elsewhere or lacks margin.
 
     Args:
-        task: parts, errors, goal and costs.
-        entry: how to begin.
-        names: the freedoms of the moves, those that begin it first.
         least: the margin that has to be exceeded, m.
     """
     node = begin(task, entry)

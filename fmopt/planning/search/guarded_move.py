@@ -97,7 +97,6 @@ class Near:
         """These contacts.
 
         Args:
-            assembly: the parts.
             contacts: which may be met.
         """
         return Near(Surfaces.of(contacts, assembly.moving.polyhedron, assembly.fixed.polyhedron))
@@ -149,9 +148,7 @@ class _Course:
         """Amounts (m,) at which distances vanish.
 
         Args:
-            near: contacts.
             which: m of them.
-            between: two amounts.
             values: the distances (2, m) there, the first positive, the second not.
 
         Raises:
@@ -168,9 +165,6 @@ def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom, reach: flo
     A turn is not taken to bring parts nearer than `reach` (m) do.
 
     Args:
-        assembly: the parts.
-        place: pose and contacts held.
-        freedom: direction, and how far at most.
         reach: m.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
@@ -184,11 +178,7 @@ def _range(freedom: Freedom, reach: float) -> tuple[float, float]:
 
 
 def tips(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> tuple[PrimitiveContact, ...]:
-    """Those of a `neighbourhood` that are of a moving vertex on a fixed face.
-
-    Args:
-        assembly, place, freedom, reach: as for `neighbourhood`.
-    """
+    """Those of a `neighbourhood` that are of a moving vertex on a fixed face."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     return near_tips(body, fixed, place.pose, *_range(freedom, reach))
 
@@ -200,9 +190,7 @@ def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> M
     kept as far as it may go, it is tried less far.
 
     Args:
-        assembly: the two parts.
         place: where the move starts.
-        freedom: the direction.
         near: the contacts that it may meet, as `neighbourhood` finds them.
     """
     for halvings in range(_HALVINGS):
@@ -277,8 +265,6 @@ def insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose
     """How far within their features contacts (n,) lie, m; edges that have turned parallel cross nowhere.
 
     Args:
-        assembly: the parts.
-        contacts: n of them.
         pose: of the moving part in the B-frame.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
@@ -309,12 +295,6 @@ def implied(
 
     Walls and rims of several holes may be met together, too: those that are parallel and as far from each other as what
     meets them.
-
-    Args:
-        assembly: the parts.
-        held: contacts held until then.
-        first: met by the move.
-        other: met with it nominally.
     """
     if first.kind is not other.kind or first.kind in (Kind.FACE_VERTEX, Kind.BALL_FACE):
         return False
@@ -339,9 +319,7 @@ def pinned(assembly: Assembly, pose: Pose, held: Sequence[PrimitiveContact]) -> 
     """How many freedoms the held contacts take away at a pose.
 
     Args:
-        assembly: the parts.
         pose: of the moving part in the B-frame.
-        held: contacts at that pose.
     """
     if not held:
         return 0
@@ -352,8 +330,6 @@ def mating_faces(assembly: Assembly, goal: Pose, clearance: float) -> frozenset[
     """Faces of the moving and the fixed part, by number, that face each other in the seat.
 
     Args:
-        assembly: the parts.
-        goal: the seated pose.
         clearance: a side, m.
     """
     moving, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
@@ -364,13 +340,7 @@ def mating_faces(assembly: Assembly, goal: Pose, clearance: float) -> frozenset[
 
 
 def lasts(assembly: Assembly, contact: PrimitiveContact, mates: frozenset[tuple[int, int]]) -> bool:
-    """Whether a contact may last until the seat: faces that mate there meet in its features.
-
-    Args:
-        assembly: the parts.
-        contact: of any kind.
-        mates: as `mating_faces` finds them.
-    """
+    """Whether a contact may last until the seat: faces that mate there meet in its features."""
     sides = (assembly.moving.polyhedron, contact.moving), (assembly.fixed.polyhedron, contact.fixed)
     faces = (set.intersection(*(set(body.vertex_faces[v]) for v in vertices)) for body, vertices in sides)
     return not mates.isdisjoint(product(*faces))

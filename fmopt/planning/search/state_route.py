@@ -44,12 +44,8 @@ def state_route(
     """The shortest of the routes tried from one state to another, with a bound on all.
 
     Args:
-        graph: the contact states around a pose.
         start: ids of the contacts of the state in which it begins; none for free space.
-        goal: those of the state in which it ends.
         room: how far the poses of a state stay inside of it: 0 for all of its facet, 1 for its point alone.
-        change: what a change of state counts, in clearances.
-        gap: share of the cost at which the bound is near enough.
 
     Raises:
         ValueError: room or gap is no share, or a change counts less than nothing.

@@ -49,14 +49,10 @@ class Costs:
     """Weights of the search, and when a transition is given up.
 
     Args:
-        transition: cost of each transition.
-        signature: cost of a contact whose wrench cannot be told from that of the likeliest wrong one.
-        danger: cost of a transition with no margin at all.
         reach: how far a move may go to its contact, turns and the way down apart, m.
         asymptote: margin (m, negative) at which danger becomes infinite, the paper's C.
         scale: margin (m) that is roomy; more of it is not less dangerous.
         coarse: greatest turn of one piece while searching, rad.
-        states: most states that are expanded from one round of entries.
         greed: weight of the transitions still to come in the order of expansion, at least 1.
     """
 
@@ -82,14 +78,8 @@ class Task:
     """What a search is about.
 
     Args:
-        assembly: the two parts.
-        goal: the seated pose.
-        start: error set at the start.
-        tolerance: velocity error and metric.
-        costs: weights and limits.
         max_turn: greatest turn of a move, rad.
         askew: whether moves go along sides that lie askew, too; walls far apart then hold a part next to round.
-        care: with which moves are certified.
     """
 
     assembly: Assembly
@@ -189,11 +179,7 @@ def successor_by(task: Task, node: Node, move: Move, name: str, care: Care = Car
     """The state after a move, None when it cannot be certified.
 
     Args:
-        task: parts, errors, goal and costs.
         node: where it starts.
-        move: the move.
-        name: of the freedom that it goes along.
-        care: with which it is certified.
     """
     costs = task.costs
     try:

@@ -53,10 +53,6 @@ class SearchedState:
 
     Args:
         origin: number of the state that it was come to from; None where a way to begin ends in it.
-        names: the freedoms of the moves from there.
-        held: contacts that are held in it.
-        rank: freedoms that are taken away in it.
-        cost: of the way to it.
         margin: the least on it, m.
         expanded: whether moves were looked for from it.
     """
@@ -76,12 +72,7 @@ class Searched:
 
     Args:
         heading: turn about z of the axes that moves go along and about, rad.
-        names: the freedom of each move.
-        cost: of the sequence.
-        lower_bound: no sequence from the same entries costs less.
-        expanded: states looked at.
         states: all that were come to, in that order, from the entries of the round that the sequence was found in.
-        way: numbers of those that the sequence goes through.
     """
 
     heading: float
@@ -150,14 +141,7 @@ class _Numbers:
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """Two parts in an attitude.
-
-    Args:
-        attitude: the attitude.
-        own: the parts themselves.
-        assembly: their images.
-        moving, fixed: what of the parts is what of their images.
-    """
+    """Two parts in an attitude."""
 
     attitude: Attitude
     own: Assembly
@@ -229,7 +213,6 @@ def images(own: Assembly, box: Array) -> Iterator[Image]:
     """The images of two parts that differ, the one to plan for first.
 
     Args:
-        own: the two parts.
         box: half-widths (6,) of the start error, which shape the image as well.
     """
     left: list[Attitude] = []

@@ -110,14 +110,7 @@ def panels_size(ends: Sequence[End]) -> tuple[float, float]:
 
 
 def panels(plan: Parts, ends: Sequence[End], figure: Figure, height: float) -> None:
-    """A section for each of some poses, from the top of a figure.
-
-    Args:
-        plan: whose parts are cut.
-        ends: poses to show, four in a row.
-        figure: nothing else in its upper part.
-        height: of the figure, inches.
-    """
+    """A section for each of some poses, from the top of a figure."""
     drawn = [sections(plan, end) for end in ends]
     middle, scale = _window(drawn)
     for number, (end, (peg, block)) in enumerate(zip(ends, drawn, strict=True)):
@@ -161,12 +154,7 @@ def _head(end: End) -> list[tuple[str, dict[str, Any]]]:
 
 
 def sections(plan: Parts, end: End) -> tuple[MultiPolygon, MultiPolygon]:
-    """The sections of the moving and the fixed part in the plane in which the part leans, m.
-
-    Args:
-        plan: whose parts are cut.
-        end: a pose, and the bearing in which the part leans there.
-    """
+    """The sections of the moving and the fixed part in the plane in which the part leans, m."""
     plane = upright_plane(end.azimuth)
     moving, fixed = (pieces_of(part) for part in (plan.moving, plan.fixed))
     return section_of(moving, end.pose, plane), section_of(fixed, Pose.identity(), plane)

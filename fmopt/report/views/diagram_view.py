@@ -170,7 +170,6 @@ def _names(axes: Axes, item: Diagram, factor: Array, extent: Array) -> None:
 
     Args:
         axes: where to write.
-        item: the diagram.
         factor: what a metre along u and along v is on the axes.
         extent: width and height (2,) of what is shown, m.
     """

@@ -40,7 +40,6 @@ def alt(name: str, body: Polyhedron) -> str:
     """What is to be seen, for who cannot see it.
 
     Args:
-        name: of the part.
         body: in its frame, z the feature's axis.
     """
     extent = " × ".join(f"{1e3 * width:.4g}" for width in body.widths)
@@ -52,11 +51,8 @@ def paint(name: str, body: Polyhedron, pieces: Sequence[Polyhedron], height: flo
     """Four views: from a corner, and three sections; the one across the axis at a height.
 
     Args:
-        name: of the part.
         body: in its frame.
-        pieces: convex, whose union it is.
         height: of the section across the axis, m.
-        figure: empty.
     """
     grid = figure.subplots(2, 2)
     corner(grid[0][0], body)
@@ -110,7 +106,6 @@ def cut(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> 
 
     Args:
         axes: of one picture, in mm.
-        plane: "x–z", "y–z" or "x–y".
         pieces: convex, m.
         height: of "x–y" above the origin, m; no other plane is moved along its normal.
     """

@@ -112,7 +112,6 @@ def piece_points(piece: Curve, step: float = 0.03) -> Array:
     """Points (k, 2) along a piece of a boundary, arcs in steps of at most `step`, m.
 
     Args:
-        piece: a line or an arc.
         step: of arcs, rad.
     """
     if piece.line is not None:

@@ -44,17 +44,9 @@ class Allocation:
     """The answer.
 
     Args:
-        question: what was asked.
-        found: the optimum for the fixed motion.
         values: tolerances in SI, rounded down.
-        cost: of these.
-        before: cost of the present ones.
         margin: least margin of the fixed motion with them, m.
-        document: the plan of the fixed motion with them, with the verdict of the independent check.
-        replanned: verdict of a plan made anew for them.
         replanned_margin: its least margin, m; None when there is none.
-        motions: how many were held fixed in turn.
-        anew: the motion of the new plan.
     """
 
     question: Question
@@ -104,10 +96,6 @@ class Allocation:
 
 def allocate(question: Question, progress: Callable[[str], None] = lambda _: None) -> Allocation:
     """Answers a question.
-
-    Args:
-        question: tolerances, what each costs, and the margin wanted.
-        progress: told in words.
 
     Raises:
         SearchError, InfeasibleError: there is no motion for the present tolerances, or its margin is too small already.

@@ -40,13 +40,10 @@ class Cheapest(Value):
 
     Args:
         u: multiples (p,) of the present tolerances.
-        cost: Σ w_i/u_i.
         bound: no point that keeps the margins costs less, where margins are concave; None where they were seen not to
             be.
         margin: least margin there, m.
         binding: its name; or, where all margins are wide, why the motion could not be followed beyond.
-        rounds: programs solved.
-        evaluations: times that margins were computed.
     """
 
     u: Array
@@ -93,12 +90,10 @@ def cheapest(margins: Margins, weights: Array, low: Array, high: Array, required
     """Minimises Σ w_i/u_i over low ≤ u ≤ high with all margins at least `required`.
 
     Args:
-        margins: at given multiples.
         weights: w (p,), not negative.
         low: least multiples (p,), positive, at which the margins suffice.
         high: greatest multiples (p,).
         required: m.
-        gap: stop when cost and bound are this near, relative.
 
     Raises:
         InfeasibleError: not even `low` keeps the margins; with the shortfall.

@@ -23,17 +23,7 @@ _LOOSEST = 10.0  # times the present value, if the file does not say
 
 @dataclass(frozen=True)
 class Allowed:
-    """A tolerance with its range, in SI.
-
-    Args:
-        name: for people.
-        targets: what it sets.
-        dimension: of its value.
-        weight: its cost as it is now.
-        now: present value.
-        low: tightest value.
-        high: loosest value.
-    """
+    """A tolerance with its range, in SI."""
 
     name: str
     targets: tuple[Target, ...]

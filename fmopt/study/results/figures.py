@@ -112,8 +112,6 @@ def title(view: View, name: str, border: str, nothing: str) -> str:
     """The title of an answer's figure, with words on runs that did not come out well, or have no value, if any.
 
     Args:
-        view: of the results.
-        name: of the answer.
         border: put behind it where some runs did not come out well.
         nothing: put behind it where some runs have no value.
     """

@@ -25,10 +25,6 @@ _LISTED = 6  # numbers of runs that a group of failures names
 def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
     """The report.
 
-    Args:
-        view: the results.
-        figures: what each shows, and its SVG, by name.
-
     Returns:
         A page without any reference to something outside it.
     """
@@ -46,13 +42,7 @@ def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
 
 
 def framed(kind: str, title: str, chapters: Sequence[Chapter]) -> str:
-    """A page of chapters, those without a text left out.
-
-    Args:
-        kind: what it is a page of.
-        title: in plain text, as are the headings.
-        chapters: what it has.
-    """
+    """A page of chapters, those without a text left out."""
     return shell.page(title, resource("page.css"), chaptered(kind, title, chapters))
 
 

@@ -28,9 +28,6 @@ class Bin:
 
     Args:
         low: least value of the axis, in the unit that people read.
-        high: greatest.
-        good: runs that came out well, or trials that succeeded.
-        total: all of them.
     """
 
     low: float
@@ -50,22 +47,13 @@ class Bin:
 
 
 def bins(view: View, axis: Varied) -> list[Bin]:
-    """The runs that have answers, by the values of an axis.
-
-    Args:
-        view: of the results.
-        axis: numeric ones in ranges, others value by value.
-    """
+    """The runs that have answers, by the values of an axis."""
     done = np.flatnonzero(view.done)
     return _bins(view, axis, done, view.good[done].astype(float), np.ones(len(done)))
 
 
 def trials(view: View, axis: Varied) -> list[Bin]:
-    """The trials of all runs that were executed, by the values of an axis.
-
-    Args:
-        view, axis: as for `bins`.
-    """
+    """The trials of all runs that were executed, by the values of an axis."""
     if "trials" not in view.results.columns:
         return []
     good, total = view.column("successes"), view.column("trials")
@@ -156,7 +144,6 @@ def sobol_indices(values: Array, dimensions: int) -> list[SobolIndex] | None:
 
     Args:
         values: (n (d + 2),), not a number where a run has none.
-        dimensions: d.
 
     Returns:
         An index for each axis; None when fewer than eight rows are known, or the values do not vary.

@@ -23,9 +23,7 @@ class Varied:
     """An axis as the table has it: its column, its SI unit ("word" for choices), and how it is drawn.
 
     Args:
-        name: of the column.
         unit: of the values.
-        linked: number of the axis that it moves along with.
         log: whether it is even in the logarithm.
     """
 
@@ -40,7 +38,6 @@ class Results:
     """What a folder holds: what the study says of itself, its axes, columns and lines.
 
     Args:
-        facts: by name.
         axes: in the order of the study file.
         columns: in the order of the table.
         lines: values by column, None where a run has none; "outcome" is None for runs that are not done yet.

@@ -33,11 +33,7 @@ Truth = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A table of results, column by column.
-
-    Args:
-        results: the table.
-    """
+    """A table of results, column by column."""
 
     results: Results
 

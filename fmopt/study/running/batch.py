@@ -21,8 +21,6 @@ class Question:
 
     Args:
         problem: the base problem's file, relative to the folder of inputs.
-        quantities: names of what is to be computed.
-        keep: what to keep of a run beside its row: "plan", or nothing.
     """
 
     problem: str
@@ -35,9 +33,7 @@ class Run:
     """One evaluation.
 
     Args:
-        key: hash of its full input and of the program.
         assigned: values put into the base problem, by key path; texts with units, numbers and choices as TOML has them.
-        question: what to compute, and of what.
     """
 
     key: str
@@ -63,9 +59,6 @@ class Batch:
 
     Args:
         runs: in order.
-        evaluate: what is done with each.
-        limits: of each.
-        inputs: contents of the input files, by relative path.
         folder: where these files are; None where only their contents are known: on another machine.
         program: what the host must run, too; anything if empty.
     """
@@ -102,7 +95,6 @@ def laid_out(inputs: Mapping[str, bytes], home: Path | None) -> Path:
     """The folder that holds these files, made if need be: whole or not at all.
 
     Args:
-        inputs: contents by relative path.
         home: where it belongs; a folder that this process takes away when it ends if None.
 
     Raises:

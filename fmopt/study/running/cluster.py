@@ -22,12 +22,7 @@ _GLANCE = 1.0  # s between looks at whether there are workers
 
 
 class Hosts(Remote):
-    """The workers of a scheduler as an executor.
-
-    Args:
-        client: of the scheduler.
-        address: of the scheduler, for messages.
-    """
+    """The workers of a scheduler as an executor."""
 
     def __init__(self, client: Client, address: str) -> None:
         self._client, self._executor, self._address = client, client.get_executor(), address

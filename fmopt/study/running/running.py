@@ -34,9 +34,6 @@ class Work:
     Args:
         runs: of the design, in order; those with the same key are the same.
         points: named values on the axes, of each run.
-        facts: what the store is to say of the study.
-        inputs: contents of the input files, by relative path.
-        limits: of each run.
     """
 
     runs: Sequence[Run]
@@ -56,12 +53,6 @@ class Tally:
     """How far a study is; only what is durable counts.
 
     Args:
-        total: different runs of the design.
-        done: those with a row.
-        failed: those whose row says no answer but a failure.
-        fresh: rows written since this start.
-        seconds: since this start.
-        asked: rows that this start is to write.
         interrupted: the signal that ended it, or 0.
     """
 
@@ -89,7 +80,6 @@ class Options:
     """How to run.
 
     Args:
-        jobs: batches under way at a time.
         limit: rows to write at most, None for all.
         retry_failed: whether runs whose row is a failure are done again.
         executor: where batches go, to be shut down by the caller; processes on this machine if None.
@@ -112,12 +102,7 @@ def run(
     """Does all runs that have no row yet, and writes their rows.
 
     Args:
-        work: what there is to do.
         folder: where the store is; made if need be.
-        evaluate: what is done with each run.
-        options: how.
-        progress: told how far it is.
-        store_of: opens the store.
 
     Raises:
         ResourceError: the folder is owned by another, or cannot be written; workers cannot be started, or are all lost.

@@ -44,15 +44,7 @@ _HERE: set[tuple[int, int]] = set()  # files that this process holds: the kernel
 
 @dataclass(frozen=True)
 class Row:
-    """What came of a run.
-
-    Args:
-        key: of the run.
-        outcome: "done" when it has answers, else what kind of failure it was.
-        reason: the failure in words.
-        answers: named numbers, texts and truths, as they go into the table.
-        kept: what else the study keeps of it: a compressed plan, or nothing.
-    """
+    """What came of a run."""
 
     key: str
     outcome: Outcome
@@ -80,9 +72,6 @@ class Numbered:
 
 class Store:
     """The results of a study's folder, open for writing; the caller owns the folder.
-
-    Args:
-        folder: it exists.
 
     Raises:
         ResourceError: the file cannot be opened, written, or is damaged; so do all methods.
@@ -156,7 +145,6 @@ class Store:
 
         Args:
             runs: in order.
-            facts: what is to be said of the study, by name.
         """
         with self._transaction() as file:
             file.execute("DELETE FROM runs")
@@ -207,12 +195,7 @@ def recorded(folder: Path) -> tuple[dict[str, str], list[Recorded]]:
 
 
 def kept(folder: Path, key: str) -> bytes | None:
-    """What the store keeps of a run beside its row.
-
-    Args:
-        folder: of the study.
-        key: of the run.
-    """
+    """What the store keeps of a run beside its row."""
     with _reading(folder) as file:
         found = file.execute("SELECT content FROM kept WHERE key = ?", (key,)).fetchone()
         return None if found is None else bytes(found[0])
@@ -278,9 +261,6 @@ def _synchronise(folder: Path) -> None:
 @contextmanager
 def owned(folder: Path) -> Iterator[None]:
     """Holds a folder until the block ends.
-
-    Args:
-        folder: it exists.
 
     Raises:
         ResourceError: it is held already, by which process; or it cannot be written to.

@@ -27,7 +27,6 @@ def serve(connection: Connection, memory: str) -> None:
     """Serves an owner until it goes.
 
     Args:
-        connection: to the owner.
         memory: limit of the address space in bytes, or "0".
     """
     if int(memory):
@@ -63,7 +62,6 @@ def answered(evaluate: Evaluate, run: Run, folder: Path) -> Row:
 
     Args:
         evaluate: may raise anything.
-        run: of one batch.
         folder: of its inputs, which is not named in the row.
     """
     try:

@@ -61,7 +61,6 @@ class Worker:
     """A worker process of the calling thread.
 
     Args:
-        limits: of each of its runs.
         crew: where it is registered.
 
     Raises:
@@ -90,11 +89,6 @@ class Worker:
         """Rows of runs as they come; the last is a word when it did not: "timeout", or "crash" when the process ended.
 
         Nothing at all comes from a worker that did not begin.
-
-        Args:
-            evaluate: importable by name.
-            folder: of the inputs.
-            runs: done one after the other.
         """
         if self._new and self._message(_START_UP) != READY:
             return
@@ -132,11 +126,7 @@ class Worker:
 
 
 class Local(ThreadPoolExecutor):
-    """Worker processes on this machine, one for each thread of this executor.
-
-    Args:
-        jobs: how many.
-    """
+    """Worker processes on this machine, one for each thread of this executor."""
 
     def __init__(self, jobs: int) -> None:
         self._crew = Crew()

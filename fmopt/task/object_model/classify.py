@@ -42,10 +42,8 @@ def object_tree(
     """The tree of an object.
 
     Args:
-        name: key name.
         terms: its solids as a chain, in the object's frame.
         mating: its mating features, in the object's frame.
-        claims: what is known of each of them, by name.
         frame: of the object in the global reference frame; the identity when not given.
 
     Raises:

@@ -60,11 +60,7 @@ class Task(Value):
     """A task command by its five attributes.
 
     Args:
-        moving: feature-operand of the grasped object.
-        fixed: feature-operand of the object that stays.
         goal: pose of the moving feature's frame in the `base_frame`, m and rad, entries may be "free".
-        attachment: the lower pair that the task makes.
-        specification: speed, force and torque.
         grasp: pose of the moving feature's frame in the hand's frame, H_ho.
     """
 
@@ -81,7 +77,6 @@ class Obstacle(Value):
     """An object that takes no part in the task.
 
     Args:
-        name: of the object.
         solid: in the frame of the feature that stays, which is the B-frame unless the operands were exchanged. If they
             were, the obstacle moves with operand 1.
     """
@@ -95,14 +90,10 @@ class Answer(Value):
     """What the knowledge base says of a task.
 
     Args:
-        task: as it was given.
         exchanged: whether the operands were exchanged to fit the assumptions.
         moving: operand 1, with the solid feature.
         fixed: operand 2, with the hollow feature; its feature's frame is the B-frame.
         P0, PT: poses (6,) of operand 1's feature frame in the B-frame at the start and at the goal, m and rad.
-        settled: how each free entry of the goal was settled, in the terms of the task as given.
-        obstacles: everything else in the workcell.
-        carried: objects that move with the grasped one, itself first.
     """
 
     task: Task
@@ -122,10 +113,6 @@ class Answer(Value):
 
 def answer(workcell: Workcell, task: Task) -> Answer:
     """The data of a task for the T-PF mapping.
-
-    Args:
-        workcell: as it is before the task.
-        task: names two features, or objects, of it.
 
     Raises:
         TaskError: a missing operand, a frame that breaks a rule, kinds of features that do not mate, a goal off the
@@ -163,9 +150,6 @@ def base_frame(workcell: Workcell, task: Task) -> Pose:
 
     Where a solid feature is put on a solid one, z of that frame would point into the material. It is turned about x by
     180°, so that z points out of it as out of a mouth.
-
-    Args:
-        workcell, task: as for `answer`.
     """
     (_, one), (_, other) = workcell.resolve(task.moving), workcell.resolve(task.fixed)
     facing = one is not None and other is not None and not one.hollow and not other.hollow
@@ -174,10 +158,6 @@ def base_frame(workcell: Workcell, task: Task) -> Pose:
 
 def completed(workcell: Workcell, found: Answer) -> Workcell:
     """The workcell after the task: the grasped object and what it carries moved, the attachment recorded.
-
-    Args:
-        workcell: as it was when the answer was found.
-        found: of one task.
 
     Raises:
         TaskError: the operands are not where the answer has them.

@@ -64,10 +64,6 @@ def checked(tree: ObjectTree) -> ObjectTree:
 def check_frame(tree: ObjectTree, feature: Feature) -> None:
     """Checks the frame of one feature with a length.
 
-    Args:
-        tree: the object.
-        feature: one of its own.
-
     Raises:
         TaskError: with the feature and the rule.
     """
@@ -275,7 +271,6 @@ def on_axis(solid: Solid, pose: Pose | None = None) -> Intervals:
     """Stretches (from, to) in m of the z axis inside the solid, ascending and apart.
 
     Args:
-        solid: the solid.
         pose: where it is put.
     """
     pose = pose or Pose.identity()
@@ -340,7 +335,6 @@ def across(solid: Solid, pose: Pose | None = None) -> Cutter:
     """The function of the height z (m) that gives the solid's section there, just above it, as polygons in x and y.
 
     Args:
-        solid: any tree of it.
         pose: of its frame where z is counted; the identity if None.
     """
     pose = pose or Pose.identity()

@@ -61,10 +61,7 @@ def settle(goal: Goal, start: Pose, pair: LowerPair, seated: float, feature: str
 
     Args:
         goal: entries in the frame of the fixed feature.
-        start: pose of the moving feature there.
-        pair: the attachment to make.
         seated: p_z at full depth, m.
-        feature: the moving feature, for errors.
 
     Raises:
         TaskError: an entry that is no finite number, or a free rotation that the start does not settle.
@@ -163,10 +160,8 @@ def check_goal(goal: Array, pair: LowerPair, deepest: float, sign: float, featur
 
     Args:
         goal: (6,) in the frame of the fixed feature, m and rad.
-        pair: the attachment to make.
         deepest: how deep hole and peg allow, m.
         sign: −1 where the moving feature goes towards −z (a peg in the frame of its hole), +1 the other way round.
-        feature: the moving feature, for errors.
 
     Raises:
         TaskError: the goal is off the axis, or not inside the hollow feature.

@@ -42,12 +42,7 @@ Chain: TypeAlias = tuple[Term, ...]
 
 
 def chain_of(solid: Solid, name: str) -> Chain:
-    """The chain of a CSG tree; terms are called after it, taken-away ones `name`-cut-1 and so on.
-
-    Args:
-        solid: any tree of it.
-        name: what its one term is called, or its terms begin with.
-    """
+    """The chain of a CSG tree; terms are called after it, taken-away ones `name`-cut-1 and so on."""
     match solid:
         case Placed(inner, pose):
             return moved_chain(chain_of(inner, name), pose)
@@ -92,7 +87,6 @@ def moved(solid: Solid, pose: Pose) -> Solid:
 
     Args:
         solid: in any frame.
-        pose: takes a point x of it to pose.apply(x).
     """
     if not pose.vector().any():
         return solid  # the object itself, with what is remembered of it
@@ -102,11 +96,7 @@ def moved(solid: Solid, pose: Pose) -> Solid:
 
 
 def moved_chain(chain: Chain, pose: Pose) -> Chain:
-    """Every term of the chain moved by a pose.
-
-    Args:
-        chain, pose: as for `moved`.
-    """
+    """Every term of the chain moved by a pose."""
     return tuple(replace(term, body=moved(term.body, pose)) for term in chain)
 
 
@@ -195,8 +185,6 @@ class Feature(Value):
     """A feature: a body that the object has (+) or lacks (−), with its frame.
 
     Args:
-        name: key name, unique in its object.
-        sign: "+" for a solid feature, "-" for a hollow one.
         frame: in the object's frame. Of a feature with a length it obeys the rules of `frames`: on the central line,
             an axis along it; z of a hollow feature through the mouth, of a solid one from the leading end inwards.
         body: in the object's frame.
@@ -245,9 +233,7 @@ class ObjectTree(Value):
     """An object of the workcell.
 
     Args:
-        name: key name, unique in the workcell.
         frame: the object's frame in the global reference frame.
-        classes: feature classes with their features.
         order: names of all features in the order in which the object is combined from them, the first one solid.
             Not given: as the classes list them.
 

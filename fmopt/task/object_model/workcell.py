@@ -139,7 +139,6 @@ class Workcell(Value):
         """The objects that are linked to one, directly or through others, itself first.
 
         Args:
-            name: the object.
             apart_from: an object whose direct links to it do not count.
         """
         self.object(name)
@@ -170,10 +169,6 @@ class Workcell(Value):
     def operand(self, ref: Ref, apart_from: frozenset[str] = frozenset()) -> tuple[Ref, ...]:
         """The features of an operand: the feature-operand, those of its object that it touches, and across every link
         of one of these the linked feature with those that it touches in its own object.
-
-        Args:
-            ref: the feature-operand.
-            apart_from: objects that are left out.
         """
         own = (ref, *_touching(self.object(ref.object), ref.feature))
         found = list(own)
@@ -202,9 +197,7 @@ class Operand(Value):
     """One side of an answer.
 
     Args:
-        ref: the feature-operand.
         feature: the same, as the object's tree has it.
-        members: the feature-operand and its direct neighbours in the trees and across the links.
         solid: their solid, in the feature-operand's frame.
         true: the same less what takes away from it next to the feature-operand: filled in, a part that is not convex
             would not go into its hole.
@@ -226,8 +219,6 @@ def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose
 
     Args:
         workcell: where it is.
-        ref: the feature-operand.
-        group: the objects of its side, as they are linked.
         frame: of the operand in the global reference frame.
     """
     feature = workcell.object(ref.object).feature(ref.feature)

@@ -38,8 +38,6 @@ class Place:
         """The fault of this place.
 
         Args:
-            code: of the table of faults, such as "missing-key".
-            message: what is wrong.
             advice: what to change; empty if that is plain.
         """
         return Fault(self.file, self.line, self.column, self.key, code, message, advice)
@@ -83,12 +81,7 @@ class Source:
 
 
 def holds(value: object, part: str | int) -> bool:
-    """Whether a value is a table with this key, or an array with this index.
-
-    Args:
-        value: as TOML has it.
-        part: name of a key, or index.
-    """
+    """Whether a value is a table with this key, or an array with this index."""
     if isinstance(value, Mapping):
         return part in value
     return isinstance(value, list) and isinstance(part, int) and 0 <= part < len(value)
@@ -120,9 +113,7 @@ def read_bytes(path: Path, cited: Place, limit: int) -> bytes:
     """The bytes of a regular file or of standard input.
 
     Args:
-        path: "-" for standard input.
         cited: where its name stands, for messages.
-        limit: bytes, at most.
 
     Raises:
         InputError: no such file, no regular file, no permission, too large, or a name no file can have.
@@ -168,7 +159,6 @@ def read(path: Path, cited: Place | None = None) -> Source:
     """The TOML document of a file.
 
     Args:
-        path: the file.
         cited: where its name is written, for faults of the file as a whole; the file itself if None.
 
     Raises:

@@ -103,7 +103,6 @@ class Reading:
         """A number, or text with a unit, in SI.
 
         Args:
-            value: as the file has it.
             dimension: what is asked for; None for a parameter: plain numbers are lengths.
 
         Raises:
@@ -256,13 +255,7 @@ T = TypeVar("T", bound=Table)
 
 
 def checked(table: type[T], source: Source, reading: Reading) -> tuple[T | None, list[Fault]]:
-    """The contents of a file as `table`, or all its faults.
-
-    Args:
-        table: the class of the whole file.
-        source: the document.
-        reading: what its numbers mean.
-    """
+    """The contents of a file as `table`, or all its faults."""
     try:
         return table.model_validate(_tuples(source.data), context=reading), []
     except ValidationError as error:

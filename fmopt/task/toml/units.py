@@ -39,7 +39,6 @@ class Dimension:
         """The dimension of a product (sign 1) or quotient (sign −1).
 
         Args:
-            other: the second factor, or the divisor.
             sign: 1 or −1.
         """
         return Dimension(
@@ -165,7 +164,6 @@ def evaluate(text: str, names: Mapping[str, Quantity] | None = None) -> Quantity
     numbers, `"2 * (width + 0.1 mm)"`, where a number carries at most one unit. Nothing else is understood.
 
     Args:
-        text: as people write it.
         names: quantities that it may use; a lone number with its unit if None.
 
     Raises:
@@ -328,7 +326,6 @@ def did_you_mean(name: str, choices: Mapping[str, object] | list[str]) -> str:
     """`did you mean "…"?` for the nearest of `choices`, or nothing.
 
     Args:
-        name: what was written.
         choices: what may be written.
     """
     near = get_close_matches(name, [str(choice) for choice in choices], n=1, cutoff=0.6)

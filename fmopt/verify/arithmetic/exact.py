@@ -66,12 +66,7 @@ def one_way(u: Sequence[int], v: Sequence[int]) -> bool:
 
 
 def level(normal: Sequence[int], p: Point) -> Level:
-    """The plane across a direction through a point.
-
-    Args:
-        normal: of any length, towards the front.
-        p: on the plane.
-    """
+    """The plane across a direction through a point."""
     a, b, c = normal[0], normal[1], normal[2]
     w = p[3]
     # Times w > 0, so that the front stays the front.
@@ -91,7 +86,6 @@ def height(plane: Level, p: Point) -> int:
 
     Args:
         plane: not of unit normal, so that only the sign says anything.
-        p: any point.
     """
     return plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] - plane[3] * p[3]
 
@@ -143,10 +137,6 @@ def balanced(a: int, b: int, c: int, p: tuple[int, int], q: tuple[int, int]) -> 
 
     With s = a √p + b √q it has to be −c √(p q): of the other sign than c, and of the same square. The squares are
     equal when 2 a b √(p q) = c² p q − a² p − b² q, which again is a matter of signs and squares.
-
-    Args:
-        a, b, c: of either sign.
-        p, q: positive fractions, numerator and denominator.
     """
     (u, v), (x, y) = p, q
     # Over the common denominator v y: p = u y / (v y), q = x v / (v y), p q = u x / (v y).

@@ -84,7 +84,6 @@ def area(points: Sequence[Point], loops: Loops) -> Point:
     """Twice the area that loops enclose, along its normal (Newell).
 
     Args:
-        points: of which the loops name some.
         loops: the outer one counter-clockwise as seen from where the area points.
     """
     x = y = z = 0
@@ -103,7 +102,6 @@ def height(h: HalfSpace, p: Point) -> int:
 
     Args:
         h: its normal has any length, so that only the sign says anything.
-        p: a point of the lattice.
     """
     return h[0] * p[0] + h[1] * p[1] + h[2] * p[2] - h[3]
 
@@ -121,7 +119,6 @@ def elevations(h: HalfSpace, points: Sequence[Place]) -> list[int]:
     """The elevation of each of some places.
 
     Args:
-        h: as for `elevation`.
         points: in any order.
     """
     a, b, c, d = h
@@ -133,7 +130,6 @@ def common(points: Sequence[Place], spaces: Sequence[HalfSpace]) -> bool:
 
     Args:
         points: in one plane, in order around their hull.
-        spaces: of which the point is to be in all, boundaries included.
     """
     crossing = []
     for space in spaces:
@@ -176,7 +172,6 @@ def cross_or_touch(p: Flat, q: Flat, a: Flat, b: Flat) -> bool:
 
     Args:
         p, q: ends of the one, which may be one point.
-        a, b: ends of the other.
     """
     if max(p[0], q[0]) < min(a[0], b[0]) or max(a[0], b[0]) < min(p[0], q[0]):
         return False
@@ -204,7 +199,6 @@ def seen_along(axis: int, p: Point) -> Flat:
 
     Args:
         axis: 0, 1 or 2, the one left out.
-        p: a point of the lattice.
     """
     return (p[(axis + 1) % 3], p[(axis + 2) % 3])
 
@@ -215,13 +209,7 @@ def steepest(n: Sequence[int]) -> int:
 
 
 def meets(p: Point, q: Point, corners: Corners, plane: HalfSpace) -> bool:
-    """Whether the segment p q has a point in a triangle that has an area.
-
-    Args:
-        p, q: ends.
-        corners: of the triangle.
-        plane: of the triangle.
-    """
+    """Whether the segment p q has a point in a triangle that has an area."""
     h, g = height(plane, p), height(plane, q)
     if (h > 0 and g > 0) or (h < 0 and g < 0):
         return False

@@ -71,7 +71,6 @@ def over(a: int, b: int) -> int:
     """The quotient, rounded down.
 
     Args:
-        a: of either sign.
         b: not 0.
     """
     return (a << BITS) // b
@@ -201,12 +200,7 @@ def row_dot(g: Row, n: Row) -> int:
 
 
 def spread(generators: Sequence[Row], n: Row) -> int:
-    """Σ|g·n| over generators, rounded up.
-
-    Args:
-        generators: g.
-        n: six numbers.
-    """
+    """Σ|g·n| over generators, rounded up."""
     # One shift for all: what it cuts off the sum is less than the unit that is added.
     a, b, c, d, e, f = n
     total = 0
@@ -216,12 +210,7 @@ def spread(generators: Sequence[Row], n: Row) -> int:
 
 
 def width(Q: Square, n: Row) -> int:
-    """√(nᵀ Q n) of a symmetric Q, rounded up by at most √BLUR; what is below its diagonal counts by what is above.
-
-    Args:
-        Q: on and above its diagonal, positive semidefinite but for `BLUR`.
-        n: six numbers.
-    """
+    """√(nᵀ Q n) of a symmetric Q, rounded up by at most √BLUR; what is below its diagonal counts by what is above."""
     a, b, c, d, e, f = n
     (aa, ab, ac, ad, ae, af), (_, bb, bc, bd, be, bf), (_, _, cc, cd, ce, cf) = Q[0], Q[1], Q[2]
     dd, de, df, ee, ef, ff = Q[3][3], Q[3][4], Q[3][5], Q[4][4], Q[4][5], Q[5][5]

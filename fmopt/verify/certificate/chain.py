@@ -99,12 +99,7 @@ class Stage:
 
 
 class Chain:
-    """Follows a plan segment by segment.
-
-    Args:
-        plan: the plan.
-        assembly: its parts and contacts.
-    """
+    """Follows a plan segment by segment."""
 
     def __init__(self, plan: Plan, assembly: Assembly) -> None:
         self.plan = plan
@@ -117,10 +112,6 @@ class Chain:
 
     def follow(self, segment: Segment, notes: Notes) -> Stage:
         """Derives a segment from the one before it.
-
-        Args:
-            segment: the next one.
-            notes: what is found on the way is added.
 
         Raises:
             Broken: the segment does not fit to the one before it.
@@ -379,7 +370,6 @@ def check_fit(legs: Sequence[Leg], notes: Notes) -> None:
 
     Args:
         legs: the pieces of one move that makes a contact, in order.
-        notes: takes the finding.
     """
     if any(leg.directions != legs[0].directions for leg in legs):
         notes.add("pieces of the move", "do not give way along the same directions")

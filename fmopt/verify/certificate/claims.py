@@ -60,8 +60,6 @@ def check_segment(assembly: Assembly, stage: Stage, notes: Notes) -> Outcome:
     """Compares every stated number of a segment with the derived one.
 
     Args:
-        assembly: parts and contacts.
-        stage: the segment, derived.
         notes: takes what does not agree.
     """
     _tube(stage, notes)
@@ -225,7 +223,6 @@ def departure(motion: Motion, function: Function) -> int:
     """A lower bound, in fixed point, of how much a row grows along the piece; positive: on every execution it does.
 
     Args:
-        motion: the piece.
         function: of a contact given up, 0 at its start.
     """
     return _Growth(motion, function).least(1)
@@ -241,7 +238,6 @@ class _Growth:
     first order in the errors; what is left has closed bounds.
 
     Args:
-        motion: the piece.
         function: of the row N.
     """
 

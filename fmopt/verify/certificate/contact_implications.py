@@ -61,7 +61,6 @@ class Facts:
     """What a set of contacts, held exactly, implies.
 
     Args:
-        assembly: parts and contacts.
         held: the contacts; their bounds (that edges cross inside) are checked elsewhere.
         R: a nominal rotation while they are held; it only tells the two sides of a flush face apart.
     """
@@ -237,7 +236,6 @@ class Facts:
         """Whether two body points are known to be equally high over a wall.
 
         Args:
-            plane: a wall.
             v, w: body points, m.
         """
         key = len(self.turns), plane, v, w  # what is open may be decided when more turns are known
@@ -277,7 +275,6 @@ class Facts:
 
         Args:
             v, w: vertices of the moving part, m.
-            base: through vertices of the fixed part.
         """
         d = self.assembly.way(w, v)
         if not any(d):
@@ -352,7 +349,6 @@ class Facts:
         them.
 
         Args:
-            wall_plane: a fixed plane.
             vertices: body points asked for, m.
             above: body points known not to be below the wall, m.
         """

@@ -111,20 +111,13 @@ class Known:
         """Whether a contact keeps the ball about a body point on a plane, or from crossing it.
 
         Args:
-            assembly: the parts.
             centre: body point, m.
-            plane: of a face of the fixed part.
         """
         balls = (t for t in self.all if t.kind == "ball-face" and t.moving[0] == centre)
         return any(assembly.agree(t.faces[0], plane) for t in balls)
 
     def above(self, assembly: Assembly, plane: Plane) -> list[Vector]:
-        """Body points that contacts not yet made, or given up, keep from crossing a plane, or that lay flat there.
-
-        Args:
-            assembly: the parts.
-            plane: of a face of the fixed part.
-        """
+        """Body points that contacts not yet made, or given up, keep from crossing a plane, or that lay flat there."""
         points = [t.moving[0] for t in self.beside if t.kind == "vertex-face" and assembly.agree(t.faces[0], plane)]
         if self.hinge is not None and assembly.agree(self.hinge[0], plane):
             points.append(self.hinge[2])
@@ -143,15 +136,7 @@ def _crossed(assembly: Assembly, held: Sequence[Touch]) -> Iterator[LevelRim]:
 def edge_rows(
     assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known
 ) -> tuple[list[Function], int]:
-    """The rows of a plane along an edge of each of two pieces that contacts do not settle, and what scales them.
-
-    Args:
-        assembly: parts and contacts.
-        M, F: the moving and the fixed piece.
-        witness: the edges.
-        motion: of the piece of motion.
-        known: what contacts say during it.
-    """
+    """The rows of a plane along an edge of each of two pieces that contacts do not settle, and what scales them."""
     own, other = [M.vertices[i] for i in witness.moving], [F.vertices[i] for i in witness.fixed]
     moving, base = _lines(known, own, other)
     anchors = list(_anchors(assembly, known, moving, base))
@@ -252,15 +237,7 @@ def _fixed_rows(
     edges: tuple[Line, Line],
     turned: Iterator[tuple[Vector, Plane, Plane]],
 ) -> Iterator[Function]:
-    """The rows of a fixed piece under a plane along its edge and a moving one.
-
-    Args:
-        assembly: parts and contacts.
-        F: the piece.
-        motion: of the piece of motion.
-        edges: the moving and the fixed one.
-        turned: points in the plane, as `_turned_onto` finds them.
-    """
+    """The rows of a fixed piece under a plane along its edge and a moving one."""
     moving, base = edges
     # Vertices on the fixed edge are on the plane by its construction.
     below = {k for k, w in enumerate(F.vertices) if near(base.away(w))}
@@ -360,9 +337,6 @@ def _turned_onto(
     the plane, and so is one parallel to it under another rim that is level with the plane.
 
     Args:
-        assembly: parts and contacts.
-        known: what contacts say.
-        base: the rim, which is in the plane.
         lies: whether a body point is known to be in the plane.
     """
     for touch in known.all:

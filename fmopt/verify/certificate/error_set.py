@@ -152,7 +152,6 @@ class Linkage:
 
         Args:
             travel: of the reference point, m.
-            turn: of the part, over the piece.
             count: of generators; those behind the linked ones do not move.
         """
         after = self.turned(turn).hand
@@ -269,12 +268,7 @@ def seen(n: Row, A: Square) -> Row:
 
 
 def congruent(A: Square, Q: Square) -> Square:
-    """A Q Aᵀ for a symmetric Q.
-
-    Args:
-        A: any.
-        Q: symmetric.
-    """
+    """A Q Aᵀ for a symmetric Q."""
     if Q == NOTHING:
         return NOTHING
     half = flipped(square_of([image(A, q) for q in Q]))
@@ -309,7 +303,6 @@ def dual(directions: tuple[Row, ...], rows: tuple[Row, ...]) -> tuple[tuple[Row,
     Where a piece of motion starts, they are those of the end of the piece before.
 
     Args:
-        directions: C, as many as rows.
         rows: N, of the contacts held.
 
     Raises:
@@ -329,7 +322,6 @@ def complement(columns: Sequence[Row], rows: Sequence[Row]) -> Square:
 
     Args:
         columns: cᵢ; none give the identity.
-        rows: nᵢ, one for each column.
     """
     if not columns:
         return diagonal([ONE] * 6)
@@ -341,13 +333,7 @@ def complement(columns: Sequence[Row], rows: Sequence[Row]) -> Square:
 
 
 def without(A: Square, column: Row, row: Row) -> Square:
-    """A − c nᵀ.
-
-    Args:
-        A: any.
-        column: c.
-        row: n.
-    """
+    """A − c nᵀ."""
     return square_of(
         [[x - ((c * n) >> BITS) for x, n in zip(r, row, strict=True)] for r, c in zip(A, column, strict=True)]
     )
@@ -377,7 +363,6 @@ def outer_sum(Q1: Square, Q2: Square, weights: Row) -> Square:
 
     Args:
         Q1, Q2: symmetric, positive semidefinite but for `BLUR`.
-        weights: diagonal of the metric, for the traces.
     """
     # The sum with a point is the other summand itself, without the factors.
     if Q1 == NOTHING or Q2 == NOTHING:

@@ -55,10 +55,6 @@ def facet_margin(assembly: Assembly, touch: Touch, together: Sequence[Touch], mo
     """How far a contact stays from the boundary of its facet, m.
 
     Args:
-        assembly: parts and contacts.
-        touch: the contact.
-        together: all contacts held with it.
-        motion: the piece of motion.
         held: whether the contact is held along the piece; else it has just been made at the piece's end.
     """
     way = _Way(motion, held)
@@ -255,9 +251,6 @@ def _within(assembly: Assembly, touch: Touch, crossing: _Crossing, sides: int, w
     """How far a crossing stays from the ends of the fixed edge, `sides` at most.
 
     Args:
-        assembly: parts and contacts.
-        touch: the contact.
-        crossing: of its moving edge with a wall along the fixed edge.
         sides: how far the moving edge's ends stay on their sides of the wall; `UNBOUNDED` where the edge lies in one.
         way: where the contact is held.
     """

@@ -70,7 +70,6 @@ def levers(piece: Tied, room: Callable[[PointAbove], int]) -> list[int]:
     """By how many Δ the functions of the contacts held, and of the one that is made at the end, may be off zero.
 
     Args:
-        piece: the piece of motion.
         room: how high a real point is over a fixed plane at least, m.
 
     Raises:
@@ -170,13 +169,7 @@ class _Known(NamedTuple):
         return self.room(PointAbove(plane, v, self.assembly.reach(v)))
 
     def instead(self, other: Touch, made: Function, found: Sequence[int]) -> int:
-        """That of the contact being made where another one touches first.
-
-        Args:
-            other: the other one.
-            made: the function of the contact being made.
-            found: levers of those held, and of the one being made.
-        """
+        """That of the contact being made where another one touches first."""
         piece, goal = self.piece, self.task.goal
         row = self.assembly.function(other, ()).at(goal)
         if -row_dot(row.N, piece.motion) <= piece.rate // _ALONGSIDE:
@@ -261,12 +254,6 @@ def together(rows: Sequence[Distance], shares: Sequence[int], off: Sequence[int]
 
     Beyond that a row is ½ε·G ε + ε·(β × M e), G = w uᵀ + β yᵀ made symmetric less its trace, and no more than |ε|³/6
     times its size and |ε|²|M e|/2 of third order. In the sum of all G what rows have in common cancels.
-
-    Args:
-        rows: at the goal.
-        shares: of each.
-        off: what each is off by besides, at most.
-        extent: of the piece and its errors.
     """
     axes, found, a = range(3), 0, extent.theta
     G, mixed = [[0] * 3 for _ in axes], [[0] * 3 for _ in axes]

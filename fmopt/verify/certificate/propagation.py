@@ -75,8 +75,6 @@ class Motion:
     """A piece of motion with everything that rows need.
 
     Args:
-        assembly: parts and contacts.
-        task: the piece.
         errors: error set at its start; `thick` is the old thickness, which does not count inside the piece.
 
     Attributes:

@@ -39,13 +39,6 @@ class Apart:
 def apart(assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known) -> Apart:
     """Margin and clearance of a witness over a piece of motion.
 
-    Args:
-        assembly: the parts.
-        M, F: the moving and the fixed piece.
-        witness: what the plan says keeps them apart.
-        motion: the piece of motion.
-        known: what the contacts held, made and given up say.
-
     Raises:
         WitnessError: see there.
     """
@@ -71,10 +64,6 @@ def least(motion: Motion, functions: Sequence[Function]) -> tuple[int, tuple[Dis
     """The least certified bound of functions, with the row of the one that has it.
 
     Those that the errors' box keeps far away are not looked at closely.
-
-    Args:
-        motion: the piece.
-        functions: one or more.
     """
     # The quick bounds are not above the exact ones, so that in their order the search can stop.
     quick = sorted([(motion.far(function), k) for k, function in enumerate(functions)])

@@ -43,11 +43,8 @@ class Drive(NamedTuple):
     """What a segment drives against what at its end.
 
     Args:
-        held: held contacts that touch at the goal.
-        made: contacts that end the move.
         twist: V (6,), the unit twist of the motion.
         along: scaled unit wrench (6,) along the motion; zero where all of it is stopped.
-        rows: orthonormal rows that span the scaled wrenches of the held contacts.
         scale: factors (6,) that make twists comparable.
     """
 
@@ -68,11 +65,8 @@ def check_jam_free(hybrid: Hybrid, drive: Drive, goal: Numbers, asked: Specifica
     """Judges what a strategy says of the directions in which its wrench may turn.
 
     Args:
-        hybrid: the strategy.
-        drive: what it drives.
         goal: pose (6,) of the segment's end.
         asked: friction, and the push where none does.
-        notes: takes what is wrong.
     """
     stated, held, along, scale = hybrid.jam_free, drive.held, drive.along, drive.scale
     if stated is None:
@@ -130,13 +124,7 @@ def _range(
 
 
 def _turned(a: Numbers, direction: Numbers, powers: Sequence[tuple[float, Numbers]]) -> tuple[float, float]:
-    """How far the unit wrench a turns from and to a direction while one of the twists keeps power on it, rad.
-
-    Args:
-        a: the wrench.
-        direction: the direction.
-        powers: twists that have power on the wrench, each after that power.
-    """
+    """How far the unit wrench a turns from and to a direction while one of the twists keeps power on it, rad."""
     part = dot(a, direction)
     d = [x - part * y for x, y in zip(direction, a, strict=True)]
     size = math.hypot(*d)
@@ -164,14 +152,7 @@ def _directions(hybrid: Hybrid, along: Numbers, scale: Numbers, goal: Numbers) -
 
 
 def check_stays(hybrid: Hybrid, drive: Drive, asked: Specification, notes: Notes) -> None:
-    """Judges what a strategy says its held contacts stay closed under.
-
-    Args:
-        hybrid: the strategy.
-        drive: what it drives.
-        asked: contact force and threshold.
-        notes: takes what is wrong.
-    """
+    """Judges what a strategy says its held contacts stay closed under."""
     held, made, V, _, rows, scale = drive
     if hybrid.stays == "none" or not held or (not made and hybrid.stays == "push"):
         return
@@ -198,7 +179,6 @@ def residual(columns: Sequence[Sequence[float]], wanted: Sequence[float]) -> flo
 
     Args:
         columns: c, of one size; none leave |d|.
-        wanted: d.
     """
     chosen: list[int] = []
     x = [0.0] * len(columns)

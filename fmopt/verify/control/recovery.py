@@ -54,13 +54,7 @@ class _Lift(NamedTuple):
 
 
 def check_recovery(plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None:
-    """Judges the recovery that a plan offers; a plan without any is not judged.
-
-    Args:
-        plan: the plan.
-        parts: its moving and its fixed part.
-        notes: takes what is wrong.
-    """
+    """Judges the recovery that a plan offers; a plan without any is not judged."""
     recovery = plan.recovery
     if recovery is None:
         return
@@ -135,7 +129,6 @@ def lowest(shape: Shape, segment: Segment, rho: float) -> int:
 
     Args:
         shape: the moving part.
-        segment: of the plan.
         rho: of the metric of its greatest travel, m.
     """
     start, goal = pose(segment.start), pose(segment.goal)

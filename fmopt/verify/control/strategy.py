@@ -59,12 +59,7 @@ def check_strategy(
     """Judges the strategy of a segment.
 
     Args:
-        assembly: parts and contacts.
-        stage: the segment, derived.
         rho: characteristic length, m.
-        error: shares of velocity error in translation and in rotation.
-        asked: forces and speeds of the specification.
-        notes: takes what is wrong.
     """
     hybrid = stage.segment.hybrid
     held = _listed(assembly, stage, "normal_forces", [name for name, _ in hybrid.pressed], stage.state, notes)
@@ -226,12 +221,7 @@ def _rest(vector: Numbers, rows: Sequence[Numbers]) -> Numbers:
 
 
 def allowed_speed(hybrid: Hybrid, asked: Specification) -> float:
-    """The speed (m/s) that a strategy has to state, from the normal speed that it states for a unit twist.
-
-    Args:
-        hybrid: what the segment says of its strategy.
-        asked: specification of the plan.
-    """
+    """The speed (m/s) that a strategy has to state, from the normal speed that it states for a unit twist."""
     if hybrid.impact is None or asked.impact is None:
         return asked.speed
     limit, mass, stiffness = asked.impact
@@ -243,10 +233,8 @@ class Arrival(NamedTuple):
     """How a part comes to the end of a segment.
 
     Args:
-        goal: pose of the part there.
         twist: V (6,), a unit twist.
         theta: by how much the part may be turned from there, rad.
-        error: shares of velocity error in translation and in rotation.
         rho: characteristic length, m.
     """
 
@@ -263,11 +251,7 @@ def check_impact(
     """Judges what a strategy says of the impact that ends its move.
 
     Args:
-        hybrid: the strategy.
         touches: contacts that may end the move.
-        arrival: how the part comes to them.
-        asked: the impact that is allowed.
-        notes: takes what is wrong.
     """
     if asked.impact is None or not touches:
         if hybrid.impact is not None:

@@ -213,7 +213,6 @@ class Assembly(Incidence):
 
         Args:
             touch: an edge against an edge; any other has none.
-            together: contacts held with it.
         """
         if touch.kind != "edge-edge":
             return None
@@ -267,10 +266,6 @@ class Assembly(Incidence):
 
         A vertex that reaches a wall while its edge is held on a rim of that wall is as high over it as the edge rises
         from the crossing to the vertex: a part, in (0, 1), of the rise of the whole edge, which its direction tells.
-
-        Args:
-            touch: the contact to be made.
-            held: contacts held until then.
         """
         if touch.kind == "vertex-face":
             for other in held:
@@ -282,12 +277,7 @@ class Assembly(Incidence):
         return self.function(touch, held)
 
     def function(self, touch: Touch, together: Sequence[Touch]) -> Function:
-        """The function of a contact as an equality: zero exactly while it is held, positive before it is made.
-
-        Args:
-            touch: a contact.
-            together: all that are held at once, which make it redundant in places.
-        """
+        """The function of a contact as an equality: zero exactly while it is held, positive before it is made."""
         # In their order: of those before it a contact may be level.
         key = (touch.id, *(t.id for t in together))
         found = self._found.functions.get(key)
@@ -316,7 +306,6 @@ def over_balls(plane: Plane, radius: int) -> Plane:
     """The plane in front of which a ball's centre is where the ball is in front of a plane.
 
     Args:
-        plane: for surfaces.
         radius: m.
     """
     return Plane(plane.normal, plane.offset + radius)
@@ -339,8 +328,6 @@ def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plan
     zeros: the edge's line in the wall. None when there is no such wall.
 
     Args:
-        assembly: the parts.
-        touch: an edge against an edge.
         held: contacts held together with it, itself among them or not.
     """
     for face in touch.faces:
@@ -354,14 +341,7 @@ def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plan
 
 
 def other_rim(assembly: Assembly, touch: Touch, other: Touch, wall: Plane) -> bool:
-    """Whether another contact has the same moving edge against another rim of the wall.
-
-    Args:
-        assembly: the parts.
-        touch: an edge against an edge.
-        other: any contact.
-        wall: a fixed plane.
-    """
+    """Whether another contact has the same moving edge against another rim of the wall."""
     return (
         other.kind == "edge-edge"
         and set(other.indices[0]) == set(touch.indices[0])

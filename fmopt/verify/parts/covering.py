@@ -62,7 +62,6 @@ def uncovered(part: Shape, pieces: Sequence[Shape]) -> Iterator[str]:
     """What keeps the faces of a part from being the surface of a solid, and its pieces from being that solid.
 
     Args:
-        part: its faces, holes and balls.
         pieces: convex; together they are to be the part.
     """
     size = sum(len(shape.vertices) + len(shape.faces) for shape in (part, *pieces))
@@ -226,11 +225,7 @@ def opposite(space: HalfSpace) -> HalfSpace:
 
 
 def meeting(p: HalfSpace, q: HalfSpace, r: HalfSpace) -> Place:
-    """The place where three planes meet.
-
-    Args:
-        p, q, r: no two parallel, nor all along one line.
-    """
+    """The place where three planes meet."""
     a, b, c, d = p
     e, f, g, h = q
     i, j, k, l = r

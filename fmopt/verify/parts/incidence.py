@@ -83,9 +83,6 @@ class _Seen:
 class Incidence:
     """The parts and their pieces, and which of their points, lines and planes are the same.
 
-    Args:
-        moving, fixed: as the plan states them.
-
     Attributes:
         moving, fixed: surfaces of the parts.
         moving_pieces, fixed_pieces: convex pieces, the balls of the moving part the last of them.
@@ -112,11 +109,7 @@ class Incidence:
             yield "parts and pieces deviate from what is proved of them by more than the touch tolerance"
 
     def agree(self, a: Plane, b: Plane) -> bool:
-        """Whether two planes of faces of the parts are one, seen from the same side.
-
-        Args:
-            a, b: of faces of parts or pieces.
-        """
+        """Whether two planes of faces of the parts are one, seen from the same side."""
         exact = self._levels.get(a)
         return exact is not None and exact == self._levels.get(b)
 
@@ -138,8 +131,6 @@ class Incidence:
         the plane is then asked of the part's, and the piece is behind that moved out to its farthest vertex.
 
         Args:
-            part: the whole.
-            piece: one of its convex pieces.
             face: index of the piece's.
         """
         known = self._seen.backs
@@ -197,12 +188,7 @@ class Incidence:
         return way(self.point(v), self.point(w))
 
     def holds(self, l: Line, v: Vector) -> bool:
-        """Whether a vertex lies on the line of two others.
-
-        Args:
-            l: through two vertices.
-            v: a vertex.
-        """
+        """Whether a vertex lies on the line of two others."""
         found = self._seen.holds.get((l, v))
         if found is None:
             found = parallel(self.way(l.point, l.far), self.way(l.point, v))
@@ -214,12 +200,7 @@ class Incidence:
         return self.holds(l, other.point) and self.holds(l, other.far)
 
     def spanned(self, l: Line, v: Vector) -> Flush | None:
-        """The plane through a line and a vertex; None where the vertex is too near the line.
-
-        Args:
-            l: through two vertices.
-            v: a vertex of the same part.
-        """
+        """The plane through a line and a vertex; None where the vertex is too near the line."""
         found = self._seen.spans
         if (l, v) not in found:
             found[l, v] = self._spanned(l, v)
@@ -280,7 +261,6 @@ def image_of(one: Turn, two: Turn, w: Vector) -> Vector:
     """R w from two directions that R turns.
 
     Args:
-        one, two: `steep` to each other.
         w: of the body, m.
     """
     axis, turned_axis = cross(one.body, two.body), cross(one.world, two.world)
@@ -299,7 +279,6 @@ def cancel(one: Turn, two: Turn, normal: Vector, d: Vector) -> bool:
     With R nᵢ = kᵢ mᵢ, kᵢ² = |nᵢ|²/|mᵢ|², it is when α k₁ (normal·m₁) + β k₂ (normal·m₂) + γ k₁ k₂ (normal·m₁ × m₂) = 0.
 
     Args:
-        one, two: `steep` to each other.
         normal: of the world, integers.
         d: of the body, integers.
     """
@@ -334,7 +313,6 @@ def directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector 
     Args:
         normal: unit normal of the plane.
         w: unit vector.
-        cosine: of the angle to w.
         nominal: unit vector, which tells the two solutions apart.
     """
     axis = cross(normal, w)
@@ -363,10 +341,8 @@ def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector, nominal: M
 
     Args:
         normal: of the wall, integers.
-        turn: of the body.
         edge: of the body, integers.
         there: where the edge points about, to choose one of two.
-        nominal: rotation of the part.
     """
     m = turn.onto
     if m is None:

@@ -41,12 +41,7 @@ class Contact(NamedTuple):
 
 
 def unit_wrench(touch: Touch, X: Pose) -> Contact:
-    """The contact with its wrench at a pose.
-
-    Args:
-        touch: a contact of the parts.
-        X: pose of the moving part.
-    """
+    """The contact with its wrench at a pose."""
     centre: Numbers | None = None
     # Doubles are enough here: forces are judged with margins far above rounding, unlike distances.
     if touch.kind == "edge-edge":
@@ -79,13 +74,7 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
 
 
 def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
-    """How far the touching point lies inside both features (m), negative outside; for level edges minus 1 m.
-
-    Args:
-        assembly: the parts.
-        touch: a contact of them.
-        X: pose of the moving part.
-    """
+    """How far the touching point lies inside both features (m), negative outside; for level edges minus 1 m."""
     if touch.kind in ("vertex-face", "ball-face"):
         return _inside(assembly.fixed, touch.face, _placed(touch.moving[0], X))
     if touch.kind == "face-vertex":
@@ -142,11 +131,7 @@ def _sub(a: Numbers, b: Numbers) -> Numbers:
 
 
 def dot(a: Sequence[float], b: Sequence[float]) -> float:
-    """a·b of vectors of one size in doubles, rounded once.
-
-    Args:
-        a, b: as many numbers each.
-    """
+    """a·b of vectors of one size in doubles, rounded once."""
     if len(a) != len(b):
         raise ValueError(f"vectors of {len(a)} and {len(b)} numbers have no product")
     return math.fsum(map(mul, a, b))

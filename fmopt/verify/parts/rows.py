@@ -291,11 +291,7 @@ class Extent:
 
 
 def size(start: Distance, goal: Distance) -> int:
-    """The larger |u||k| + |M p + s| of both ends.
-
-    Args:
-        start, goal: a row at both ends of a piece of motion.
-    """
+    """The larger |u||k| + |M p + s| of both ends."""
     found = max(start.reach, goal.reach)
     if start.bend is not None and goal.bend is not None:
         found += max(length(start.bend.arm), length(goal.bend.arm))
@@ -308,10 +304,6 @@ def remainder(start: Distance, goal: Distance, extent: Extent) -> int:
     A turn by ε adds ε × w and what is left of it, −∫(1 − t)(ε × exp(−tε)u)·(ε × w) dt for u·w: no more than
     |ε × u||ε × w|/2. The nominal arc is off its chord by |τ × u||τ × w|/8 at most, and the gradient's turn, weighted
     2s(1 − s) ≤ 1/2 between the ends, leaves |ε × u||τ × w|/2.
-
-    Args:
-        start, goal: a row at both ends of a piece of motion.
-        extent: of the piece and its errors.
     """
     if start.bend is not None and goal.bend is not None:
         # Both bounds hold; for large errors the quick one may be the smaller.
@@ -324,9 +316,6 @@ def coarse(start: Distance, goal: Distance, extent: Extent) -> int:
     """A quick bound of what a row differs by from its linear part, never less than `remainder`.
 
     κ (|u||k| + |M p + s|) with κ of `Extent`, and θD + τΔ/4 + τD/2 + Δθ/2 of a bilinear row, |M e| ≤ D.
-
-    Args:
-        start, goal, extent: as for `remainder`.
     """
     found = times(extent.kappa, size(start, goal)) + 9
     if start.bend is not None:

@@ -214,7 +214,6 @@ class Shape:
         """The edges of a loop of a face, each with the plane across the face that has the face in front of it.
 
         Args:
-            face: index.
             loop: one of that face's.
         """
         planes = []
@@ -311,8 +310,6 @@ def _before(depths: Sequence[int], behind: Sequence[set[int]], order: Sequence[i
     """The edges that bound a convex part around a point this far before each, None where others cut through it.
 
     Args:
-        depths: how far the point is before the line of each edge.
-        behind: which edges are behind the line of each.
         order: in which they are taken.
     """
     chosen: list[int] = []

@@ -266,13 +266,7 @@ def _determinant(a: Point, b: Point, c: Point) -> int:
 
 
 def crossed(flat: Mapping[int, Flat], loops: Sequence[Loop], work: Work) -> bool:
-    """Whether loops cross, touch or run back along themselves or one another.
-
-    Args:
-        flat: places of the vertices in the plane of the face.
-        loops: of one face.
-        work: spent on it.
-    """
+    """Whether loops cross, touch or run back along themselves or one another."""
     edges = [(loop[k - 1], i) for loop in loops for k, i in enumerate(loop)]
     work.spend(len(edges) * len(edges) // 8)
     if len({i for i, _ in edges}) != len(edges):
@@ -299,11 +293,6 @@ def triangulated(flat: Mapping[int, Flat], loops: Sequence[Loop], work: Work) ->
 
     Of loops that neither cross nor touch they fill the polygon once: the number of triangles over a point is then how
     often the loops run around it, outside nothing, inside once, and in a loop that is no hole less than nothing.
-
-    Args:
-        flat: points by index.
-        loops: the outline counter-clockwise, then holes clockwise.
-        work: counts the steps.
     """
     outline = loops[0]
     if len(loops) == 1:

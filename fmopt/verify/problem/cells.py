@@ -37,7 +37,6 @@ def cell_of(corners: Sequence[Vector], faces: Sequence[Sequence[int]]) -> Cell:
 
     Args:
         corners: in fixed point, m.
-        faces: loops of indices, counter-clockwise seen from outside.
     """
     used = {index: k for k, index in enumerate(dict.fromkeys(index for face in faces for index in face))}
     points = tuple(corners[index] for index in used)
@@ -59,12 +58,7 @@ def box_cell(low: Vector, high: Vector) -> Cell:
 
 
 def plane_of(loop: Sequence[Vector], inside: Vector) -> Plane | None:
-    """The plane of a loop of points, with a point behind it; None where the loop encloses nothing.
-
-    Args:
-        loop: in one plane.
-        inside: a point that is to be behind it, whichever way the loop runs.
-    """
+    """The plane of a loop of points, with a point behind it; None where the loop encloses nothing."""
     a = b = c = 0
     first = loop[0]
     for one, two in pairwise(loop[1:]):
@@ -98,12 +92,7 @@ def is_before(found: Sequence[int]) -> bool:
 
 
 def cut(cell: Cell, plane: Plane) -> tuple[Cell | None, Cell | None]:
-    """What of a cell is behind a plane, and what is before it.
-
-    Args:
-        cell: with corners in fixed point.
-        plane: keeps what is behind it.
-    """
+    """What of a cell is behind a plane, and what is before it."""
     found = heights(cell, plane)
     if is_behind(found):
         return cell, None

@@ -43,10 +43,6 @@ class Held:
 def differences(plan: Plan, path: Path) -> list[str]:
     """What a plan states otherwise than the problem of a file, in words with place and both values; none if they agree.
 
-    Args:
-        plan: as it was read.
-        path: of the problem file.
-
     Raises:
         ProblemError: the problem or one of its files cannot be read.
     """
@@ -57,8 +53,6 @@ def held(plan: Plan, path: Path, data: Mapping[str, Any] | None = None, reader: 
     """A plan held against the problem of a file.
 
     Args:
-        plan: of a form that the check accepts.
-        path: the problem file.
         data: what it holds, where that is something else by now.
         reader: the planner's reading of the parts, for files that the check cannot read; None to leave those out.
 
@@ -214,8 +208,6 @@ def half_diagonals(moving: Sequence[Body], fixed: Sequence[Body], depth: float) 
     Sections are taken at both ends and the middle of each stretch between levels of vertices.
 
     Args:
-        moving: the convex pieces of the part with the peg.
-        fixed: those of the part with the hole.
         depth: of the insertion, m.
     """
     # Heights in each part's own frame: z is 0 at the peg's leading face and at the hole's mouth.

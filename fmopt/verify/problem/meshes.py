@@ -29,7 +29,6 @@ def triangles(content: bytes, kind: str, per_metre: float) -> list[Triangle]:
     """The triangles of a mesh file, m.
 
     Args:
-        content: of the file.
         kind: its suffix, "stl", "obj", "ply", "3mf" or "glb"; the last two become m.
         per_metre: how many units of its numbers are a metre.
 

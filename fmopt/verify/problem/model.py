@@ -89,10 +89,6 @@ class Model:
 def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
     """The model that a table of a problem names.
 
-    Args:
-        operand: of the problem: "moving" or "fixed".
-        overrides: of its parameters, by name.
-
     Raises:
         ProblemError: it cannot be read.
     """

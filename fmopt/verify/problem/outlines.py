@@ -57,11 +57,6 @@ def stack(table: Table) -> tuple[Convex, ...]:
 def simple(table: Table, key: str, items: Any) -> Outline:
     """The corners of a simple polygon, counter-clockwise, without those where it goes straight on.
 
-    Args:
-        table: in which it stands.
-        key: its place there, for messages.
-        items: as TOML has them.
-
     Raises:
         ProblemError: it is none.
     """

@@ -61,9 +61,6 @@ def part_beside_its_model(part: Part, problem: Problem, side: str, reader: Reade
     """A part of a plan held against its model.
 
     Args:
-        part: of the plan.
-        problem: the problem.
-        side: of the plan, "moving" or "fixed".
         reader: what the planner makes of files that the check cannot read, by side; None to leave them out.
 
     Raises:
@@ -224,10 +221,6 @@ def _chord(body: Body, mesh: Mesh) -> Chord:
 
 def _frames(solid: Solid, body: Body) -> Iterator[Frame]:
     """The frames in which three far corners of a part are corners of a solid, and none of the part lies out of reach.
-
-    Args:
-        solid: of the model.
-        body: of the plan.
 
     Raises:
         Unbounded: there are too many corners to try.

@@ -312,7 +312,6 @@ def load_problem(
     """The problem of a file, or of the data that is given in its place.
 
     Args:
-        path: the problem file.
         data: what it holds, where that is something else by now.
         found: how parts mate where the files do not say it, by side of the plan.
 

@@ -76,7 +76,6 @@ def scaled(number: float, factor: Fraction) -> float:
     """The number in units of so much, in SI: the float nearest to the product of the decimals.
 
     Args:
-        number: as it was written.
         factor: of its unit to SI, exactly.
 
     Raises:
@@ -94,7 +93,6 @@ def evaluate(text: str, names: Mapping[str, Quantity] | None) -> Quantity:
     """One number with its unit, `"0.5 N*m"`; or, where there are names, arithmetic on them, `"2 * (width + 1 mm)"`.
 
     Args:
-        text: as people write it.
         names: parameters by name; None where there are no expressions.
 
     Raises:

@@ -47,8 +47,6 @@ def shape(table: Table, kind: str, hollow: bool) -> Convex:
     """The convex solid that a table describes.
 
     Args:
-        table: with its sizes.
-        kind: which keys it has.
         hollow: whether it is taken away.
 
     Raises:
@@ -135,11 +133,6 @@ def _stack(levels: Sequence[tuple[Sequence[Flat], float]], *, turned: bool = Fal
 def corners_of(table: Table, key: str, items: object) -> list[Flat]:
     """The corners of a polygon as they are listed.
 
-    Args:
-        table: in which they stand.
-        key: their place there, for messages.
-        items: as TOML has them.
-
     Raises:
         ProblemError: it is none.
     """
@@ -151,9 +144,6 @@ def corners_of(table: Table, key: str, items: object) -> list[Flat]:
 
 def polygon_of(table: Table, key: str, items: object) -> list[Flat]:
     """The corners of a convex polygon, counter-clockwise.
-
-    Args:
-        table, key, items: as for `corners_of`.
 
     Raises:
         ProblemError: it is none.

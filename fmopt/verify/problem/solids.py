@@ -116,7 +116,6 @@ def tree_of(solid: Solid, at: Frame) -> Tree:
     """The set of a solid whose surroundings have this frame.
 
     Args:
-        solid: of a model.
         at: frame of its surroundings.
 
     Raises:

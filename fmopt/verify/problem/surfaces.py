@@ -63,7 +63,6 @@ def compared(mesh: Sequence[Triangle], body: Body) -> Surface:
 
     Args:
         mesh: in the frame of the part, m.
-        body: of the plan.
 
     Raises:
         Unbounded: both have very many faces.
@@ -133,11 +132,7 @@ def _fits(triangle: Triangle, normal: Point | None, faces: Sequence[_Face], span
 
 
 def fitting(mesh: Sequence[Triangle], body: Body) -> list[Triangle]:
-    """The mesh moved so that its corners lie as near the faces as they can be, by least squares of their heights.
-
-    Args:
-        mesh, body: as for `compared`, the mesh nearly in place.
-    """
+    """The mesh moved so that its corners lie as near the faces as they can be, by least squares of their heights."""
     faces, span = [_face(body, loops) for loops in body.faces], diameter(body)
     middle = [sum(axis) / len(body.vertices) for axis in zip(*body.vertices, strict=True)]
     rows = [[0.0] * 7 for _ in range(6)]
@@ -273,7 +268,6 @@ def seated(mesh: Sequence[Triangle], body: Body) -> Iterator[list[Triangle]]:
 
     Args:
         mesh: in a frame of its own, m.
-        body: of the plan.
 
     Raises:
         Unbounded: the mesh has too many corners to try.

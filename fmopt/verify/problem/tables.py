@@ -128,7 +128,6 @@ class Table:
         """The text under a key, one of the choices where there are any.
 
         Args:
-            key: of this table.
             choices: what it may be; anything up to 1000 characters if empty.
         """
         found = self.value(key)
@@ -149,9 +148,7 @@ class Table:
         """The number of corners under a key.
 
         Args:
-            key: of this table.
             default: where the key is missing.
-            most: at most.
         """
         found = self.data.get(key, default)
         if type(found) is not int or not 3 <= found <= most:  # bool is an int
@@ -159,12 +156,7 @@ class Table:
         return found
 
     def items(self, key: str, least: int, most: int) -> list[Any]:
-        """The entries of the array under a key.
-
-        Args:
-            key: of this table.
-            least, most: entries.
-        """
+        """The entries of the array under a key."""
         found = self.value(key)
         if not isinstance(found, list) or not least <= len(found) <= most:
             raise self.error(key, f"must be an array of {least} to {most} entries")
@@ -181,7 +173,6 @@ class Table:
         """The quantity under a key, in SI.
 
         Args:
-            key: of this table.
             kind: which it must be of.
             low, high: between which it must be, SI.
         """
@@ -194,19 +185,13 @@ class Table:
         return tuple(self._number(key, end, kind, low, high) for end in ends)
 
     def maybe(self, key: str, kind: Dimension, low: float = 0.0, high: float = FAR) -> float | None:
-        """The same, None where the key is missing.
-
-        Args:
-            key, kind, low, high: as for `number`.
-        """
+        """The same, None where the key is missing."""
         return self.number(key, kind, low, high) if key in self.data else None
 
     def vector(self, key: str, kind: Dimension = LENGTH, default: tuple[float, ...] | None = None) -> tuple[float, ...]:
         """Three quantities, lengths of either sign or the entries of a rotation vector.
 
         Args:
-            key: of this table.
-            kind: of each.
             default: where the key is missing; an error then if None.
         """
         if default is not None and key not in self.data:
@@ -222,9 +207,6 @@ class Table:
         """So many quantities.
 
         Args:
-            key: of this table, for messages.
-            items: as TOML has them.
-            kind: of each.
             count: how many there must be.
         """
         if not isinstance(items, list) or len(items) != count:
@@ -260,9 +242,7 @@ def parameters(model: Table, overrides: Mapping[str, Quantity], cited: Table) ->
     """The table of a model with its parameters bound, some of them as the problem gives them.
 
     Args:
-        model: the file as a whole.
         overrides: by name, in SI.
-        cited: the table of the problem that has them, for messages.
 
     Raises:
         ProblemError: a parameter that is no quantity, or an override of none or of another kind.
@@ -287,9 +267,7 @@ def read(path: Path, cited: Table | None, key: str) -> Table:
     """The TOML file at a path, named by `key` of the table `cited`; plain numbers have the units it says.
 
     Args:
-        path: of the file.
         cited: table that names it; None for the problem itself.
-        key: under which it does.
 
     Raises:
         ProblemError: no such file, too large, or no TOML.
@@ -304,10 +282,6 @@ def read(path: Path, cited: Table | None, key: str) -> Table:
 
 def with_units(path: Path, data: Mapping[str, Any]) -> Table:
     """The table of a file's data, whose plain numbers have the units that it says.
-
-    Args:
-        path: of the file, for messages.
-        data: as TOML has it.
 
     Raises:
         ProblemError: it is nested too deeply, or its units are none.
@@ -347,10 +321,7 @@ def read_bytes(path: Path, cited: Table | None, key: str, most: int) -> bytes:
     """The bytes of a regular file, or of standard input in place of the problem file.
 
     Args:
-        path: of the file.
         cited: table that names it; None for the problem itself, which may be standard input.
-        key: under which it does.
-        most: bytes.
 
     Raises:
         ProblemError: there is none, or it is too large.

@@ -111,7 +111,6 @@ def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part)
     Args:
         place: where it stands.
         known: ids of the plan's contacts.
-        moving, fixed: the parts.
 
     Raises:
         PlanError: it has another form.

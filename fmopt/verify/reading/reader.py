@@ -195,7 +195,6 @@ class Reader:
         """This object, which must have the required keys and no others than the optional ones.
 
         Args:
-            required: keys, or required and optional ones at once.
             optional: keys, where those required stand alone.
         """
         known = required.known if isinstance(required, Fields) else {*required, *optional}
@@ -214,12 +213,7 @@ class Reader:
         return self
 
     def items(self, least: int = 0, exact: int | None = None, most: int = MOST) -> list[Reader]:
-        """The places of a list's entries, which must be at least and at most so many, or exactly.
-
-        Args:
-            least, most: how many.
-            exact: how many, in place of `least`.
-        """
+        """The places of a list's entries, which must be at least and at most so many, or exactly."""
         if not isinstance(self.value, list | tuple):
             raise self.fail("must be a list")
         if len(self.value) < least or (exact is not None and len(self.value) != exact):
@@ -252,7 +246,6 @@ class Reader:
         """A list of exactly so many numbers, each within limits, which are finite.
 
         Args:
-            count: how many.
             low, high: between which each must be.
         """
         values = self.value
@@ -270,17 +263,11 @@ class Reader:
 
         Args:
             rows: how many, any if None.
-            most: then.
         """
         return tuple(item.numbers(6) for item in self.items(exact=rows, most=most))
 
     def integer(self, end: int = 10**6, low: int = 0) -> int:
-        """A whole number from `low` to below `end`.
-
-        Args:
-            end: one more than the greatest.
-            low: the least.
-        """
+        """A whole number from `low` to below `end`."""
         if isinstance(self.value, bool) or not isinstance(self.value, int):
             raise self.fail("must be a whole number")
         if not low <= self.value < end:
@@ -288,13 +275,7 @@ class Reader:
         return self.value
 
     def indices(self, end: int, least: int = 0, exact: int | None = None) -> tuple[int, ...]:
-        """A list of different whole numbers below `end`.
-
-        Args:
-            end: one more than the greatest.
-            least: how many, at least.
-            exact: how many, in place of `least`.
-        """
+        """A list of different whole numbers below `end`."""
         found = tuple(item.integer(end) for item in self.items(least, exact))
         if len(set(found)) != len(found):
             raise self.fail("repeats an index")
@@ -366,8 +347,6 @@ def fields(
 
     Args:
         where: its place in the plan.
-        proved, compared, commentary: keys of these classes.
-        objects: keys that hold objects, or lists of them, whose keys stand in fields of their own.
         optional: keys that may be missing.
     """
     told = ((PROVED, proved), (COMPARED, compared), (COMMENTARY, commentary))
