@@ -56,11 +56,11 @@ def examine(
     """Carries a plan out for all draws and vertices, whatever comes of the first ones."""
     presses, threads = count_presses(plan), cores()
     progress(f"evidence: {asked.draws} draws and {VERTICES} vertices")
-    numbers = range(asked.draws)
-    errors = drawn_errors(conditions, presses, asked.seed, numbers)
-    drawn = carry_out(bodies, plan, errors, asked.seed, numbers, threads=threads)
-    corners = range(asked.draws, asked.draws + VERTICES)
-    vertices = carry_out(bodies, plan, vertex_errors(conditions, presses), asked.seed, corners, threads=threads)
+    numbers = range(asked.draws + VERTICES)
+    drawn_part = drawn_errors(conditions, presses, asked.seed, numbers[: asked.draws])
+    errors = drawn_part.followed_by(vertex_errors(conditions, presses))
+    outcomes = carry_out(bodies, plan, errors, asked.seed, numbers, threads=threads)
+    drawn, vertices = outcomes[: asked.draws], outcomes[asked.draws :]
     seated, at_vertices = count_seated(drawn), count_seated(vertices)
     bound = lower_bound(seated, asked.draws)
     return Evidence(

@@ -53,6 +53,11 @@ class Errors:
     offset: Array
     drift: Array
 
+    def followed_by(self, others: Errors) -> Errors:
+        """These, then others."""
+        pairs = ((getattr(self, one.name), getattr(others, one.name)) for one in fields(self))
+        return Errors(*(np.concatenate(pair) for pair in pairs))
+
     def of(self, which: Sequence[int] | NDArray[np.intp]) -> Errors:
         """Those of some trials."""
         return Errors(*(getattr(self, one.name)[which] for one in fields(self)))

@@ -36,6 +36,7 @@ from fmopt.verify.reading.reader import (
     LONGEST,
     NOT_COVERED,
     NOT_COVERED_OFF_FORM,
+    NOT_COVERED_PRESSES,
     UNITS,
     UNSEEN,
     Numbers,
@@ -48,11 +49,14 @@ if TYPE_CHECKING:
     from fmopt.plan.description import CriticalPoint, Description, Nominal, PositionForce, Search
     from fmopt.plan.diagnostics import Diagnostics
     from fmopt.plan.error_sets import ErrorSet
+    from fmopt.plan.evidence import Evidence
+    from fmopt.plan.press import PressPlan
 
 __all__ = [
-    "FORMAT", "FRAMES", "NOT_COVERED", "NOT_COVERED_OFF_FORM", "STDIO", "UNITS", "Body", "Contact", "Hybrid", "JamFree",
-    "MoveRecovery", "Numbers", "Part", "Plan", "Recovery", "Segment", "UnplannedContact", "canonical", "clean",
-    "digest", "line", "parsed", "read", "read_document", "rounded_down", "sealed", "write",
+    "FORMAT", "FRAMES", "NOT_COVERED", "NOT_COVERED_OFF_FORM", "NOT_COVERED_PRESSES", "STDIO", "UNITS", "Body",
+    "Contact", "Hybrid", "JamFree", "MoveRecovery", "Numbers", "Part", "Plan", "Recovery", "Segment",
+    "UnplannedContact", "canonical", "clean", "digest", "line", "parsed", "read", "read_document", "rounded_down",
+    "sealed", "write",
 ]  # fmt: skip
 
 STDIO = Path("-")  # standard input or output, in place of a file
@@ -65,9 +69,12 @@ class Plan(proof.Plan):
 
     Attributes:
         description: how the motion was found, and what surrounds it.
+        press_plan, trials: presses and their evidence in full, of a plan that has them.
     """
 
     description: Description = field(kw_only=True)
+    press_plan: PressPlan | None = field(default=None, kw_only=True)
+    trials: Evidence | None = field(default=None, kw_only=True)
 
     @property
     def search(self) -> Search | None:
@@ -183,7 +190,15 @@ def parsed(document: Any, name: str = "") -> Plan:
 
     try:
         judged = parse(document)
-        return Plan(**vars(judged), description=Description.parsed(document.get("description", {})))
+        description = Description.parsed(document.get("description", {}))
+        presses, trials = None, None
+        if judged.presses:
+            from fmopt.plan.evidence import evidence_of
+            from fmopt.plan.press import press_plan_of
+
+            presses = press_plan_of(document)
+            trials = evidence_of(document["evidence"]) if judged.evidence is not None else None
+        return Plan(**vars(judged), description=description, press_plan=presses, trials=trials)
     except PlanError as error:
         # The reader of plans stands alone, as the check does; this error has advice and an exit code.
         raise _refused(name, error) from error

@@ -12,7 +12,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, TypeAdapter, model_validator
 from pydantic.dataclasses import dataclass
 
 from fmopt.plan.diagnostics import Diagnostics, Interval
@@ -30,8 +30,9 @@ from fmopt.plan.field_types import (
     StateVerdict,
     check_indices,
     one_of,
+    validated,
 )
-from fmopt.verify.reading.reader import UNSEEN, Numbers, PlanError
+from fmopt.verify.reading.reader import Numbers
 
 _SAME = 1e-12  # s: two statements of one moment
 
@@ -217,15 +218,7 @@ class Description:
         Raises:
             PlanError: it is none; says where in it, and what is wrong.
         """
-        try:
-            return _adapter().validate_python(value)
-        except ValidationError as error:
-            fault = error.errors(include_url=False, include_input=False)[0]
-            place = "".join(f"[{at}]" if isinstance(at, int) else f".{at[:40]}" for at in fault["loc"])
-            message = fault["msg"].removeprefix("Value error, ")
-            raise PlanError(
-                *(UNSEEN.sub("\N{REPLACEMENT CHARACTER}", text) for text in (f"description{place}", message))
-            ) from error
+        return validated(_adapter(), value, "description")
 
     def record(self) -> dict[str, Any]:
         """The description as tables and lists, without optional fields that hold nothing."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from functools import cache
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.dataclasses import dataclass
 
+from fmopt.plan.field_types import validated
 from fmopt.plan.press import Conditions
 
 _FORM = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -72,4 +74,21 @@ class Evidence:
     vertex_outcomes: tuple[TrialOutcome, ...]
 
 
-EVIDENCE = TypeAdapter(Evidence)
+def evidence_of(value: Any) -> Evidence:
+    """The evidence of a plan file.
+
+    Raises:
+        PlanError: it is none; says where, and what is wrong.
+    """
+    return validated(_adapter(), value, "evidence")
+
+
+def evidence_record(evidence: Evidence) -> dict[str, Any]:
+    """Evidence as a plan file holds it."""
+    found: dict[str, Any] = _adapter().dump_python(evidence)
+    return found
+
+
+@cache
+def _adapter() -> TypeAdapter[Evidence]:
+    return TypeAdapter(Evidence)

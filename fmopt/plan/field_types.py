@@ -7,9 +7,9 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import AfterValidator, ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
-from fmopt.verify.reading.reader import LABEL, LONGEST, MOST, UNSEEN, Numbers
+from fmopt.verify.reading.reader import LABEL, LONGEST, MOST, UNSEEN, Numbers, PlanError
 
 T = TypeVar("T")
 FORM = ConfigDict(extra="forbid")
@@ -61,3 +61,18 @@ def check_indices(what: str, indices: Sequence[int], count: int) -> None:
     """Refuse indices that repeat, or that are not below `count`."""
     if len(set(indices)) != len(indices) or any(index >= count for index in indices):
         raise ValueError(f"{what} must hold different indices below {count}")
+
+
+def validated(adapter: TypeAdapter[T], value: Any, name: str) -> T:
+    """The value of a type that a JSON value is of.
+
+    Raises:
+        PlanError: it is none; says where in it, and what is wrong.
+    """
+    try:
+        return adapter.validate_python(value)
+    except ValidationError as error:
+        fault = error.errors(include_url=False, include_input=False)[0]
+        place = "".join(f"[{at}]" if isinstance(at, int) else f".{at[:40]}" for at in fault["loc"])
+        words = f"{name}{place}", fault["msg"].removeprefix("Value error, ")
+        raise PlanError(*(UNSEEN.sub("\N{REPLACEMENT CHARACTER}", text) for text in words)) from error

@@ -7,11 +7,16 @@ next one begins.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Literal, TypeAlias
+from functools import cache
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.dataclasses import dataclass
+
+from fmopt.plan.field_types import validated
+from fmopt.verify.reading.reader import PlanError
 
 _FORM = ConfigDict(extra="forbid", allow_inf_nan=False, strict=False)
 MAX_PRESSES = 40  # of an attempt
@@ -153,7 +158,7 @@ class PressRobot:
     limits: tuple[Positive, Positive]
     arm: Positive
     back: tuple[Positive, Positive] = (0.05, 0.5)
-    period: Positive = 0.001
+    period: Positive = 0.002
     delay: float = 0.02
     cut_off: Positive = 60.0
     noise: tuple[float, float, float, float] = (0.1, 0.002, 2e-6, 3e-5)
@@ -212,7 +217,43 @@ def _stronger(press: Press, factor: float) -> Press:
     return replace(press, wrench=(x, y, z, rx, ry, rz), ends=ends)
 
 
-PRESS_PLAN = TypeAdapter(PressPlan)
+def press_records(plan: PressPlan) -> dict[str, Any]:
+    """The keys `segments` and `presses` of a plan file."""
+    whole = _adapter().dump_python(plan)
+    attempts = [{"start": one["start"], "source": one["source"]} for one in whole["attempts"]]
+    listed = [
+        {"kind": "press", "attempt": number, **press}
+        for number, one in enumerate(whole["attempts"])
+        for press in one["presses"]
+    ]
+    return {"segments": listed, "presses": {**whole, "attempts": attempts}}
+
+
+def press_plan_of(document: Mapping[str, Any]) -> PressPlan:
+    """The presses of a plan file whose segments are presses.
+
+    Raises:
+        PlanError: they are none; says where, and what is wrong.
+    """
+    stated = document["presses"]
+    starts = stated.get("attempts") if isinstance(stated, Mapping) else None
+    if not isinstance(starts, Sequence) or not all(isinstance(one, Mapping) for one in starts):
+        raise PlanError("presses", "must be a table with its attempts")
+    attempts: list[dict[str, Any]] = [{**one, "presses": []} for one in starts]
+    for number, segment in enumerate(document["segments"]):
+        attempt = segment.get("attempt")
+        if not isinstance(attempt, int) or not 0 <= attempt < len(attempts):
+            raise PlanError(f"segments[{number}].attempt", "must be the number of an attempt")
+        attempts[attempt]["presses"].append({k: v for k, v in segment.items() if k not in ("kind", "attempt")})
+    found = validated(_adapter(), {**stated, "attempts": attempts}, "presses")
+    if len(found.attempts) > MAX_ATTEMPTS:
+        raise PlanError("presses.attempts", f"must be {MAX_ATTEMPTS} at most")
+    return found
+
+
+@cache
+def _adapter() -> TypeAdapter[PressPlan]:
+    return TypeAdapter(PressPlan)
 
 
 @dataclass(frozen=True, config=_FORM)

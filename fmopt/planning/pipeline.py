@@ -37,7 +37,7 @@ from fmopt.runtime.compiled import clock, deadline, heed, undisturbed, until
 from fmopt.task.object_model.command import Answer, answer
 from fmopt.task.problem import Problem, VelocityError
 from fmopt.task.task_command import task_command
-from fmopt.verify import CERTIFIED, Verdict, verify
+from fmopt.verify import CERTIFIED, TESTED, Verdict, verify
 
 _CHECKING = 4.0  # s beyond the time limit for the check of what there is by then
 _ALONE = 0.5  # of the time for the nearest problem, what is for start errors alone
@@ -91,11 +91,28 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None, reserved: 
         InfeasibleError: no bias force holds the contacts.
     """
     with until(clock() + problem.settings.time_limit):
+        if problem.settings.evidence == "tested" and problem.plane is None:
+            return _tested(problem, Stages(progress))
         if problem.settings.reduce_errors:
             return _for_as_much(problem, progress)
         stages = Stages(progress)
         found = certified_motion(_within(problem, (1.0 - reserved) * problem.settings.time_limit), stages)
         return _completed(problem, found, stages)
+
+
+def _tested(problem: Problem, stages: Stages) -> Synthesis:
+    """A plan of presses, carried out; what it comes to is its verdict."""
+    from fmopt.planning.press.record import press_document, subject
+    from fmopt.planning.press.solve import press_solution
+
+    stages.progress("measuring the parts")
+    posed = Posed.of(problem)
+    stages.ended("geometry")
+    found = press_solution(posed, lambda presses: subject(press_document(posed, presses, None)), stages.progress)
+    stages.ended("presses")
+    document, verdict = _checked(press_document(posed, found.plan, found.evidence), TESTED)
+    stages.ended("verify")
+    return Synthesis(document, verdict, stages.seconds)
 
 
 def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: None) -> Share:
@@ -278,12 +295,12 @@ def _error_tolerance(problem: Problem, motion: CertifiedMotion) -> ErrorToleranc
     return error_tolerance(under, (x, y))
 
 
-def _checked(document: dict[str, Any]) -> tuple[dict[str, Any], Verdict]:
+def _checked(document: dict[str, Any], hope: str = CERTIFIED) -> tuple[dict[str, Any], Verdict]:
     """The sealed plan with its verdict, which the independent check gives."""
     # The verdict is sealed with the rest: the check reads the very plan that there is if it agrees.
-    hoped, last = plan.sealed({**document, "verdict": CERTIFIED}), deadline() + _CHECKING
+    hoped, last = plan.sealed({**document, "verdict": hope}), deadline() + _CHECKING
     verdict = verify(hoped, overdue=lambda: clock() > last)
-    if _certified(verdict):
+    if str(verdict.verdict) == hope:
         return hoped, verdict
     stated = str(verdict.verdict)
     return plan.sealed({**document, "verdict": stated}), replace(verdict, stated=stated)  # what it read was a hope

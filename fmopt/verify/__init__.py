@@ -5,13 +5,14 @@ remainders, error sets and knowledge of held contacts are written here a second 
 """
 
 from fmopt.verify.check import judge, verify
-from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, Finding, Verdict, Witness, describe
+from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, TESTED, Finding, Verdict, Witness, describe
 from fmopt.verify.reading.reader import PlanError, load
 
 __all__ = [
     "CERTIFIED",
     "NOT_PROVED",
     "REFUTED",
+    "TESTED",
     "Finding",
     "PlanError",
     "Verdict",

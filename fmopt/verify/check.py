@@ -30,13 +30,14 @@ from fmopt.verify.certificate.chain import Broken, Chain, Stage
 from fmopt.verify.certificate.claims import check_segment
 from fmopt.verify.control.recovery import check_recovery
 from fmopt.verify.control.strategy import check_strategy
-from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, Finding, Notes, Verdict, Witness
+from fmopt.verify.evidence import judge_presses
+from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, TESTED, Finding, Notes, Verdict, Witness
 from fmopt.verify.parts.assembly import Assembly
 from fmopt.verify.parts.rows import Distance, Pose, pose
 from fmopt.verify.parts.solids import Plane, Shape
 from fmopt.verify.reading.document import Plan, Segment
 from fmopt.verify.reading.parse import parse
-from fmopt.verify.reading.reader import NOT_COVERED, NOT_COVERED_OFF_FORM, PlanError
+from fmopt.verify.reading.reader import NOT_COVERED, NOT_COVERED_OFF_FORM, NOT_COVERED_PRESSES, PlanError
 
 Failed = tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
 
@@ -76,25 +77,17 @@ def judge(plan: Plan, expected_sha256: str | None = None, overdue: Callable[[], 
     Raises:
         PlanError: its parts are no solids that arithmetic can take.
     """
+    if plan.presses:
+        return judge_presses(plan, _whole(plan, expected_sha256, TESTED, NOT_COVERED_PRESSES))
     try:
         assembly = Assembly(plan)
     # What arithmetic refuses of the parts leaves nothing to judge: the document is at fault, not a claim of it.
     except ArithmeticRefusal as error:
         raise PlanError("parts", str(error)) from error
-    notes = Notes(None)
-    if not plan.digest_holds:
-        notes.add("sha256", "the document is not the one that was sealed")
-    if expected_sha256 is not None and plan.problem != expected_sha256:
-        notes.add("problem", "the plan belongs to another problem")
-    if plan.verdict != CERTIFIED:
-        notes.add("verdict", f"the plan itself does not claim to be certified, but says {plan.verdict}")
+    leaves_out = NOT_COVERED_OFF_FORM if plan.moving.form or plan.fixed.form else NOT_COVERED
+    notes = _whole(plan, expected_sha256, CERTIFIED, leaves_out)
     for flaw in assembly.flaws:
         notes.add("parts", flaw)
-    if plan.not_covered != (NOT_COVERED_OFF_FORM if plan.moving.form or plan.fixed.form else NOT_COVERED):
-        notes.add("not_covered", "does not say what plans of this kind leave out")
-    moving, fixed = plan.moving.measured_clearance, plan.fixed.measured_clearance
-    if moving != fixed or not moving > 0.0:
-        notes.add("measured_clearance", "must be positive and the same on both parts")
     check_recovery(plan, (assembly.moving, assembly.fixed), notes)
     findings, margins, witness = _segments(plan, assembly, overdue)
     found = (*notes.found, *findings)
@@ -102,6 +95,23 @@ def judge(plan: Plan, expected_sha256: str | None = None, overdue: Callable[[], 
     # The least margin of some segments only would look like that of the plan.
     least = min(margins) if len(margins) == len(plan.segments) else None
     return Verdict(verdict, found, witness, len(plan.segments), least, plan.not_covered, plan.verdict)
+
+
+def _whole(plan: Plan, expected_sha256: str | None, claim: str, leaves_out: tuple[str, ...]) -> Notes:
+    """What keeps a plan as a whole from what it can claim at most."""
+    notes = Notes(None)
+    if not plan.digest_holds:
+        notes.add("sha256", "the document is not the one that was sealed")
+    if expected_sha256 is not None and plan.problem != expected_sha256:
+        notes.add("problem", "the plan belongs to another problem")
+    if plan.verdict != claim:
+        notes.add("verdict", f"the plan itself does not claim to be {claim.lower()}, but says {plan.verdict}")
+    if plan.not_covered != leaves_out:
+        notes.add("not_covered", "does not say what plans of this kind leave out")
+    moving, fixed = plan.moving.measured_clearance, plan.fixed.measured_clearance
+    if moving != fixed or not moving > 0.0:
+        notes.add("measured_clearance", "must be positive and the same on both parts")
+    return notes
 
 
 def _segments(

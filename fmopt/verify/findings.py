@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from fmopt.verify.arithmetic.rational import fixed, number
+from fmopt.verify.reading.document import Evidence
 
 CERTIFIED = "CERTIFIED"
 REFUTED = "REFUTED"
 NOT_PROVED = "NOT_PROVED"
+TESTED = "TESTED"  # of presses, whose evidence holds: nothing of them is proved
 RELATIVE = 1e-10  # stated numbers must agree with re-derived ones to this share
 MARGIN_FLOOR = 1e-12  # m: and margins to this absolute difference, on the safe side only
 ALLOWANCE = fixed(4e-15)  # m and rad: added to every stated bound of errors before it is used
@@ -62,6 +64,7 @@ class Verdict:
         margin: least re-derived margin of all segments, m; None where one could not be re-derived.
         stated: the plan's own verdict.
         not_covered: what the plan says that it does not cover.
+        evidence: of a plan of presses.
     """
 
     verdict: str
@@ -72,6 +75,7 @@ class Verdict:
     not_covered: tuple[str, ...]
     stated: str = CERTIFIED
     taken: tuple[str, ...] = ()
+    evidence: Evidence | None = None
 
     def unless(self, differences: Sequence[str], remarks: Sequence[str] = ()) -> Verdict:
         """The same, but not CERTIFIED where the plan differs from the problem that it is held against."""
@@ -169,6 +173,18 @@ class Notes:
             self.add(what, f"short by {micrometres(-value)}", -value)
 
 
+def _tested_lines(verdict: Verdict, evidence: Evidence) -> list[str]:
+    return [
+        f"evidence: {evidence.seated} of {evidence.draws} draws seat, {evidence.first_tries} at the first attempt: a "
+        f"rate of at least {evidence.bound:.4f} at {evidence.confidence:.1%} confidence; {evidence.vertices_seated} of "
+        f"{evidence.vertices} vertices",
+        *(str(finding) for finding in verdict.findings),
+        "checked: counts against outcomes, the bound against the counts, the digest of what was carried out",
+        "not checked: that the outcomes are those of the engine; fmopt execute --replay repeats any draw",
+        "not covered: that the robot, the friction and the errors are as stated; nothing is proved of presses",
+    ]
+
+
 def micrometres(x: float) -> str:
     """A length in µm, with the digits that tell margins apart."""
     return f"{x * 1e6:.9g} µm"
@@ -177,6 +193,11 @@ def micrometres(x: float) -> str:
 def describe(verdict: Verdict) -> list[str]:
     """The verdict as lines of text, with what it does not cover."""
     own = "" if verdict.stated == verdict.verdict else f"; the plan's own verdict is {verdict.stated}"
+    if verdict.evidence is not None:
+        return [
+            f"verdict: {verdict.verdict} ({verdict.segments} presses){own}",
+            *_tested_lines(verdict, verdict.evidence),
+        ]
     lines = [f"verdict: {verdict.verdict} ({verdict.segments} segments){own}"]
     if verdict.margin is not None and verdict.verdict == CERTIFIED:
         lines.append(f"least margin: {micrometres(verdict.margin)}")

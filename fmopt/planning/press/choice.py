@@ -23,7 +23,9 @@ from fmopt.runtime.process import cores
 
 _ROUNDS = (8, 16, 32)  # draws that a candidate has seen after each round
 _LEFT = 0.5  # of the candidates that a round leaves
-_LEAST = 4  # candidates that are left at least, as long as there are so many
+_LEAST = 3  # candidates that are left at least, as long as there are so many
+_WAVE = 6  # candidates that are looked at before others are
+_SURE = 2  # of them that seat in all of the draws of two rounds end the choice; so does one in those of three
 _CORNERS = 0.5  # of the draws of a choice that are at vertices of the start box
 _CHOOSING = 0x63686F69  # sets the streams of choices apart from those of evidence
 
@@ -108,23 +110,42 @@ def strength(plan: PressPlan) -> float:
 def halved(choosing: Choosing, candidates: Sequence[Attempt], progress: Callable[[str], None]) -> list[Trialled]:
     """Candidates in the order of their scores after successive halving, best first.
 
+    They come in waves: where some of a wave seat in all draws, later ones are not looked at.
+
     Args:
-        choosing: how they are carried out.
         candidates: in the order of their generators.
         progress: told in words.
     """
-    left, begun = [Trialled(one, ()) for one in candidates], 0
+    left: list[Trialled] = []
+    for begun in range(0, len(candidates), _WAVE):
+        wave = [Trialled(one, ()) for one in candidates[begun : begun + _WAVE]]
+        left = _halved(choosing, [*left, *wave], progress)
+        if _sure(left) or clock() >= deadline():
+            break
+    return left
+
+
+def _sure(ranked: Sequence[Trialled]) -> bool:
+    """Whether enough is known: candidates seat in all of many draws, or several of them in all of some."""
+    perfect = [len(one.outcomes) for one in ranked if one.score[0] == 1.0]
+    return max(perfect, default=0) >= _ROUNDS[-1] or sum(draws >= _ROUNDS[1] for draws in perfect) >= _SURE
+
+
+def _halved(choosing: Choosing, candidates: list[Trialled], progress: Callable[[str], None]) -> list[Trialled]:
+    """See `halved`; candidates that have seen some draws already begin with those that they have not seen."""
+    left = candidates
     for draws in _ROUNDS:
-        progress(f"presses: {len(left)} candidates, {draws} draws each")
-        found = choosing.carried_out([one.attempt for one in left], range(begun, draws))
-        left = [replace(one, outcomes=one.outcomes + new) for one, new in zip(left, found, strict=True)]
-        left.sort(key=lambda one: one.score, reverse=True)
-        begun = draws
-        if clock() >= deadline():
+        fresh = [one for one in left if len(one.outcomes) < draws]
+        for seen in sorted({len(one.outcomes) for one in fresh}):
+            group = [one for one in fresh if len(one.outcomes) == seen]
+            progress(f"presses: {len(group)} candidates, draws {seen + 1} to {draws}")
+            found = choosing.carried_out([one.attempt for one in group], range(seen, draws))
+            changed = {one: replace(one, outcomes=one.outcomes + new) for one, new in zip(group, found, strict=True)}
+            left = [changed.get(one, one) for one in left]
+        left = sorted(left, key=lambda one: one.score, reverse=True)
+        if clock() >= deadline() or _sure(left):
             break
         left = left[: max(round(_LEFT * len(left)), _LEAST)]
-        if len([one for one in left if one.score[0] == 1.0]) >= MAX_ATTEMPTS and draws >= _ROUNDS[1]:
-            break
     return left
 
 

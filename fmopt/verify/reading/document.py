@@ -197,6 +197,31 @@ class Segment:
 
 
 @dataclass(frozen=True)
+class Evidence:
+    """What a plan of presses states of its trials.
+
+    Attributes:
+        draws, seated, first_tries: uniform draws, how many seat, and how many at the first attempt.
+        confidence, bound, min_rate: of the rate with which draws seat, and the rate asked for.
+        vertices, vertices_seated: of the start box.
+        subject: SHA-256 of what was carried out.
+        outcomes, vertex_outcomes: whether each seats.
+    """
+
+    draws: int
+    seated: int
+    first_tries: int
+    confidence: float
+    bound: float
+    min_rate: float
+    vertices: int
+    vertices_seated: int
+    subject: str
+    outcomes: tuple[bool, ...]
+    vertex_outcomes: tuple[bool, ...]
+
+
+@dataclass(frozen=True)
 class Plan:
     """A plan without its description.
 
@@ -217,6 +242,9 @@ class Plan:
         touch: how far apart parts are taken to touch, m.
         not_covered: what it leaves out.
         recovery: backing off and trying again; None in a bare proof.
+        presses: number of segments that are presses: all or none.
+        evidence: of a plan of presses; None where it was not carried out.
+        subject: SHA-256 of what evidence is of: parts, presses and goal.
     """
 
     verdict: str
@@ -238,6 +266,9 @@ class Plan:
     touch: float
     not_covered: tuple[str, ...]
     recovery: Recovery | None = None
+    presses: int = 0
+    evidence: Evidence | None = None
+    subject: str = ""
 
     @property
     def parts(self) -> dict[str, Part]:

@@ -7,7 +7,7 @@ import re
 from dataclasses import replace
 from typing import Any
 
-from fmopt.verify.reading.document import Body, Contact, Found, Part, Plan, Specification
+from fmopt.verify.reading.document import Body, Contact, Evidence, Found, Part, Plan, Segment, Specification
 from fmopt.verify.reading.parse_segments import (
     RECOVERY_FIELDS,
     SEGMENT_FIELDS,
@@ -30,6 +30,8 @@ from fmopt.verify.reading.reader import (
 )
 
 LARGEST_TOLERANCE = 1e-9  # m
+KINDS = ("guarded_move", "press")
+SUBJECT = ("parts", "goal", "segments", "presses")  # of evidence
 LARGEST_NUMBER_OF_PIECES = 400
 LARGEST_NUMBER_OF_BALLS = 16
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-6, 4.0  # m
@@ -42,8 +44,8 @@ _TOP = fields(
     proved="format verdict touch_tolerance not_covered sha256",
     compared="goal",
     commentary="fmopt_version description",
-    objects="problem units frames parts contacts segments uncertainty specification recovery",
-    optional=("recovery", "description"),
+    objects="problem units frames parts contacts segments uncertainty specification recovery presses evidence",
+    optional=("recovery", "description", "presses", "evidence"),
 )
 _PROBLEM = fields("problem", compared="sha256", commentary="title")
 _UNITS = fields("units", proved=" ".join(UNITS))
@@ -67,11 +69,18 @@ _FOUND = fields("parts.*.found", proved="frame turn", compared="side feature", o
 _BALL = fields("parts.*.balls[]", compared="vertex radius")
 _EXACT = fields("parts.*.exact[]", proved="vertex at")
 _PIECE = fields("parts.*.pieces[]", proved="vertices faces")
+_EVIDENCE = fields(
+    "evidence",
+    proved="draws seated first_tries confidence bound min_rate vertices vertices_seated subject level",
+    commentary="examined seed engine conditions",
+    objects="outcomes vertex_outcomes",
+)
+_OUTCOME = fields("evidence.*[]", proved="seated attempt", commentary="press seconds peak_force reasons offset turn")
 _CONTACT = fields("contacts[]", proved="id kind", objects="moving fixed")
 _SIDE = fields("contacts[].*", proved="vertices")
 FIELDS: tuple[Fields, ...] = (
     _TOP, _PROBLEM, _UNITS, _FRAMES, _UNCERTAINTY, _SOURCE, _SPECIFICATION, _PARTS, _PART, _EXACT, _FOUND, _BALL,
-    _PIECE,
+    _PIECE, _EVIDENCE, _OUTCOME,
     _CONTACT, _SIDE, *SEGMENT_FIELDS, *RECOVERY_FIELDS,
 )  # fmt: skip
 
@@ -102,7 +111,8 @@ def parse(document: Any) -> Plan:
     if len({(c.kind, c.moving, c.fixed) for c in contacts}) != len(contacts):
         raise top.at("contacts").fail("has a contact under two ids")
     uncertainty, problem = top.at("uncertainty").only(_UNCERTAINTY), top.at("problem").only(_PROBLEM)
-    recovery = top.maybe("recovery")
+    recovery, evidence = top.maybe("recovery"), top.maybe("evidence")
+    segments, presses = _segments(top, known, moving, fixed)
     return Plan(
         verdict=top.at("verdict").text(VERDICTS),
         title=problem.at("title").text(),
@@ -112,7 +122,7 @@ def parse(document: Any) -> Plan:
         moving=moving,
         fixed=fixed,
         contacts=contacts,
-        segments=tuple(read_segment(item, known, moving, fixed) for item in top.at("segments").items(1)),
+        segments=segments,
         start_box=uncertainty.at("start_box").numbers(6, 0.0, 0.5),
         velocity_error=uncertainty.at("velocity_error").numbers(2, 0.0, 1.0),
         rho=uncertainty.at("rho").number(2.0**-10, 16.0),
@@ -122,7 +132,42 @@ def parse(document: Any) -> Plan:
         touch=top.at("touch_tolerance").number(0.0, LARGEST_TOLERANCE),
         not_covered=tuple(item.text() for item in top.at("not_covered").items(most=64)),
         recovery=None if recovery is None else read_recovery(recovery, moving, fixed),
+        presses=presses,
+        evidence=None if evidence is None else _evidence(evidence),
+        subject=digest({key: document.get(key) for key in SUBJECT}) if presses else "",
         digest_holds=top.at("sha256").value == digest(document),
+    )
+
+
+def _segments(top: Reader, known: dict[str, None], moving: Part, fixed: Part) -> tuple[tuple[Segment, ...], int]:
+    """The guarded moves of a plan, or how many presses it has: those are read by whoever carries them out."""
+    listed = top.at("segments").items(1)
+    kinds = {item.at("kind").text(KINDS) for item in listed}
+    if kinds == {"press"}:
+        top.at("presses")
+        return (), len(listed)
+    for key in ("presses", "evidence"):
+        if top.has(key):
+            raise top.at(key).fail("belongs to a plan whose segments all are presses")
+    if len(kinds) > 1:
+        raise top.at("segments").fail("mix presses and guarded moves, which no check reads yet: give a plan of either")
+    return tuple(read_segment(item, known, moving, fixed) for item in listed), 0
+
+
+def _evidence(place: Reader) -> Evidence:
+    place.only(_EVIDENCE)
+    place.at("level").text(("tested", "below"))
+    draws, seated, first, vertices, at_vertices = (
+        place.at(name).integer() for name in ("draws", "seated", "first_tries", "vertices", "vertices_seated")
+    )
+    confidence, bound, rate = (place.at(name).number(0.0, 1.0) for name in ("confidence", "bound", "min_rate"))
+    outcomes, of_vertices = (
+        tuple(item.only(_OUTCOME).at("seated").flag() for item in place.at(name).items())
+        for name in ("outcomes", "vertex_outcomes")
+    )
+    digest_of = place.at("subject").sha256()
+    return Evidence(
+        draws, seated, first, confidence, bound, rate, vertices, at_vertices, digest_of, outcomes, of_vertices
     )
 
 

@@ -40,7 +40,12 @@ NOT_COVERED_OFF_FORM = (
     "to touch",
 )
 FIXED_IN = ("hole", "hand", "world")  # of errors, in the order of their generators
-VERDICTS = ("CERTIFIED", "NOT_PROVED", "REFUTED")
+VERDICTS = ("CERTIFIED", "NOT_PROVED", "REFUTED", "TESTED")
+NOT_COVERED_PRESSES = (
+    "a proof: presses are tested in a physics engine, whose contacts and robot stand for the real ones",
+    "shape and size deviations of the parts other than those in the stated errors",
+    "whether the real errors, friction, stiffness and offsets lie in the stated sets",
+)
 
 Numbers = tuple[float, ...]
 
