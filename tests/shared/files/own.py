@@ -57,6 +57,7 @@ friction = 0.3
 termination_force = 2
 
 [settings]
+evidence = "certified"
 max_tilt = 10
 time_limit = 120
 """

@@ -41,6 +41,7 @@ torque_limit = 1
 friction = 0.3
 termination_force = 2
 [settings]
+evidence = "certified"
 max_tilt = 25
 time_limit = {limit}
 """

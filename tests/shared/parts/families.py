@@ -454,6 +454,7 @@ friction = 0.3
 termination_force = 2
 
 [settings]
+evidence = "certified"
 time_limit = {time_limit}
 """
     path = folder / "problem.toml"
