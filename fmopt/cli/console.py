@@ -126,6 +126,9 @@ def print_solved(plan: Plan, findings: Sequence[str], folder: Path, report: bool
     from fmopt.report.moves import summary_rows
 
     console = Console(highlight=False)
+    if plan.press_plan is not None:
+        _print_presses(console, plan, findings, folder, report)
+        return
     head, *rows = summary_rows(plan)
     if console.width < _WIDE:
         head, rows = (head[0], head[1], head[5]), [(row[0], row[1], row[5]) for row in rows]
@@ -137,6 +140,32 @@ def print_solved(plan: Plan, findings: Sequence[str], folder: Path, report: bool
     console.print(table)
     for words in _solved_words(plan, findings):
         console.print(_shown(words))
+    console.print(_shown(f"wrote {folder / 'plan.json'}" + (f", {folder / 'report.html'}" if report else "")))
+
+
+def _print_presses(console: Console, plan: Plan, findings: Sequence[str], folder: Path, report: bool) -> None:
+    """Prints a plan of presses: the first attempt, and what its trials came to."""
+    from fmopt.report.presses import HEAD, conditions_words, evidence_words, press_rows, presses_of, timing_words
+    from fmopt.report.sections import clearance_words
+
+    attempts = presses_of(plan).attempts
+    table = Table(title=_shown(plan.title), title_justify="left")
+    columns = range(len(HEAD)) if console.width >= _WIDE else (0, 1, 3)
+    for k in columns:
+        table.add_column(HEAD[k])
+    for row in press_rows(attempts[0]):
+        table.add_row(*(_shown(row[k]) for k in columns))
+    console.print(table)
+    words = [f"clearance a side: measured {clearance_words(plan, 'measured')}"]
+    others = ", ".join(attempt.source for attempt in attempts[1:])
+    words += [f"{len(attempts) - 1} further attempts where it fails: {others}"] if others else []
+    words.append(f"{plan.verdict}: {evidence_words(plan.trials)}")
+    words += [f"  {finding}" for finding in findings[:5]]
+    if plan.trials is not None:
+        words += [f"drawn from: {conditions_words(plan.trials)}", timing_words(plan.trials)]
+    words.append("not covered: " + "; ".join(plan.not_covered))
+    for line in filter(None, words):
+        console.print(_shown(line))
     console.print(_shown(f"wrote {folder / 'plan.json'}" + (f", {folder / 'report.html'}" if report else "")))
 
 

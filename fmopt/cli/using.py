@@ -134,7 +134,9 @@ def execute(
     beyond: Annotated[
         int, typer.Option("--beyond", min=0, max=MOST_TRIALS, help="With errors of one to two times the set.")
     ] = 0,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is drawn.")] = 0,
+    seed: Annotated[
+        int | None, typer.Option("--seed", min=0, help="Of all that is drawn; default: 0, of presses their evidence's.")
+    ] = None,
     method: Annotated[str, typer.Option("--method", help="plan, push, spiral, dither or tilt.")] = "plan",
     friction: Annotated[float | None, typer.Option("--friction", help="Default: the plan's bound.")] = None,
     time_step: Annotated[
@@ -169,12 +171,14 @@ def execute(
         raise typer.BadParameter(f"{engine!r} is none of {', '.join(ENGINES)}", param_hint="--engine")
     if trials + beyond == 0:
         raise typer.BadParameter("no trials, neither inside nor --beyond the set", param_hint="--trials")
-    drawn = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction, engine=engine)
+    drawn = Trials(trials, beyond, seed=seed or 0, time_step=time_step, friction=friction, engine=engine)
     wanted = replace(drawn, method=method, growth=growth, offset=offset, recovery=recovery, covered=covered)
     # That it is not installed is told before the plan is checked, which takes longer.
     ENGINES[engine].library()
     folder = out if out is not None else (Path() if file == STDIO else file.parent) / "trials"
     plan, caution = _admitted(file, unverified)
+    if seed is None and plan.trials is not None:
+        wanted = replace(wanted, seed=plan.trials.seed)
     if again is not None:
         _replay(plan, wanted, again, folder)
         return

@@ -226,7 +226,12 @@ class PressRig:
         self._sample, self._every = 0, round(_SAMPLE / robot.period)
         self._trail: list[Array] = []
         self._keep = round(_TRAIL / robot.period)
-        self._tick = 0
+        self.ticks = 0
+
+    @property
+    def qpos(self) -> Array:
+        """Poses (n, 7) of the bodies, as the engine has them."""
+        return self.engine.qpos
 
     def run(self) -> list[Outcome]:
         """Runs all bodies until each has an outcome."""
@@ -240,12 +245,12 @@ class PressRig:
     def _one(self, active: NDArray[np.intp]) -> None:
         """One period of the bodies that are not done."""
         robot, state = self.plan.robot, self.state
-        if self._tick % self._keep == 0:
+        if self.ticks % self._keep == 0:
             self._trail.append(np.array(self.engine.qpos))
         wrench = self._servo(active)
         self.engine.advance(wrench, robot.period, active)
         self.time += robot.period
-        self._tick += 1
+        self.ticks += 1
         state.time[active] += robot.period
         reaction = self.engine.reaction_over_period
         noise = self.noise()
@@ -372,7 +377,7 @@ class PressRig:
         for column, over in zip((4, 3, 2, 1), ended, strict=True):
             code = np.where(over, thens[:, column], code)
         code = np.where((way > table.reach[step, 0]) | (turned > table.reach[step, 1]), RETRY, code)
-        if self._tick % self._every == 0:
+        if self.ticks % self._every == 0:
             self._sample += 1
             moved = np.where(gives, shift * np.repeat([1.0, robot.arm], 3), 0.0)
             self._seen[self._sample % len(self._seen), running] = moved

@@ -8,12 +8,15 @@ from itertools import product
 
 import numpy as np
 
+from fmopt.errors import PlanFormatError
+from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.engine import Bodies, Setup
+from fmopt.execution.noise import Noise
 from fmopt.execution.press_rig import Errors, Outcome, PressRig
 from fmopt.execution.rotation import product as turned
 from fmopt.execution.rotation import quaternions
 from fmopt.execution.summary import Fit
-from fmopt.execution.trials import ENGINES, Noise
+from fmopt.plan import Plan
 from fmopt.plan.press import Conditions, PressPlan, Seat
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -24,6 +27,7 @@ SOFT = 2.0  # times as soft as for guarded moves contacts may be: presses meet t
 _FRICTION, _STIFFNESS, _ADMITTANCE = (0, 1, 2), (1, 3, 4), (2, 4, 5)
 _OFFSETS = ((0, 3), (1, 4), (2, 5), (0, 1, 5), (0, 2, 4), (1, 2, 3))
 _DRIFTS = ((0, 4), (1, 5), (2, 3), (0, 5), (1, 3), (2, 4))
+_BEYOND = 0x6265796F  # sets the streams of sizes beyond the box apart
 _NOISE = 0x6E6F6973  # sets the streams of noise apart from those of errors
 
 
@@ -131,3 +135,85 @@ def carry_out(
 def count_presses(plan: PressPlan) -> int:
     """Presses of all attempts of a plan."""
     return sum(len(attempt.presses) for attempt in plan.attempts)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """How trials of a plan of presses are drawn.
+
+    Attributes:
+        seed: of all that is drawn; with that of the plan's evidence the same numbers are its draws, then its vertices.
+        beyond: by number, up to how many times the start box the error of a trial is.
+        friction: coefficient; None for the interval of the plan's evidence.
+        time_step: of the physics, s; None for what the clearance asks for.
+        retries: whether later attempts follow where one fails.
+        engine: "mujoco" or "drake".
+        offset: of each start along x, m, that nobody knows of.
+    """
+
+    seed: int
+    beyond: Mapping[int, float]
+    friction: float | None = None
+    time_step: float | None = None
+    retries: bool = True
+    engine: str = "mujoco"
+    offset: float = 0.0
+
+
+def press_records(
+    plan: Plan, bodies: Bodies, drawn: Drawn, numbers: Sequence[int], look: Callable[[PressRig], None] | None = None
+) -> list[dict[str, Any]]:
+    """Carries a plan of presses out, one record a trial.
+
+    Args:
+        plan: with presses and evidence.
+        bodies: both parts, which need not be the plan's.
+        drawn: from which errors.
+        numbers: of the trials.
+        look: shown the rig in every period.
+
+    Raises:
+        PlanFormatError: the plan does not say what its errors are.
+    """
+    presses, evidence = plan.press_plan, plan.trials
+    if presses is None or evidence is None:
+        raise PlanFormatError("the plan has no evidence that says what to draw from", "solve its problem again")
+    conditions, count = evidence.conditions, count_presses(presses)
+    if drawn.friction is not None:
+        conditions = replace(conditions, friction=(drawn.friction, drawn.friction))
+    errors = drawn_errors(conditions, count, drawn.seed, numbers)
+    vertices = vertex_errors(conditions, count)
+    box, size = np.array(conditions.start), np.zeros(len(numbers))
+    for row, number in enumerate(numbers):
+        vertex = number - evidence.draws
+        if drawn.seed == evidence.seed and 0 <= vertex < VERTICES and number not in drawn.beyond:
+            for field in fields(errors):
+                getattr(errors, field.name)[row] = getattr(vertices, field.name)[vertex]
+        share = np.abs(errors.start[row][box > 0.0] / box[box > 0.0]).max(initial=0.0)
+        if number in drawn.beyond and share > 0.0:
+            random = np.random.default_rng([drawn.seed, number, _BEYOND])
+            errors.start[row] *= random.uniform(1.0, drawn.beyond[number]) / share
+        size[row] = np.abs(errors.start[row][box > 0.0] / box[box > 0.0]).max(initial=0.0)
+    errors.start[:, 0] += drawn.offset
+    courses = None if drawn.retries else [(0,)] * len(numbers)
+    outcomes = carry_out(
+        bodies, presses, errors, drawn.seed, numbers, courses, drawn.engine, drawn.time_step, look=look
+    )  # fmt: skip
+    return [
+        {
+            "trial": number,
+            "size": float(size[row]),
+            "error": errors.start[row].tolist(),
+            "success": one.seated,
+            "reasons": [*one.reasons],
+            "departures": [],
+            "seconds": one.seconds,
+            "peak_force": one.peak_force,
+            "impact_force": one.peak_force,
+            "penetration": one.penetration,
+            "offset": list(one.offset),
+            "turn": list(one.turn),
+            "retries": [{"press": one.press}] * one.attempt,
+        }
+        for row, (number, one) in enumerate(zip(numbers, outcomes, strict=True))
+    ]

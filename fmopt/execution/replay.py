@@ -12,7 +12,6 @@ from fmopt.errors import ResourceError
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.physics import Physics
 from fmopt.execution.engines.scene import compiled, engine, scene
-from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.trials import Trials, grown, run
 from fmopt.plan import Plan
@@ -35,11 +34,12 @@ def replay(planned: Plan, trials: Trials, number: int, file: Path) -> dict[str, 
         ResourceError: the extra or a way to draw is missing, or the file cannot be written.
         PlanFormatError: the plan cannot be run.
     """
-    every = round(1.0 / (FRAMES * Robot().period))  # periods from one picture to the next
+    period = Robot().period if planned.press_plan is None else planned.press_plan.robot.period
+    every = round(1.0 / (FRAMES * period))  # periods from one picture to the next
     poses: list[Array] = []
     ticks = 0
 
-    def look(rig: Rig) -> None:
+    def look(rig: Any) -> None:
         # Counted through all attempts: each has a rig of its own, whose time begins anew.
         nonlocal ticks
         if ticks % every == 0:

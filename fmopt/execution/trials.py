@@ -17,9 +17,10 @@ import numpy as np
 from fmopt.errors import PlanFormatError, SettingsError
 from fmopt.execution.attempt import Course, carried_out
 from fmopt.execution.baselines import BASELINES
-from fmopt.execution.engines.drake_engine import DRAKE
-from fmopt.execution.engines.engine import Bodies, Maker, Setup
-from fmopt.execution.engines.mujoco_engine import MUJOCO
+from fmopt.execution.engines.catalogue import ENGINES
+from fmopt.execution.engines.engine import Bodies, Setup
+from fmopt.execution.noise import Noise
+from fmopt.execution.press_trials import Drawn, press_records
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import Recovery
 from fmopt.execution.rig import Rig
@@ -33,7 +34,6 @@ from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 METHODS: dict[str, Callable[[Plan, Robot], Program]] = {"plan": planned, **BASELINES}
-ENGINES: dict[str, Maker] = {"mujoco": MUJOCO, "drake": DRAKE}
 RANGES = {  # of what is given by hand, with units; less or more than that is a slip
     "reach": (1.0, 100.0, ""),
     "time_step": (1e-6, 0.1, " s"),
@@ -42,7 +42,6 @@ RANGES = {  # of what is given by hand, with units; less or more than that is a 
     "offset": (-1.0, 1.0, " m"),
 }
 LATER = ("engine",)  # what older files of trials do not name: the engine, which was MuJoCo
-_BLOCK = 256  # periods of noise drawn at once
 
 _SIDEWAYS = 0.5  # |z| of the unit normal up to which a face looks sideways
 _SAME = 1e-9  # m between vertices that are one
@@ -172,29 +171,13 @@ def _ball(random: np.random.Generator, count: int) -> Array:
     return np.asarray(v / np.linalg.norm(v, axis=1, keepdims=True) * random.uniform(size=(count, 1)) ** (1.0 / 3.0))
 
 
-class Noise:
-    """Standard normal samples (n, width) a call, each body from its own stream, another at each attempt."""
-
-    def __init__(self, seed: int, numbers: Sequence[int], attempt: int = 0, width: int = 6) -> None:
-        # Counted from 1: NumPy fills seeds up with zeros, so that 0 would give the stream of `draw` again.
-        self.streams = [np.random.default_rng([seed, number, 1 + attempt]) for number in numbers]
-        self.block, self.used, self.width = np.zeros((len(numbers), 0, width)), 0, width
-
-    def __call__(self) -> Array:
-        if self.used == self.block.shape[1]:
-            self.block = np.stack([stream.standard_normal((_BLOCK, self.width)) for stream in self.streams])
-            self.used = 0
-        self.used += 1
-        return np.asarray(self.block[:, self.used - 1])
-
-
 def run(
     what: Plan,
     trials: Trials,
     numbers: Sequence[int],
     told: Callable[[list[Any]], None] = lambda _: None,
     robot: Robot | None = None,
-    look: Callable[[Rig], None] | None = None,
+    look: Callable[[Any], None] | None = None,
 ) -> list[Any]:
     """Runs some trials together.
 
@@ -205,6 +188,14 @@ def run(
         PlanFormatError: the plan cannot be run.
         ResourceError: the extra is missing.
     """
+    if what.press_plan is not None:
+        beyond = {number: trials.reach for number in numbers if number >= trials.inside}
+        drawn = Drawn(
+            trials.seed, beyond, trials.friction, trials.time_step, trials.recovery, trials.engine, trials.offset
+        )
+        records = press_records(what, Bodies.of(grown(what, trials.growth)), drawn, numbers, look)
+        told(records)
+        return records
     robot = robot or Robot()
     program = METHODS[trials.method](what, robot)
     is_plan = program.name == "plan"

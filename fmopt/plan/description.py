@@ -179,12 +179,21 @@ class Search:
 
 
 @dataclass(frozen=True, config=FORM)
+class TracePose:
+    """A pose (6,) on the way of a trial without errors, in a press of the first attempt, by number."""
+
+    press: Index
+    pose: Six
+
+
+@dataclass(frozen=True, config=FORM)
 class Description:
     """All that a plan describes; what could not be found, or is not asked for, is None or empty.
 
     Attributes:
         critical_points: poses near which contact states were looked for.
         places: for each segment the index of the critical point near which it runs.
+        trace: the way of a trial of presses without errors.
     """
 
     search: Search | None = None
@@ -193,6 +202,7 @@ class Description:
     critical_points: Many[CriticalPoint] = ()
     places: Many[Index] = ()
     diagnostics: Diagnostics | None = None
+    trace: Many[TracePose] = ()
 
     @model_validator(mode="after")
     def _check_agreement(self) -> Description:

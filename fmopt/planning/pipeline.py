@@ -110,7 +110,7 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
     stages.ended("geometry")
     found = press_solution(posed, lambda presses: subject(press_document(posed, presses, None)), stages.progress)
     stages.ended("presses")
-    document, verdict = _checked(press_document(posed, found.plan, found.evidence), TESTED)
+    document, verdict = _checked(press_document(posed, found.plan, found.evidence, found.trace), TESTED)
     stages.ended("verify")
     return Synthesis(document, verdict, stages.seconds)
 

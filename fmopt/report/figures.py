@@ -59,6 +59,8 @@ def figures(plan: Plan) -> dict[str, str]:
 
 def catalogue(plan: Plan) -> dict[str, Figure]:
     """The figures that the plan has the data for, not yet drawn, by name, in the order of a report."""
+    if plan.press_plan is not None:
+        return {}
     chosen = [_of("cut", cut_view, plan)]
     for number, graph in enumerate(graph_view.graphs(plan), start=1):
         chosen.append(_of("states" if number == 1 else f"states-{number}", graph_view, graph))

@@ -10,6 +10,7 @@ import numpy as np
 
 from fmopt.plan import Numbers, Plan, Segment
 from fmopt.report.naming import binding_words, contact_words, quantity, spoken_axis, touched_words
+from fmopt.report.presses import evidence_words
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
@@ -111,10 +112,13 @@ def smallest_margin(plan: Plan) -> float:
 
 def verdict(plan: Plan) -> Verdict:
     """The verdict in words; proved only where the plan says CERTIFIED, is intact and its margins are positive."""
-    margin = smallest_margin(plan)
     # First of all: what a changed plan says of itself counts for nothing.
     if not plan.digest_holds:
         return Verdict(False, "Not proved", "The plan was changed after it was sealed: its digest does not fit.")
+    if plan.press_plan is not None:
+        word = "Tested" if plan.verdict == "TESTED" else "Not tested enough"
+        return Verdict(False, word, f"{evidence_words(plan.trials)} Nothing is proved of presses.")
+    margin = smallest_margin(plan)
     if plan.verdict == "REFUTED":
         words = "The independent check found a pose within the stated errors at which the plan fails."
         return Verdict(False, "Refuted", words + _shortfall(margin))

@@ -15,6 +15,7 @@ from fmopt.report.control_tables import jamming_table
 from fmopt.report.figures import catalogue
 from fmopt.report.moves import Verdict, moves, verdict
 from fmopt.report.naming import degrees, quantity
+from fmopt.report.presses import press_chapters
 from fmopt.report.recovery_tables import recovery_chapter, tolerance_chapter
 from fmopt.report.scene import resource, scene
 from fmopt.report.shell import chaptered, figure, page, table
@@ -33,6 +34,16 @@ def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
     found = verdict(plan)
     shown = _shown(plan, figures)
     title = plan.title or "insertion"
+    if plan.press_plan is not None:
+        chapters = [
+            ("motion", "The motion", scene(plan)),
+            *press_chapters(plan),
+            ("limits", "What was not checked", sections.not_covered(plan)),
+            ("asked", "What was asked", sections.asked(plan)),
+            ("provenance", "Where this comes from", sections.provenance(plan)),
+        ]
+        body = chaptered("Insertion plan", title, chapters, f"{_verdict_box(plan, found)}\n")
+        return page(f"{title}: {found.word.lower()}", resource("page.css"), body, scripts=True)
     # A chapter that the plan has nothing for is empty here, and `chaptered` leaves it out.
     chapters = [
         ("motion", "The motion", scene(plan) + shown.get("cut", "")),
@@ -54,11 +65,11 @@ def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
 
 
 def _verdict_box(plan: Plan, found: Verdict) -> str:
-    kind = "proved" if found.proved else "unproved"
+    kind = "proved" if found.proved or found.word == "Tested" else "unproved"
     limits = ' Under the assumptions listed in <a href="#limits">what was not checked</a>.' if found.proved else ""
     text = f'<div class="verdict {kind}">\n<p class="word">{escape(found.word)}</p>\n'
     text += f"<p>{escape(found.sentence)}{limits}</p>\n"
-    text += f"<p>{escape(sections.worst_move(plan))}</p>\n"
+    text += "" if plan.press_plan is not None else f"<p>{escape(sections.worst_move(plan))}</p>\n"
     text += f'<p>{escape(sections.asked_words(plan))} More under <a href="#asked">what was asked</a>.</p>\n'
     return text + "</div>"
 

@@ -24,6 +24,8 @@ from fmopt.geometry.section import section
 from fmopt.plan import Contact, Numbers, Part, Plan, Segment
 from fmopt.report.bodies import body_of, contact_place, pieces_of
 from fmopt.report.moves import Move, margin_claim, move_words, moves, turn_between
+from fmopt.report.presses import press_rows, presses_of
+from fmopt.report.sections import start_of
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
@@ -111,6 +113,8 @@ def _label(moving: Part, fixed: Part) -> str:
 
 def scene_data(plan: Plan) -> dict[str, Any]:
     """What the viewer shows, lengths in mm: polygons and lines of both parts, the path, the moves in words."""
+    if plan.press_plan is not None:
+        return _press_data(plan)
     run = moves(plan)
     data = _data(plan.moving, plan.fixed, [_leg_of(piece, k) for k, move in enumerate(run) for piece in move.segments])
     return {
@@ -118,6 +122,20 @@ def scene_data(plan: Plan) -> dict[str, Any]:
         "moves": [_caption(plan, move) for move in run],
         "contacts": {c.id: _pair(plan, c) for c in plan.contacts},
     }
+
+
+def _press_data(plan: Plan) -> dict[str, Any]:
+    """What the viewer shows of presses: the way of a trial without errors, press by press."""
+    trace = plan.description.trace
+    legs = [Leg(one.press, one.pose, other.pose) for one, other in pairwise(trace)]
+    presses = presses_of(plan).attempts[0].presses
+    rows = press_rows(presses_of(plan).attempts[0])
+    captions = [
+        {"words": f"{press.name}: {row[2]}; {row[3]}", "held": row[1], "margin": row[4]}
+        for press, row in zip(presses, rows, strict=True)
+    ]
+    start = Leg(0, start_of(plan), start_of(plan))
+    return {**_data(plan.moving, plan.fixed, legs or [start]), "moves": captions}
 
 
 def _data(moving: Part, fixed: Part, legs: Sequence[Leg]) -> dict[str, Any]:

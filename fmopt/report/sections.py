@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from fmopt.plan import FORMAT, FRAMES, UNITS, Part, Plan
+from fmopt.plan import FORMAT, FRAMES, UNITS, Numbers, Part, Plan
 from fmopt.plan.position_force import AXES
 from fmopt.report.moves import margin_claim, margin_name, margin_words, move_words, moves, states, verdict
 from fmopt.report.naming import binding_words, contact_words, degrees, millimetres, pose_words, quantity, signed
@@ -60,7 +60,7 @@ def _part_row(side: str, part: Part) -> tuple[str, ...]:
 
 def _task_rows(plan: Plan) -> list[tuple[str, str]]:
     part, box = plan.fixed, plan.start_box
-    rows = [("goal pose", pose_words(plan.goal)), ("nominal start pose", pose_words(plan.segments[0].start))]
+    rows = [("goal pose", pose_words(plan.goal)), ("nominal start pose", pose_words(start_of(plan)))]
     for kind in ("declared", "measured"):
         if words := clearance_words(plan, kind):
             rows.append((f"{kind} clearance on each side", words))
@@ -76,6 +76,11 @@ def _task_rows(plan: Plan) -> list[tuple[str, str]]:
     rows.append(("velocity error", f"{across} in translation, {turning} in rotation"))
     rows.append(("characteristic length ρ", f"{millimetres(plan.rho)} mm"))
     return rows
+
+
+def start_of(plan: Plan) -> Numbers:
+    """The commanded pose (6,) with which the motion begins, m and rad."""
+    return plan.segments[0].start if plan.press_plan is None else plan.press_plan.attempts[0].start
 
 
 def _box_words(box: Sequence[float]) -> str:
@@ -249,5 +254,6 @@ def provenance(plan: Plan) -> str:
         ("units", ", ".join(f"{name} in {unit}" for name, unit in sorted(UNITS.items()))),
         *((f"frame: {name}", words) for name, words in sorted(FRAMES.items())),
     ]
-    text = "<p>Anyone can check the plan again without the planner: <code>fmopt verify plan.json</code>.</p>\n"
+    tested = " --evidence tested" if plan.press_plan is not None else ""
+    text = f"<p>Anyone can check the plan again without the planner: <code>fmopt verify plan.json{tested}</code>.</p>\n"
     return text + table("Provenance", ("", ""), rows)

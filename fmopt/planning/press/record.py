@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fmopt import __version__, plan
+from fmopt.plan.description import Description, TracePose
 from fmopt.plan.evidence import Evidence, evidence_record
 from fmopt.plan.press import PressPlan, press_records
 from fmopt.planning.plan_record import part_record
@@ -14,13 +15,16 @@ from fmopt.task.problem import Problem
 from fmopt.verify.reading.parse import SUBJECT
 
 
-def press_document(posed: Posed, presses: PressPlan, evidence: Evidence | None) -> dict[str, Any]:
+def press_document(
+    posed: Posed, presses: PressPlan, evidence: Evidence | None, trace: Sequence[TracePose] = ()
+) -> dict[str, Any]:
     """The plan file of presses, its verdict still open.
 
     Args:
         posed: the problem with its parts measured.
         presses: as they are carried out.
         evidence: of their trials; None where there were none.
+        trace: the way of a trial without errors.
     """
     problem = posed.problem
     document: dict[str, Any] = {
@@ -43,6 +47,7 @@ def press_document(posed: Posed, presses: PressPlan, evidence: Evidence | None) 
         "contacts": [],
         **press_records(presses),
         **({} if evidence is None else {"evidence": evidence_record(evidence)}),
+        "description": Description(trace=tuple(trace)).record(),
     }
     return dict(plan.clean(document))
 

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from fmopt.execution.evidence import Examination
+from fmopt.execution.press_rig import RUNNING, PressRig
+from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
+from fmopt.execution.rotation import between
+from fmopt.plan.description import TracePose
 from fmopt.plan.evidence import Evidence
+from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Conditions, PressPlan
 from fmopt.planning.posed import Posed, Progress
 from fmopt.planning.press.choice import Choosing, examined, halved
 from fmopt.planning.press.library import robot_of
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.task import PressTask
+
+_TRACE_EVERY = 25  # periods between poses that are shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +31,7 @@ class PressSolution:
     task: PressTask
     plan: PressPlan
     evidence: Evidence
+    trace: tuple[TracePose, ...]
 
 
 def press_solution(
@@ -50,4 +60,23 @@ def press_solution(
     ranked = halved(choosing, proposals(task), progress)
     asked = Examination(settings.draws, settings.min_rate, settings.seed)
     plan, evidence = examined(choosing, ranked, asked, subject_of, progress)
-    return PressSolution(task, plan, evidence)
+    return PressSolution(task, plan, evidence, traced(task, plan, conditions))
+
+
+def traced(task: PressTask, plan: PressPlan, conditions: Conditions) -> tuple[TracePose, ...]:
+    """The way of the first attempt without start error and offset, in the middle of all intervals."""
+    nothing = replace(conditions, start=(0.0,) * 6, offset=(0.0, 0.0), drift=0.0)
+    errors = drawn_errors(nothing, count_presses(plan), 0, [0])
+    middle = replace(
+        errors, stiffness=np.ones(1), admittance=np.ones(1), friction=np.mean([conditions.friction], axis=1)
+    )
+    found: list[TracePose] = []
+
+    def look(rig: PressRig) -> None:
+        step = int(rig.state.step[0])
+        if rig.ticks % _TRACE_EVERY == 0 and rig.state.mode[0] == RUNNING and step < len(plan.attempts[0].presses):
+            q = np.array(rig.engine.qpos[0])
+            found.append(TracePose(step, numbers([*q[:3], *between(q[3:], np.array([1.0, 0.0, 0.0, 0.0]))])))
+
+    carry_out(task.bodies, plan, middle, 0, [0], [(0,)], look=look)
+    return tuple(found)
