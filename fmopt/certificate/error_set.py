@@ -102,11 +102,6 @@ class ErrorSet(Value):
         """Shape matrix (6, 6) of the outer ellipsoid."""
         return frozen(self.shape_root @ self.shape_root.T)
 
-    def growth(self, rho: float) -> Array:
-        """Shape matrix (6, 6) of the ellipsoid of least trace around both drifts, in the metric of ρ, m."""
-        root = ellipsoid.outer_sum(self.slide_root, self.swing_root, ellipsoid.metric(rho))
-        return frozen(root @ root.T)
-
     def core(self, directions: Array) -> Array:
         """The generators (k, 6) that a motion with these held compliant twists (r, 6) carries on.
 

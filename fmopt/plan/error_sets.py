@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmopt.spatial.values import Array, Value, frozen
-from fmopt.verify.arithmetic.rational import ArithmeticRefusal, Row, Square, fixed, number
+from fmopt.verify.arithmetic.rational import ArithmeticRefusal, Row, fixed, number
 from fmopt.verify.certificate import error_set
 from fmopt.verify.certificate.chain import Broken, Chain
 from fmopt.verify.findings import Notes
@@ -58,9 +58,6 @@ def error_sets(plan: Plan) -> tuple[ErrorSet, ...]:
 
 
 def _in_floats(errors: error_set.ErrorSet, weights: Row) -> ErrorSet:
-    matrices = {name: _array(Q) for name, Q in errors.ellipsoids(weights)}
-    return ErrorSet(_array(errors.generators), **matrices)
-
-
-def _array(rows: Square | tuple[Row, ...]) -> Array:
-    return np.array([[number(x) for x in row] for row in rows])
+    growth = error_set.outer_sum(errors.slide, errors.swing, weights)
+    matrices = (errors.generators, errors.shape, errors.slide, errors.swing, growth)
+    return ErrorSet(*(np.array([[number(x) for x in row] for row in rows]) for rows in matrices))

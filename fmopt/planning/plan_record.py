@@ -20,7 +20,7 @@ from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.papers.lee_huang import mapping
 from fmopt.papers.lee_huang.hand_position_force import hand_motion, position_force
-from fmopt.papers.lee_huang.nominal_trajectory import CriticalPose, FreedomInterval, NominalTrajectory
+from fmopt.papers.lee_huang.nominal_trajectory import CriticalPose, NominalTrajectory
 from fmopt.plan import description
 from fmopt.plan.description import Description, Search
 from fmopt.plan.diagnostics import Contribution, Diagnostics, ErrorTolerance, Interval, Planar
@@ -40,7 +40,7 @@ class Nominal:
 
     path: NominalTrajectory
     critical: tuple[CriticalPose, ...]
-    freedoms: tuple[FreedomInterval, ...]
+    freedoms: tuple[Interval, ...]
     task: Answer
     planes: mapping.Mapping
 
@@ -148,10 +148,9 @@ def plan_document(problem: Problem, told: Described, motion: ControlledMotion) -
 
 def _nominal(problem: Problem, found: Nominal, rho: float) -> dict[str, Any]:
     """The nominal trajectory with S(t), Pa and Fa."""
-    intervals = tuple(Interval(i.start, i.end, i.s) for i in found.freedoms)
     nodes, times = tuple(map(numbers, found.path.nodes)), numbers(found.path.times)
     rows = position_force(found.path, found.freedoms, contact_forces(problem.specification, rho))
-    return {"nominal": description.Nominal(nodes, times, intervals), "position_force": rows}
+    return {"nominal": description.Nominal(nodes, times, found.freedoms), "position_force": rows}
 
 
 def _diagnostics(
@@ -163,9 +162,7 @@ def _diagnostics(
         graphs=() if states is None else states.graphs(),
         sequence=() if states is None else states.sequence(),
         diagrams=() if nominal is None else mapping.diagrams(nominal.planes, problem.peg.length),
-        freedom_on_planes=()
-        if nominal is None
-        else tuple(Interval(i.start, i.end, i.s) for i in nominal.planes.freedoms),
+        freedom_on_planes=() if nominal is None else nominal.planes.freedoms,
         budget=tuple(
             Contribution(share.source, share.symbol, numbers(share.box), share.frame) for share in problem.budget
         ),

@@ -45,7 +45,6 @@ def test_wide_roots_are_narrowed() -> None:
     errors = ErrorSet(F, np.zeros((0, 6)), F, F)
     assert errors.shape_root.shape == errors.slide_root.shape == errors.swing_root.shape == (6, 6)
     np.testing.assert_allclose(errors.shape, F @ F.T, rtol=1e-12)
-    np.testing.assert_allclose(errors.growth(0.01), 4.0 * F @ F.T, rtol=1e-12)
 
 
 def test_thickness_is_left_only_while_its_twists_give_way() -> None:

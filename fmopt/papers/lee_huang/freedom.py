@@ -28,8 +28,9 @@ from numpy.typing import ArrayLike
 
 from fmopt.errors import SolverError
 from fmopt.geometry.part import Part
-from fmopt.papers.lee_huang.nominal_trajectory import FreedomInterval, NominalTrajectory, Stops, intervals
+from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, Stops, intervals
 from fmopt.papers.lee_huang.touch import Body, Indices, Linear, candidates, linear
+from fmopt.plan.diagnostics import Interval
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.values import Array, Value, frozen
 
@@ -98,7 +99,7 @@ def half_widths(ball: float, cone: float) -> Array:
     return frozen([ball] * 3 + [cone] * 3)
 
 
-def freedom(moving: Part, fixed: Part, path: NominalTrajectory, box: ArrayLike) -> tuple[FreedomInterval, ...]:
+def freedom(moving: Part, fixed: Part, path: NominalTrajectory, box: ArrayLike) -> tuple[Interval, ...]:
     """S(t) along the nominal trajectory, piecewise constant, switching times of the linearised contacts to 1e-11 of T.
 
     When the box turns, switches nearer than the remainder takes to travel are joined, to the side of contact. A contact
@@ -106,8 +107,7 @@ def freedom(moving: Part, fixed: Part, path: NominalTrajectory, box: ArrayLike) 
     vertex of the other, can be missed.
 
     Args:
-        moving: in its body frame.
-        fixed: in the B-frame.
+        moving, fixed: the one in its body frame, the other in the B-frame.
         box: half-widths a (6,) of the pose error (d, δ), m and rad; of an error set, its support along each axis.
 
     Returns:

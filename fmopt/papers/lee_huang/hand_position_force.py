@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.papers.lee_huang.nominal_trajectory import FreedomInterval, NominalTrajectory
+from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory
 from fmopt.plan.description import PositionForce
-from fmopt.plan.diagnostics import Hand, HandMove
+from fmopt.plan.diagnostics import Hand, HandMove, Interval
 from fmopt.plan.field_types import numbers
 from fmopt.plan.position_force import gamma, natural_constraints, omega
 from fmopt.spatial.se3 import Pose
@@ -31,7 +31,7 @@ from fmopt.task.object_model.command import Answer
 
 
 def position_force(
-    path: NominalTrajectory, freedom: Sequence[FreedomInterval], forces: ArrayLike
+    path: NominalTrajectory, freedom: Sequence[Interval], forces: ArrayLike
 ) -> tuple[PositionForce, ...]:
     """C-PF: P(t) × S(t) → Pₐ(t) × Fₐ(t), one row for each stretch on which P is straight and S constant.
 

@@ -20,13 +20,13 @@ from fmopt.geometry.csg import Solid, sagitta
 from fmopt.geometry.plane.region import Region
 from fmopt.papers.lee_huang.cut_diagram import cut_diagram, same, section_limit
 from fmopt.papers.lee_huang.diagram import disc, of_region
-from fmopt.papers.lee_huang.nominal_trajectory import FreedomInterval, NominalTrajectory, nearest_branch, through
+from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, nearest_branch, through
 from fmopt.papers.lee_huang.plane_freedom import Slice, View, freedom_on_planes
 from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_over, frame, section_at
 from fmopt.papers.lee_huang.swept import Body, checked, free_until
 from fmopt.papers.lee_huang.uncertainty_zone import Zone, zones
 from fmopt.papers.lee_huang.visibility import Sight, TurningSight, position_nodes, turning_nodes
-from fmopt.plan.diagnostics import Diagram, DiagramPose
+from fmopt.plan.diagnostics import Diagram, DiagramPose, Interval
 from fmopt.plan.field_types import Polyline, polyline
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array, Value, frozen
@@ -84,7 +84,7 @@ class Mapping(Value):
 
     planes: tuple[PlaneDiagrams, ...]
     path: NominalTrajectory
-    freedoms: tuple[FreedomInterval, ...]
+    freedoms: tuple[Interval, ...]
 
 
 def answered(found: Answer, box: ArrayLike, rho: float) -> Mapping:
@@ -295,9 +295,7 @@ def diagrams(mapping: Mapping, length: float) -> tuple[Diagram, ...]:
     return tuple(_diagram(plane, mapping.path, mapping.freedoms, length) for plane in mapping.planes)
 
 
-def _diagram(
-    diagrams: PlaneDiagrams, path: NominalTrajectory, freedoms: Sequence[FreedomInterval], length: float
-) -> Diagram:
+def _diagram(diagrams: PlaneDiagrams, path: NominalTrajectory, freedoms: Sequence[Interval], length: float) -> Diagram:
     zone, plane = diagrams.zone, diagrams.zone.plane
     upright = plane.v == 2
     times = {"start": 0.0, "goal": path.duration}

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from fmopt.errors import GeometryError
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Face, Polyhedron, placed
+from fmopt.plan.diagnostics import Interval
 from fmopt.spatial.se3 import Pose, turns
 from fmopt.spatial.values import Array, Value, frozen
 
@@ -157,15 +158,6 @@ def nearest_branch(r: Array, target: Array) -> Array:
     return min(choices, key=lambda choice: float(np.linalg.norm(choice - target)))
 
 
-@dataclass(frozen=True)
-class FreedomInterval:
-    """S on [start, end], s: six values −1, 0, 1, 2; an interval of no length at T holds what only the goal touches."""
-
-    start: float
-    end: float
-    s: tuple[int, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Stops(Value):
     """Motions that are stopped for stretches of time, n of them.
@@ -189,7 +181,7 @@ def together(parts: Sequence[Stops]) -> Stops:
     )
 
 
-def intervals(stops: Stops, duration: float, blur: float) -> tuple[FreedomInterval, ...]:
+def intervals(stops: Stops, duration: float, blur: float) -> tuple[Interval, ...]:
     """S on the cells between all ends, equal neighbours joined; at T also what touches there only.
 
     Args:
@@ -214,9 +206,7 @@ def intervals(stops: Stops, duration: float, blur: float) -> tuple[FreedomInterv
     values = np.where(plus & minus, 2, plus.astype(int) - minus)
     begins = np.flatnonzero(np.concatenate([[True], np.any(values[1:] != values[:-1], axis=1)]))
     edges = np.append(cuts[begins], duration).tolist()
-    return tuple(
-        FreedomInterval(a, b, tuple(values[k].tolist())) for k, (a, b) in zip(begins, pairwise(edges), strict=True)
-    )
+    return tuple(Interval(a, b, tuple(values[k].tolist())) for k, (a, b) in zip(begins, pairwise(edges), strict=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,13 +36,13 @@ from fmopt.papers.lee_huang.diagram import Arc, Diagram
 from fmopt.papers.lee_huang.line_contact import Leg, Lines
 from fmopt.papers.lee_huang.nominal_trajectory import (
     Bits,
-    FreedomInterval,
     NominalTrajectory,
     Stops,
     intervals,
     together,
 )
 from fmopt.papers.lee_huang.uncertainty_zone import Zone
+from fmopt.plan.diagnostics import Interval
 from fmopt.spatial.values import Array, Value
 
 _BLUR = 1e-12  # of T
@@ -78,9 +78,7 @@ class View(Value):
     moving: tuple[Slice, ...]
 
 
-def freedom_on_planes(
-    views: Sequence[View], path: NominalTrajectory, free_until: float = 0.0
-) -> tuple[FreedomInterval, ...]:
+def freedom_on_planes(views: Sequence[View], path: NominalTrajectory, free_until: float = 0.0) -> tuple[Interval, ...]:
     """S(t) along the nominal trajectory, piecewise constant, switching times exact to rounding.
 
     Args:

@@ -101,11 +101,6 @@ class ErrorSet:
         """Bound of N·e over what velocity errors add."""
         return width(self.slide, N) + width(self.swing, N)
 
-    def ellipsoids(self, weights: Row) -> tuple[tuple[str, Square], ...]:
-        """Shapes by their names in a plan; `growth` has the least trace around both drifts in a metric."""
-        growth = outer_sum(self.slide, self.swing, weights)
-        return ("shape", self.shape), ("slide", self.slide), ("swing", self.swing), ("growth", growth)
-
     def half_widths(self, thick: Sequence[Row]) -> list[int]:
         """Half-widths (6,) of the box around core, this thickness and drifts."""
         gens = (*self.core, *thick)

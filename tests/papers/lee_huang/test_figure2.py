@@ -11,7 +11,6 @@ from fmopt.papers.lee_huang.freedom import freedom, half_widths
 from fmopt.papers.lee_huang.hand_position_force import position_force
 from fmopt.papers.lee_huang.mapping import Task, answered, diagrams, plane_diagrams, task_mapping
 from fmopt.plan.description import Nominal
-from fmopt.plan.diagnostics import Interval
 from fmopt.plan.field_types import numbers
 from fmopt.plan.position_force import Decomposition, contact_forces
 from fmopt.report.drawing import drawn
@@ -211,8 +210,7 @@ def test_the_radii_come_from_the_problems_errors():
 def test_the_figures_show_all_parts_of_the_mapping():
     problem, _, made = figure_two()
     rows = position_force(made.path, made.freedoms, contact_forces(problem.specification, RHO))
-    intervals = tuple(Interval(one.start, one.end, one.s) for one in made.freedoms)
-    nominal = Nominal(tuple(map(numbers, made.path.nodes)), numbers(made.path.times), intervals)
+    nominal = Nominal(tuple(map(numbers, made.path.nodes)), numbers(made.path.times), made.freedoms)
     course = trajectory_view.Course(nominal, rows)
     found = diagrams(made, 0.05)
     for view, shown in ((diagram_view, found), (trajectory_view, course)):

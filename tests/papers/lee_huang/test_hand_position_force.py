@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fmopt.papers.lee_huang.hand_position_force import position_force
-from fmopt.papers.lee_huang.nominal_trajectory import FreedomInterval, insertion
+from fmopt.papers.lee_huang.nominal_trajectory import insertion
+from fmopt.plan.diagnostics import Interval
 from fmopt.plan.position_force import Decomposition, contact_forces, gamma, natural_constraints, omega
 from fmopt.task.problem import Specification
 
@@ -50,7 +51,7 @@ def test_torques_come_from_the_force_at_rho_up_to_the_limit():
 
 def test_figure_two_of_the_paper():
     t1, T = float(PATH.times[1]), PATH.duration
-    rows = position_force(PATH, [FreedomInterval(0.0, t1, (0,) * 6), FreedomInterval(t1, T, (2, 2, 0, 2, 2, 0))], F)
+    rows = position_force(PATH, [Interval(0.0, t1, (0,) * 6), Interval(t1, T, (2, 2, 0, 2, 2, 0))], F)
     assert [(row.start, row.end) for row in rows] == [(0.0, t1), (t1, T)]
     assert np.array_equal(rows[0].pa_start, PATH.at(0.0))
     assert not any(rows[0].fa)
@@ -67,7 +68,7 @@ def test_figure_two_of_the_paper():
 
 
 def test_rows_split_where_the_trajectory_bends_so_that_each_is_straight():
-    rows = position_force(PATH, [FreedomInterval(0.0, PATH.duration, (0,) * 6)], F)
+    rows = position_force(PATH, [Interval(0.0, PATH.duration, (0,) * 6)], F)
     assert [row.end for row in rows] == [float(PATH.times[1]), PATH.duration]
     for row in rows:
         for u in (0.25, 0.5):
@@ -78,13 +79,13 @@ def test_rows_split_where_the_trajectory_bends_so_that_each_is_straight():
 
 def test_an_interval_of_no_length_at_the_goal_is_one_row():
     T = PATH.duration
-    rows = position_force(PATH, [FreedomInterval(T, T, (0, 0, -1, 0, 0, 0))], F)
+    rows = position_force(PATH, [Interval(T, T, (0, 0, -1, 0, 0, 0))], F)
     assert len(rows) == 1
     assert rows[0].fa[2] == F[2]
 
 
 def test_rows_give_what_a_controller_applies():
-    (row,) = position_force(PATH, [FreedomInterval(1.0, 1.2, (2, 0, -1, 1, 0, 2))], F)
+    (row,) = position_force(PATH, [Interval(1.0, 1.2, (2, 0, -1, 1, 0, 2))], F)
     assert row.either_sign == (0, 5)
     assert np.array_equal(row.applied, np.negative(row.fa))
     assert np.array_equal(np.add(row.pa_start, row.pn_start), PATH.at(1.0))

@@ -25,7 +25,7 @@ from fmopt.task.explain import explain
 from fmopt.task.problem import Problem, Specification, load
 from fmopt.task.sizes import measured_clearance
 from fmopt.verify import CERTIFIED, NOT_PROVED, verify
-from fmopt.verify.reading.document import PlanError
+from fmopt.verify.reading.reader import PlanError
 from tests import ROOT
 from tests.shared.plans.table_plan import sealed
 

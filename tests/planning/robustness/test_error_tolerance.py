@@ -10,6 +10,7 @@ import pytest
 
 from fmopt.errors import InfeasibleError
 from fmopt.plan import parsed
+from fmopt.plan.description import Description
 from fmopt.planning.pipeline import certified_motion, planned
 from fmopt.planning.posed import FINE
 from fmopt.planning.robustness.error_tolerance import (
@@ -139,7 +140,8 @@ def test_people_read_it(solved: tuple[Problem, CertifiedMotion], found: ErrorTol
     assert plan.diagnostics is not None
     assert plan.diagnostics.tolerated is not None
     none = replace(plan.diagnostics.tolerated, factor=0.0, start_box=(0.0,) * 6)
-    words = tolerated_words(replace(plan, diagnostics=replace(plan.diagnostics, tolerated=none)))
+    described = replace(plan.description, diagnostics=replace(plan.diagnostics, tolerated=none))
+    words = tolerated_words(replace(plan, description=described))
     assert words.startswith("This motion has no positive margin, however small the start errors. What ends it is move ")
-    without = replace(plan, diagnostics=None)
+    without = replace(plan, description=Description())
     assert tolerated_words(without) == "" == tolerance_chapter(without)
