@@ -32,8 +32,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="Insertion motions that work although the clearance is smaller than the error, with proof.",
-    epilog="Exit codes: 0 certified, or tested where that is asked for; 1 refuted or infeasible, 2 bad input, 3 neither, "
-    "4 resource, 70 internal.",
+    epilog="Exit codes: 0 certified, or tested where that is asked for; 1 refuted or infeasible, 2 bad input, "
+    "3 neither, 4 resource, 70 internal.",
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]

@@ -160,10 +160,11 @@ def execute(
 ) -> None:
     """Carry a certified plan out in a physics engine, under sampled errors (extra sim, or drake)."""
     from fmopt.cli.console import Trials as Progress
+    from fmopt.execution.engines.catalogue import ENGINES
     from fmopt.execution.execute import Settled
     from fmopt.execution.execute import execute as run
     from fmopt.execution.summary import lines
-    from fmopt.execution.trials import ENGINES, METHODS, Trials
+    from fmopt.execution.trials import METHODS, Trials
 
     if method not in METHODS:
         raise typer.BadParameter(f"{method!r} is none of {', '.join(METHODS)}", param_hint="--method")

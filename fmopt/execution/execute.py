@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from fmopt.errors import Interruption, ResourceError
+from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.summary import summary
-from fmopt.execution.trials import ENGINES, LATER, METHODS, Trials, run
+from fmopt.execution.trials import LATER, METHODS, Trials, run
 from fmopt.execution.workers import spread
 from fmopt.plan import Plan
 from fmopt.runtime import output

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from fmopt.notebook.drawing import Drawing
     from fmopt.notebook.placing import Placing
     from fmopt.notebook.trials import Trials
+    from fmopt.plan.evidence import Evidence
     from fmopt.plan.position_force import Stretch
+    from fmopt.plan.press import PressPlan
     from fmopt.report.figures import Figure
 
 
@@ -102,7 +104,7 @@ class Plan:
 
     @property
     def verdict(self) -> str:
-        """CERTIFIED, REFUTED or NOT_PROVED, as the plan says; `verify` checks it."""
+        """CERTIFIED, TESTED, REFUTED or NOT_PROVED, as the plan says; `verify` checks it."""
         return self.stated.verdict
 
     @property
@@ -114,6 +116,16 @@ class Plan:
     def margin(self) -> float:
         """Least margin of all segments, m."""
         return smallest_margin(self.stated)
+
+    @property
+    def presses(self) -> PressPlan | None:
+        """The presses, attempt by attempt, with the robot that carries them out; None in a plan of guarded moves."""
+        return self.stated.press_plan
+
+    @property
+    def evidence(self) -> Evidence | None:
+        """What trials of the presses came to: draws, bound, vertices, every outcome."""
+        return self.stated.trials
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
@@ -213,7 +225,8 @@ class Plan:
             ResourceError: the physics engine, of the extra `sim` or `drake`, is not installed, or results cannot be
                 written.
         """
-        from fmopt.execution.trials import ENGINES, METHODS
+        from fmopt.execution.engines.catalogue import ENGINES
+        from fmopt.execution.trials import METHODS
         from fmopt.execution.trials import Trials as Wanted
         from fmopt.notebook.trials import carried_out
 
@@ -335,6 +348,9 @@ class Plan:
         )
 
     def __str__(self) -> str:
+        if self.evidence is not None:
+            seated, draws = self.evidence.seated, self.evidence.draws
+            return f"{self.stated.title}: {self.verdict}, {seated} of {draws} draws seat"
         margin = f", least margin {1e6 * self.margin:.1f} µm"
         margin = margin if self.proved else margin.replace("least", "not proved: least computed")
         return f"{self.stated.title}: {self.verdict}, {len(self.moves)} moves{margin}"

@@ -11,6 +11,7 @@ from fmopt.plan.position_force import AXES
 from fmopt.report.control_tables import hybrid_cells, jamming_cells
 from fmopt.report.moves import summary_rows
 from fmopt.report.moves import verdict as spoken
+from fmopt.report.presses import HEAD, press_rows
 from fmopt.report.shell import table
 
 if TYPE_CHECKING:
@@ -44,6 +45,9 @@ def problem_sheet(problem: Problem) -> str:
 def plan_sheet(plan: Plan) -> str:
     """A plan: verdict in words, moves, and the motion in three dimensions."""
     found = spoken(plan.stated)
+    if plan.presses is not None:
+        text = f"<p><strong>{escape(found.word)}</strong>: {escape(plan.stated.title)}<br>{escape(found.sentence)}</p>"
+        return _sheet(text + table("Presses", HEAD, press_rows(plan.presses.attempts[0])) + plan.scene()._repr_html_())
     head, *rows = summary_rows(plan.stated)
     margins = [move.margin for move in plan.moves]
     worst = margins.index(min(margins))

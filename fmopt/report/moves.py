@@ -8,6 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
+from fmopt.errors import ChoiceError
 from fmopt.plan import Numbers, Plan, Segment
 from fmopt.report.naming import binding_words, contact_words, quantity, spoken_axis, touched_words
 from fmopt.report.presses import evidence_words
@@ -106,7 +107,13 @@ def turn_between(start: Numbers, goal: Numbers) -> Array:
 
 
 def smallest_margin(plan: Plan) -> float:
-    """The smallest margin of all pieces, m."""
+    """The smallest margin of all pieces, m.
+
+    Raises:
+        ChoiceError: the plan has presses, of which nothing is proved.
+    """
+    if plan.press_plan is not None:
+        raise ChoiceError("a plan of presses has no margin: nothing is proved of it", "read its evidence instead")
     return min(piece.margin for piece in plan.segments)
 
 

@@ -80,8 +80,8 @@ def evidence_words(evidence: Evidence | None) -> str:
         return "The presses were not carried out: nothing is known of them."
     return (
         f"{evidence.seated} of {evidence.draws} draws seat in the physics engine, {evidence.first_tries} at the first "
-        f"attempt: a rate of at least {100.0 * evidence.bound:.1f} % at {evidence.confidence:.1%} confidence, asked for "
-        f"{100.0 * evidence.min_rate:g} %. {evidence.vertices_seated} of {evidence.vertices} vertices of the start "
+        f"attempt: a rate of at least {100.0 * evidence.bound:.1f} % at {evidence.confidence:.1%} confidence, asked "
+        f"for {100.0 * evidence.min_rate:g} %. {evidence.vertices_seated} of {evidence.vertices} vertices of the start "
         "errors seat."
     )
 

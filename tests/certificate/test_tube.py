@@ -115,7 +115,6 @@ def leaves(made: Segment, pool: Pool, goal: Goal = sound) -> bool:
     return bool((rows @ between > (1.0 - share) * begun + share * reach[:, None] + ROUNDING).any())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("part", range(4))
 def test_no_execution_leaves_the_tube(pool: Pool, part: int) -> None:
     assert [index for index in range(part, SEGMENTS, 4) if leaves(segment(index), pool)] == []

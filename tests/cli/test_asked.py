@@ -95,7 +95,7 @@ def test_every_form_of_file_asks_the_same_in_four_lines(pair: Asked, tmp_path: P
         same(found["toml"], found[form])
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_one_verdict_from_files_the_command_line_and_python(tmp_path: Path, run: Run) -> None:
     pair = generated(seed=3)[0]
     margins = []
@@ -222,7 +222,7 @@ def test_wrong_calls_are_answered_by_what_is_wrong(tmp_path: Path, run: Run) -> 
         assert ";" in err or "advice" in err
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 @pytest.mark.parametrize(
     ("gap", "said"),
     [(0.0, "there is no clearance, which is 0.000000 mm a side"), (-0.05, "it is too thick by 0.050000 mm a side")],
@@ -259,7 +259,7 @@ def test_meshes_without_a_unit_are_taken_for_mm_and_that_is_said(tmp_path: Path,
     assert json.loads(out)["parts"][0]["extent"][2] == pytest.approx(0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 @pytest.mark.parametrize("form", FORMS)
 def test_init_writes_a_problem_that_passes_and_says_what_was_found(form: str, tmp_path: Path, run: Run) -> None:
     pair = generated(seed=2)[3]
@@ -285,7 +285,7 @@ def test_init_writes_a_problem_that_passes_and_says_what_was_found(form: str, tm
     assert "is there already" in err
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 @pytest.mark.parametrize("form", FORMS)
 def test_one_part_is_checked_and_drawn(form: str, tmp_path: Path, run: Run) -> None:
     _, plate = write(generated(seed=1)[1], tmp_path, form)
@@ -302,7 +302,6 @@ def test_one_part_is_checked_and_drawn(form: str, tmp_path: Path, run: Run) -> N
     assert "found" in out
 
 
-@pytest.mark.slow
 def test_two_step_files_become_a_plan_a_report_and_a_program_in_three_commands(tmp_path: Path, run: Run) -> None:
     write(generated(seed=2)[1], tmp_path, "step")
     begun = time.process_time()
@@ -319,7 +318,7 @@ def test_two_step_files_become_a_plan_a_report_and_a_program_in_three_commands(t
     assert run("verify", "made/plan.json", "--problem", "made/problem.toml")[0] == 0
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_bodies_of_an_assembly_go_together_as_they_stand_there(tmp_path: Path, run: Run) -> None:
     pair = generated(seed=1)[1]
     write_assembly(tmp_path / "both.step", pair, depth=7.0)

@@ -493,7 +493,6 @@ def test_an_out_folder_that_cannot_be_written(fmopt: Command, tmp_path: Path) ->
     assert "choose another place with --out" in done.err
 
 
-@pytest.mark.slow
 def test_a_fresh_process_writes_the_same_bytes(square_peg_plan_file: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "fmopt", "solve", str(ROOT / PROBLEM), "--out", "out", "--report", "--json"]
     environment = {**os.environ, "PYTHONHASHSEED": "4711"}
@@ -507,7 +506,7 @@ def test_a_fresh_process_writes_the_same_bytes(square_peg_plan_file: Path, tmp_p
     assert document["sha256"] in page
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_a_traceback_never_leaves_a_process(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_bytes(b"\xff\x00\x1b[31m = [[[")
     for words in (["solve", "a.toml"], ["verify", "a.toml"], ["check", "."], ["solve", "missing.toml", "--json"]):

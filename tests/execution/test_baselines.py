@@ -56,7 +56,7 @@ def test_the_tilt_starts_with_one_corner_in_the_hole_whatever_the_error(square_p
     assert (corner[:2] + error < walls).all()
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 @pytest.mark.parametrize("method", ["plan", "push"])
 def test_an_interference_of_10_micrometres_keeps_the_part_out(square_peg_plan: dict[str, Any], method: str) -> None:
     document = square_peg_plan if method == "plan" else exact(square_peg_plan, 2e-5)

@@ -16,13 +16,14 @@ import fmopt
 from fmopt.cli import app
 from fmopt.errors import FmoptError, ResourceError, SettingsError
 from fmopt.execution import execute as running
+from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.drake_engine import DRAKE, with_corners
 from fmopt.execution.engines.engine import Bodies, Engine, Setup
 from fmopt.execution.engines.mujoco_engine import MUJOCO
 from fmopt.execution.execute import run_all
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import quaternions
-from fmopt.execution.trials import ENGINES, Trials, run
+from fmopt.execution.trials import Trials, run
 from fmopt.plan import parsed
 from fmopt.spatial.values import Array
 
@@ -59,7 +60,7 @@ def test_a_trial_is_its_seed_and_number_in_every_company(square_peg_plan: Plan, 
     assert json.dumps(alone) == json.dumps(records[2])
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_an_interference_of_10_micrometres_keeps_the_part_out(square_peg_plan: Plan) -> None:
     growth = square_peg_plan["parts"]["moving"]["measured_clearance"] + 1e-5
     [record] = run(parsed(square_peg_plan), Trials(1, growth=growth, recovery=False, engine="drake"), [0])
@@ -174,7 +175,7 @@ def test_the_command_names_the_missing_extra_in_one_line(
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_from_python_each_engine_has_its_own_folder(square_peg_plan_file: Path, records: list[Any]) -> None:
     plan = fmopt.read(square_peg_plan_file)
     found = plan.execute(Trials(1, seed=1, engine="drake"), workers=1)

@@ -42,7 +42,6 @@ def solved(off: float, wider: float = 0.0) -> dict[str, Any]:
     return document
 
 
-@pytest.mark.slow
 def test_real_parts_keep_every_promise() -> None:
     plan = solved(OFF)
     assert {plan["parts"][side]["form"] for side in SIDES} == {1.5 * OFF}
@@ -64,7 +63,7 @@ def test_real_parts_are_as_far_off_as_is_stated() -> None:
             assert max(far) <= part["form"]
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_a_form_counted_at_the_start_alone_is_not_kept() -> None:
     plan = copy.deepcopy(solved(0.0, 3.0 * OFF))
     for side in SIDES:

@@ -16,13 +16,14 @@ from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.mujoco_engine import MujocoEngine
 from fmopt.execution.engines.physics import Physics
 from fmopt.execution.engines.scene import compiled, scene
+from fmopt.execution.noise import Noise
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import EARLY, LATE, Recovery, WayBack
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import from_quaternions, product, quaternions
 from fmopt.execution.summary import Fit, Log, lines, summary
-from fmopt.execution.trials import Noise, Trials, draw
+from fmopt.execution.trials import Trials, draw
 from fmopt.plan import parsed
 from fmopt.plan.contact_geometry import contacts
 from fmopt.plan.guarded_moves import moves

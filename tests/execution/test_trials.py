@@ -22,12 +22,13 @@ from fmopt.cli import app
 from fmopt.errors import Interruption, ResourceError, SettingsError
 from fmopt.execution import execute as running
 from fmopt.execution.execute import run_all
+from fmopt.execution.noise import Noise
 from fmopt.execution.program import FAILED, planned
 from fmopt.execution.replay import SLOWER, replay
 from fmopt.execution.rig import Event, Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.summary import Fit, Log, failures, lines, note, summary, wilson
-from fmopt.execution.trials import Noise, Trials, draw, run
+from fmopt.execution.trials import Trials, draw, run
 from fmopt.plan import parsed
 from fmopt.spatial.se3 import Pose
 from tests.shared.trial_records import record

@@ -159,7 +159,7 @@ def test_floats_that_are_far_from_any_plane_are_refused() -> None:
         exact_vertices(Polyhedron(bent, body.faces, body.edges))
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_all_shipped_parts_are_plane_in_floats_but_cones() -> None:
     for path in sorted(PROBLEMS.glob("*.toml")):
         problem = load(path)

@@ -32,7 +32,6 @@ def written(folder: Path, name: str, content: bytes | str) -> Path:
     return path
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_damaged_files_end_with_an_exit_code_and_a_message(kind: str, tmp_path: Path) -> None:
     tally = fuzzed(kind, COUNTS.get(kind, 30), 11, tmp_path)

@@ -26,7 +26,7 @@ def test_meshes_are_read_as_the_models_they_are_of(family: str, tmp_path: Path) 
         assert differences(pair, problems) == [], pair.name
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 @pytest.mark.parametrize("family", families.FAMILIES)
 def test_a_step_file_is_read_as_the_model_it_is_of(family: str, tmp_path: Path) -> None:
     pair = families.pair(family, families.FAMILIES.index(family) % len(SEEDS))

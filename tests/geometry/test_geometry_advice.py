@@ -25,7 +25,7 @@ UNFOLLOWED = {  # advice that no test can follow, and why
 
 
 @pytest.mark.parametrize(
-    "case", [pytest.param(one, id=one.name, marks=pytest.mark.slow if one.slow else ()) for one in CASES]
+    "case", [pytest.param(one, id=one.name, marks=pytest.mark.wide if one.slow else ()) for one in CASES]
 )
 def test_advice_that_is_followed_helps(case: Case, tmp_path: Path) -> None:
     with pytest.raises(FmoptError) as told:

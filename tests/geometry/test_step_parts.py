@@ -180,7 +180,7 @@ def test_a_pair_is_the_same_as_step_as_stl_and_as_solids(kind: str, tmp_path: Pa
         )
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_bodies_of_an_assembly_are_named_and_placed(tmp_path: Path) -> None:
     peg, plate = box(10.0, 8.0, 30.0), cut(box(40.0, 40.0, 10.0), box(10.4, 8.4, 20.0, (0.0, 0.0, 3.0)))
     goal, away = Pose(np.array([0.0, 0.0, 3.0]), np.eye(3)), turned(3)

@@ -124,7 +124,6 @@ def leads_nowhere(name: str, own: set[str], everywhere: dict[str, set[str]]) -> 
     return not ((PACKAGE.parent / name).exists() or resolved(name) or resolved(f"fmopt.{name}"))
 
 
-@pytest.mark.slow
 def test_every_name_in_backticks_leads_somewhere() -> None:
     trees = {file: ast.parse((PACKAGE / file).read_text(encoding="utf-8")) for file in FILES}
     everywhere = defined(trees)

@@ -263,7 +263,6 @@ def place(tmp_path: Path, square_peg_plan_file: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", dict.fromkeys(name for name, *_ in EXAMPLES))
 def test_examples_of_a_page_do_as_they_say(name: str, place: Path) -> None:
     space: dict[str, Any] = {}

@@ -6,14 +6,11 @@ import sys
 import zipfile
 from pathlib import Path
 
-import pytest
-
 import fmopt
 from fmopt.manual import PAGES
 from tests import ROOT
 
 
-@pytest.mark.slow
 def test_the_wheel_works_from_an_empty_folder_and_no_kernel_reaches_beyond_its_arrays(tmp_path: Path) -> None:
     """Compiled, kernels do not look where they read and write; as they are written, and run here, Python does."""
     from hatchling.builders.sdist import SdistBuilder

@@ -67,7 +67,7 @@ def test_what_is_kept_of_an_output_is_the_same_on_every_machine() -> None:
     assert settled(scene, "/tmp/abc").data == {"text/plain": "a scene"}
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 @pytest.mark.parametrize("name", NAMES)
 def test_each_notebook_runs(name: str, tmp_path: Path) -> None:
     notebook = nbformat.read(shutil.copy(FOLDER / f"{name}.ipynb", tmp_path), as_version=4)

@@ -18,7 +18,7 @@ def problem() -> fmopt.Problem:
     return fmopt.load(PEG)
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_trials_are_those_of_the_command_line(square_peg_plan_file: Path, tmp_path: Path) -> None:
     from fmopt.execution.execute import Settled, execute
     from fmopt.execution.trials import Trials
@@ -111,7 +111,7 @@ assert data["text/latex"].startswith("$\\\\displaystyle f ="), data
 """
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_values_show_themselves_in_a_notebook(square_peg_plan_file: Path, tmp_path: Path) -> None:
     shutil.copy(square_peg_plan_file, tmp_path / "plan.json")
     code = INSIDE.format(plan=str(tmp_path / "plan.json"))

@@ -80,14 +80,13 @@ def certified(problem: Problem) -> list[float]:
     return [segment["margin"] for segment in document["segments"]]
 
 
-@pytest.mark.slow
 def test_how_the_models_are_written_does_not_matter(tmp_path: Path) -> None:
     plain = margins(tmp_path)
     for written in ({"unit": "m", "at": (100, -50, 30), "turn": 90}, {"turn": 37}):
         assert margins(tmp_path, **written) == pytest.approx(plain, rel=1e-9)  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_images_in_a_mirror_get_the_same_plan(tmp_path: Path) -> None:
     outline = [(-10.0, -8.0), (10.0, -8.0), (10.0, 4.0), (-10.0, 9.0)]
     images = {  # of which all eight are made

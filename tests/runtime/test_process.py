@@ -16,7 +16,7 @@ from tests.shared.process_calls import PROBLEM, alive, as_a_shell_starts, called
 SOON = 5.0  # s within which a signal ends a command: one, and the rest for a machine with more work than processors
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_a_dozen_signals_and_as_many_broken_streams(square_peg_plan_file: Path, tmp_path: Path) -> None:
     found = called(square_peg_plan_file, tmp_path, 24, 1)
     assert found.wrong == []

@@ -155,7 +155,6 @@ def small(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.slow
 def test_the_answer_is_certified_and_planned_anew(tmp_path: Path) -> None:
     path, folder = small(tmp_path), tmp_path / "out"
     done = CliRunner().invoke(app, ["study", str(path), "--out", str(folder)])

@@ -105,7 +105,7 @@ def test_a_host_that_is_lost_costs_one_run(scheduler: str, tmp_path: Path) -> No
     assert rows[0].reason == "its host was lost 3 times"
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_the_command_works_on_a_cluster(scheduler: str, tmp_path: Path) -> None:
     study = tmp_path / "gaps.toml"
     study.write_text(

@@ -63,7 +63,6 @@ def fmopt_study(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[st
     return command
 
 
-@pytest.mark.slow
 def test_a_study_is_run_in_two_goes_and_tabulated(study: Path, tmp_path: Path, fmopt_study: Study) -> None:
     folder = tmp_path / "out"
     out, _ = fmopt_study(study, "--out", folder, "--limit", 1, "--jobs", 1)
@@ -99,7 +98,6 @@ def test_a_dry_run_shows_runs_and_their_time_and_writes_nothing(
     assert not folder.exists()
 
 
-@pytest.mark.slow
 def test_a_dry_run_foretells_what_the_same_options_would_do(study: Path, tmp_path: Path, fmopt_study: Study) -> None:
     folder = tmp_path / "out"
     fmopt_study(study, "--out", folder, "--limit", 2, "--jobs", 1)
@@ -135,7 +133,7 @@ def test_the_second_at_a_folder_is_told_who_the_first_is(study: Path, tmp_path: 
     assert f"process {os.getpid()} runs a study in this folder" in err
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_ctrl_c_leaves_what_was_done(study: Path, tmp_path: Path) -> None:
     study.write_text(STUDY.replace("[-0.05, 0.05, 0.1, 0.2]", str([0.05 + 0.0005 * n for n in range(300)])))
     folder = tmp_path / "out"

@@ -25,7 +25,7 @@ def study(folder: Path, *failing: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO], ids=["ENOSPC", "EIO"])
 @pytest.mark.parametrize("kind", ["open", "write", "fsync", "rename"])
 def test_a_failing_call_ends_the_study_in_one_line(tmp_path: Path, kind: str, code: int) -> None:

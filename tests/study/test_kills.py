@@ -9,7 +9,7 @@ import pytest
 from tests.shared.studies.kills import JOBS, LONGEST_BATCH, LostError, killed
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_fifty_kills_lose_nothing(tmp_path: Path) -> None:
     found = killed(tmp_path, 50, 1)
     assert found.total >= 50

@@ -68,7 +68,7 @@ def test_runs_of_one_key_are_one(tmp_path: Path) -> None:
     assert found[3].row == found[1].row
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_a_hundred_of_a_thousand_fail_and_the_others_do_not_notice(tmp_path: Path) -> None:
     work = evaluations.work(1000, Limits(seconds=1.0, memory=4 << 30))
     tally = run(work, tmp_path, evaluations.mixed, Options(4))

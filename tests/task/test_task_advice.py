@@ -20,7 +20,7 @@ CASES = (*texts.CASES, *models.CASES, *features.CASES, *problems.CASES, *fits.CA
 
 
 @pytest.mark.parametrize(
-    "case", [pytest.param(one, id=one.name, marks=pytest.mark.slow if one.slow else ()) for one in CASES]
+    "case", [pytest.param(one, id=one.name, marks=pytest.mark.wide if one.slow else ()) for one in CASES]
 )
 def test_advice_that_is_followed_helps(case: Case, tmp_path: Path) -> None:
     refused, taken = tmp_path / "refused", tmp_path / "taken"

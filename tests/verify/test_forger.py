@@ -113,7 +113,6 @@ def test_no_lie_about_the_table_plan_passes(table: Plan) -> None:
     assert _offenders(table, None, lies, range(3)) == []
 
 
-@pytest.mark.slow
 def test_no_lie_about_the_square_peg_passes(square_peg_plan: Plan, square_peg_differences: Differences) -> None:
     """Those that need a problem, or more than the table plan has."""
     simple = _told(table_plan(), [lie for lie in LIES if lie.oracle != PROBLEM])
@@ -127,7 +126,7 @@ def test_forged_plans_and_mutants_break_no_command(table: Plan) -> None:
     assert (account.false, account.faults, account.slow) == ([], [], [])
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_nor_do_those_of_the_square_peg(square_peg_plan: Plan, square_peg_differences: Differences) -> None:
     account = Account()
     run(square_peg_plan, square_peg_differences, 10, seed=3, account=account)

@@ -43,13 +43,11 @@ def test_quick_bounds_are_never_closer_than_certified_ones(
     assert len(looked) > 100
 
 
-@pytest.mark.slow
 def test_numbers_changed_for_the_worse_are_rejected(square_peg_plan: dict[str, Any]) -> None:
     for name, mutant in numbers(square_peg_plan, 1):
         assert verify(mutant).verdict == NOT_PROVED, name
 
 
-@pytest.mark.slow
 def test_changed_claims_are_rejected(square_peg_plan: dict[str, Any]) -> None:
     for name, mutant in claims(square_peg_plan):
         try:

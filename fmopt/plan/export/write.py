@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from fmopt.errors import PlanFormatError
 from fmopt.plan import STDIO, Plan
 from fmopt.plan.export.cautions import base_pose, insertion_words, turning_words
 from fmopt.plan.guarded_moves import moves
@@ -96,6 +97,11 @@ def export(plan: Plan, form: Form, target: Path) -> Written:
         ValueError: the format is several files, and `target` no folder.
         FmoptError: the plan cannot be exported or written.
     """
+    if plan.press_plan is not None:
+        raise PlanFormatError(
+            "a plan of presses is not exported yet",
+            'ask for evidence = "certified", whose guarded moves are; or read the presses from the plan file',
+        )
     text = text_of(plan, form) if target == STDIO else ""
     paths = () if target == STDIO else exported(plan, form, target)
     if not form.for_robots:

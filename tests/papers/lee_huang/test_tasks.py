@@ -141,7 +141,6 @@ def test_figure_two_through_the_problem_file(tmp_path: Path) -> None:
     assert [one.s for one in nominal_motion(plain, ErrorSet.from_box(plain.start_box), RHO).freedoms] == [FREE_S]
 
 
-@pytest.mark.slow
 def test_the_hollow_part_in_the_hand_is_solved(tmp_path: Path) -> None:
     """A block goes over a standing peg: the certificate is that of the relative motion, the hand makes its inverse."""
     grasp = "[grasp]\nat = [0, 0, 50]\n\n[uncertainty.start]"

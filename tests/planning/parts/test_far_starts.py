@@ -52,7 +52,7 @@ def test_the_drift_is_told_where_it_counts() -> None:
     assert "drifts" not in low
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_a_plan_from_high_above_is_certified() -> None:
     solved = synthesise(replace(PEG, approach=0.02))
     assert solved.document["verdict"] == "CERTIFIED"

@@ -13,7 +13,7 @@ from tests.shared.parts.forms import WRITERS
 PAIRS = [("3-gon", 0), ("triangle", 0), ("rectangle", 0), ("L", 0), ("U", 0)]  # for which time is not short
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 @pytest.mark.parametrize(("family", "seed"), PAIRS)
 def test_all_forms_of_a_pair_are_certified(family: str, seed: int, tmp_path: Path) -> None:
     pair = families.pair(family, seed)

@@ -108,7 +108,7 @@ def test_its_plan_keeps_its_promises(plan: dict[str, Any]) -> None:
         assert (f"{name} not touched again", leaving(plan)) in ledger.least
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_the_engine_carries_it_out_with_the_contacts_of_the_plan(plan: dict[str, Any]) -> None:
     """Flat on the top, the part presses on it anywhere between its corners."""
     found = run(parsed(plan), Trials(6, seed=11), range(6))

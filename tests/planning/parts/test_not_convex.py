@@ -31,7 +31,7 @@ def solved(family: str, seed: int) -> dict[str, Any]:
     return document
 
 
-@pytest.mark.parametrize(("family", "seed"), [*QUICK, *(pytest.param(*case, marks=pytest.mark.slow) for case in SLOW)])
+@pytest.mark.parametrize(("family", "seed"), [*QUICK, *(pytest.param(*case, marks=pytest.mark.wide) for case in SLOW)])
 def test_every_execution_keeps_every_promise(family: str, seed: int) -> None:
     plan = solved(family, seed)
     ledger = execute(plan, 40, seed=1, steps=3)

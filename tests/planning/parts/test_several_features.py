@@ -49,7 +49,7 @@ def test_a_plan_for_both_pegs_is_certified_at_errors_of_millimetres() -> None:
     assert execute(document, 20, seed=5).broken == {}
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_pegs_as_far_apart_as_their_holes_are_certified() -> None:
     """Both meet walls along x at once, and errors decide which of them is first."""
     made = synthesise(load(PROBLEMS / "two_pegs.toml"))

@@ -42,7 +42,7 @@ def disturbed(motion: CertifiedMotion, seed: int) -> tuple[Move, ...]:
     return in_a_row(moves, moves[0].start, (*goals, moves[-1].goal))
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_a_motion_comes_back_from_poses_that_are_disturbed(solved: tuple[fmopt.Problem, CertifiedMotion]) -> None:
     problem, motion = solved
     posed, moves = Posed.of(problem), disturbed(motion, 1)
@@ -131,7 +131,7 @@ def test_rows_change_with_the_poses_as_they_say(solved: tuple[fmopt.Problem, Cer
     assert there.bears > at.bears
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 def test_a_share_of_the_errors_leads_to_all_of_them(tmp_path: Path) -> None:
     """A square of 9.4 mm at 50 µm a side, ± 0.94 mm, ± 1° and z ± 0.47 mm, by growing errors alone."""
     pair = replace(family_pair("4-gon", 0), clearance=0.05)

@@ -58,7 +58,6 @@ def programs() -> Iterator[tuple[ConeProgram, Solution]]:
     yield from list(kept.values())[:: max(1, len(kept) // ASKED)][:ASKED]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_every_plan_calls_clarabel_and_where_it_places_poses_casadi(name: str) -> None:
     asked, placed, called = solves(name)

@@ -29,7 +29,7 @@ TOO_WIDE = "bilba_plain_63"  # a peg that is to be refused
 TASKS = [path for path in sorted((ROOT / "problems").glob("*.toml")) if path.stem != TOO_WIDE]
 
 
-@pytest.mark.slow
+@pytest.mark.wide
 @pytest.mark.parametrize("path", TASKS, ids=lambda path: path.stem)
 def test_every_shipped_problem_is_a_task(path: Path) -> None:
     problem = load(path)
