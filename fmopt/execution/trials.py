@@ -189,6 +189,8 @@ def run(
         ResourceError: the extra is missing.
     """
     if what.press_plan is not None:
+        if trials.method != "plan":
+            raise PlanFormatError("a plan of presses has no guarded moves to compare with", "use method plan")
         beyond = {number: trials.reach for number in numbers if number >= trials.inside}
         drawn = Drawn(
             trials.seed, beyond, trials.friction, trials.time_step, trials.recovery, trials.engine, trials.offset

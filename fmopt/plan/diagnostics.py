@@ -175,7 +175,7 @@ class Sensitivity:
     """What one tolerance, or the clearance on each side, adds to the margin when it is wider.
 
     Attributes:
-        name: of the component: `start.x`, `velocity.translation`, `clearance`.
+        name: of the component: "start.x", "velocity.translation", "clearance".
         value: what it is, in m, rad or as a fraction.
         step: by how much it was widened, in the same unit.
         change: what the margin gained by that, m; a loss is negative. None when the motion fails altogether.

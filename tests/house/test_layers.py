@@ -63,7 +63,7 @@ CALLERS: dict[str, frozenset[str]] = {
     "report": frozenset({"study", "notebook", "manual", "cli"}),
     "task": frozenset({"planning/control", "planning", "study", "notebook", "cli"}),
     "plan/export": frozenset({"notebook", "cli"}),
-    "execution": frozenset({"study", "notebook", "cli"}),
+    "execution": frozenset({"planning", "study", "notebook", "cli"}),
 }
 # Every library that the package may import, and the files or rooms that may.
 LIBRARIES: dict[str, frozenset[str]] = {
@@ -72,7 +72,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
         | {"execution", "notebook", "runtime/ahead.py"}
     ),
     "scipy": frozenset({"geometry", "contact", "papers", "planning", "study"})
-    | {"execution/trials.py", "execution/engines/drake_engine.py"},
+    | {"execution/trials.py", "execution/evidence.py", "execution/engines/drake_engine.py"},
     "numba": frozenset({"runtime/compiled.py", "runtime/ahead.py"}),
     "threadpoolctl": frozenset({"runtime/compiled.py"}),
     "distributed": frozenset({"study/running/cluster.py"}),
@@ -88,7 +88,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "cvxpy": frozenset({"planning/optimise/cone_program.py", "notebook/placing.py"}),
     "manifold3d": frozenset({"geometry", "papers/lee_huang/touch.py"}),
     "OCP": frozenset({"geometry/step"}),
-    "shapely": frozenset({"geometry", "task/object_model", "papers/basanez_suarez", "report"}),
+    "shapely": frozenset({"planning/press", "geometry", "task/object_model", "papers/basanez_suarez", "report"}),
     "matplotlib": frozenset({"report", "study/results/figures.py", "notebook"}),
     "mpl_toolkits": frozenset({"report/views/surface_view.py"}),
     "pydantic": frozenset({"task", "plan", "study/study_file.py"}),

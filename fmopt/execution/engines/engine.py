@@ -60,16 +60,22 @@ class Engine(Protocol):
 
 
 class Apparent(Protocol):
-    """The robot as the engine sees it: apparent mass (kg) and inertia (kg·m²), and its controller's period (s)."""
+    """The robot as the engine sees it."""
 
     @property
-    def mass(self) -> float: ...
+    def mass(self) -> float:
+        """Apparent mass, kg."""
+        ...
 
     @property
-    def inertia(self) -> float: ...
+    def inertia(self) -> float:
+        """Apparent inertia about each axis, kg·m²."""
+        ...
 
     @property
-    def period(self) -> float: ...
+    def period(self) -> float:
+        """Period of the controller, s."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

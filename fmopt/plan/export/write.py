@@ -97,13 +97,8 @@ def export(plan: Plan, form: Form, target: Path) -> Written:
         ValueError: the format is several files, and `target` no folder.
         FmoptError: the plan cannot be exported or written.
     """
-    if plan.press_plan is not None:
-        raise PlanFormatError(
-            "a plan of presses is not exported yet",
-            'ask for evidence = "certified", whose guarded moves are; or read the presses from the plan file',
-        )
-    text = text_of(plan, form) if target == STDIO else ""
-    paths = () if target == STDIO else exported(plan, form, target)
+    text = text_of(plan, form) if target == STDIO and plan.press_plan is None else ""
+    paths = () if text else exported(plan, form, target)
     if not form.for_robots:
         return Written(
             paths, () if form.base is None else (f"{form.to} is in the hole's frame: --base is not used",), text
@@ -121,7 +116,16 @@ def _turning(plan: Plan, to: str) -> str:
 
 
 def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
-    """Writes a plan in another format, and says what was written; arguments as for `export`."""
+    """Writes a plan in another format, and says what was written; arguments as for `export`.
+
+    Raises:
+        PlanFormatError: the plan has presses.
+    """
+    if plan.press_plan is not None:
+        raise PlanFormatError(
+            "a plan of presses is not exported yet",
+            'ask for evidence = "certified", whose guarded moves are; or read the presses from the plan file',
+        )
     if form.to == "ros2":
         from fmopt.plan.export import ros2
 

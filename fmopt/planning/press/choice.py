@@ -89,7 +89,11 @@ _ABOVE = 1.15  # times the steady force: what friction and noise add to it
 
 
 def strength(plan: PressPlan) -> float:
-    """Factor of all wrenches with which the force stays within its limit and the torque within its own."""
+    """Factor of all wrenches with which the force stays within its limit and the torque within its own.
+
+    Raises:
+        SearchError: contacts met at the speed of the presses exceed the limit of force already.
+    """
     robot, factors = plan.robot, list[float]()
     for attempt in plan.attempts:
         for press in attempt.presses:
