@@ -8,7 +8,7 @@ the start and the filtered wrench, each with its noise, as late as the robot's d
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from math import ceil, exp, pi
 
 import numpy as np
@@ -18,6 +18,7 @@ from fmopt.execution.engines.engine import Engine
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.execution.summary import Fit, reasons_at_rest
 from fmopt.plan.press import Attempt, Force, Level, Next, Press, PressPlan, Standstill, Time, Travel
+from fmopt.spatial.se3 import cross
 from fmopt.spatial.values import Array
 
 THEN: dict[Next, int] = {"next": 0, "seated": 1, "retry": 2, "fail": 3}
@@ -178,7 +179,14 @@ class _State:
     filtered: Array
     peak: Array
     lowest: Array
-    damping: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    # Of the press that each body is at, worked out as it begins: nothing gives way before and after.
+    gives: Bools
+    twist: Array  # with its drift
+    goal_wrench: Array
+    ramp: Array
+    reference: Array
+    resist: Array
+    rocks: Bools
 
 
 class PressRig:
@@ -212,9 +220,16 @@ class PressRig:
         self.bodies = [_Body() for _ in range(n)]
         p, q = np.array(engine.qpos[:, :3]), np.array(engine.qpos[:, 3:])
         step, six = np.array([self.table.first[course[0]] for course in courses]), np.zeros((n, 6))
+        zero, mode = np.zeros(n), np.zeros(n, np.int64)
         self.state = _State(
-            *(np.zeros(n, np.int64), step, np.zeros(n), p, q, p.copy(), q.copy()),
-            *(six, six.copy(), np.zeros(n), p[:, 2].copy(), np.full((n, 3), -1.0)),
+            *(mode, step, zero, p, q, p.copy(), q.copy(), six, six.copy(), zero.copy(), p[:, 2].copy()),
+            gives=np.zeros((n, 6), bool),
+            twist=six.copy(),
+            goal_wrench=six.copy(),
+            ramp=np.ones(n),
+            reference=np.zeros((n, 3)),
+            resist=six.copy(),
+            rocks=np.zeros(n, bool),
         )
         self._K = np.repeat(robot.stiffness, 3) * errors.stiffness[:, None]
         self._C = 2.0 * np.sqrt(self._K * np.repeat([robot.mass, robot.inertia], 3))
@@ -226,7 +241,10 @@ class PressRig:
         self._sample, self._every = 0, round(_SAMPLE / robot.period)
         self._trail: list[Array] = []
         self._keep = round(_TRAIL / robot.period)
-        self.ticks = 0
+        self.ticks, self._damped = 0, False
+        self._scale = np.repeat(robot.noise, 3)
+        for k in range(n):
+            self._load(k)
 
     @property
     def qpos(self) -> Array:
@@ -254,73 +272,72 @@ class PressRig:
         state.time[active] += robot.period
         reaction = self.engine.reaction_over_period
         noise = self.noise()
-        scale = np.repeat(robot.noise, 3)
+        scale = self._scale
         raw = reaction + noise[:, :6] * scale[:6]
         state.filtered[active] += self._smoothing * (raw - state.filtered)[active]
         state.peak[active] = np.maximum(state.peak, np.linalg.norm(state.filtered[:, :3], axis=1))[active]
         state.lowest[active] = np.minimum(state.lowest, self.engine.qpos[:, 2])[active]
-        self._late = np.roll(self._late, -1, axis=0)
-        self._late[-1] = np.hstack([self.engine.qpos, state.filtered])
-        measured = np.array(self._late[0])
+        newest = self.ticks % len(self._late)
+        self._late[newest, :, :7], self._late[newest, :, 7:] = self.engine.qpos, state.filtered
+        measured = np.array(self._late[(newest + 1) % len(self._late)])
         measured[:, :3] += noise[:, 6:9] * scale[6:9]
         measured[:, 3:7] = product(quaternions(noise[:, 9:] * scale[9:]), measured[:, 3:7])
         self._decide(active, measured)
 
+    def _load(self, k: int) -> None:
+        """Works out what the servo needs of the press that body k begins; a body that runs none is held."""
+        state, table, robot = self.state, self.table, self.plan.robot
+        step, runs = int(state.step[k]), state.mode[k] == RUNNING
+        gives = table.gives[step] & runs
+        sizes = np.repeat(np.linalg.norm(table.twist[step].reshape(2, 3), axis=1), 3)
+        twist = table.twist[step] + sizes * self.errors.drift[k, :, step]
+        limit = np.abs(table.wrench[step]) / np.maximum(table.speed[step], 1e-9)
+        resist = np.where(gives, np.maximum(self._D[k], limit), 0.0)
+        resist[3:] = np.minimum(resist[3:], _DAMPED * robot.inertia / robot.period)
+        state.gives[k], state.twist[k] = gives, np.where(gives | ~runs, 0.0, twist)
+        state.goal_wrench[k], state.reference[k] = table.wrench[step] * runs, table.reference[step]
+        state.ramp[k] = max(float(table.ramp[step]), robot.period)
+        state.resist[k] = resist
+        state.rocks[k] = runs and table.presses[step].rocking is not None
+        self._damped = False
+
     def _servo(self, active: NDArray[np.intp]) -> Array:
         """Applied wrenches (n, 6) about the body origins, axes of B; moves the references on."""
-        state, robot, table = self.state, self.plan.robot, self.table
-        period = robot.period
+        state, period = self.state, self.plan.robot.period
+        if not self._damped:  # that of translations goes to the engine
+            self.engine.damp(state.resist[:, :3])
+            self._damped = True
         wrench = np.zeros((self.n, 6))
         p, q = np.array(self.engine.qpos[active, :3]), np.array(self.engine.qpos[active, 3:])
         R = from_quaternions(q)
         v = self.engine.qvel[active]
         velocity = np.hstack([v[:, :3], np.einsum("nij,nj->ni", R, v[:, 3:])])
-        step, time = state.step[active], state.time[active]
-        runs = state.mode[active] == RUNNING
-        gives = table.gives[step] & runs[:, None]
-        twist = np.where(runs[:, None], table.twist[step], 0.0)
-        sizes = np.repeat(np.linalg.norm(twist.reshape(-1, 2, 3), axis=2), 3, axis=1)
-        twist = np.where(gives, 0.0, twist + sizes * self.errors.drift[active, :, step])
+        gives, twist = state.gives[active], state.twist[active]
         state.p[active] = np.where(gives[:, :3], p, state.p[active] + twist[:, :3] * period)
         state.q[active] = product(quaternions(twist[:, 3:] * period), state.q[active])
-        self._rock(active, step, time, runs)
+        self._rock(active)
         self._lead_back(active)
         lead = np.hstack([state.p[active] - p, between(state.q[active], q)])
         lead[gives] = 0.0
         state.q[active] = product(quaternions(lead[:, 3:]), q)
-        share = np.clip(time / np.maximum(table.ramp[step], period), 0.0, 1.0)[:, None]
-        asked = np.where(runs[:, None], (1.0 - share) * state.wrench[active] + share * table.wrench[step], 0.0)
-        arm = np.einsum("nij,nj->ni", R, table.reference[step])
-        asked[:, 3:] += np.cross(arm, asked[:, :3])
-        resist = self._resistance(active, step, gives)
-        damped = resist[:, 3:] * velocity[:, 3:]
-        given = asked + self.errors.offset[active] - np.hstack([np.zeros_like(damped), damped])
+        share = np.minimum(state.time[active] / state.ramp[active], 1.0)[:, None]
+        given = (1.0 - share) * state.wrench[active] + share * state.goal_wrench[active]
+        given[:, 3:] += cross(np.einsum("nij,nj->ni", R, state.reference[active]), given[:, :3])
+        given += self.errors.offset[active]
+        given[:, 3:] -= state.resist[active, 3:] * velocity[:, 3:]
         held = self._K[active] * lead + self._C[active] * (twist - velocity)
         wrench[active] = self._cut(np.where(gives, given, held))
         return wrench
 
-    def _resistance(self, active: NDArray[np.intp], step: NDArray[np.int64], gives: Bools) -> Array:
-        """Damping (k, 6) of the axes that give way; that of translations goes to the engine."""
-        robot, table = self.plan.robot, self.table
-        limit = np.abs(table.wrench[step]) / np.maximum(table.speed[step], 1e-9)
-        resist = np.where(gives, np.maximum(self._D[active], limit), 0.0)
-        resist[:, 3:] = np.minimum(resist[:, 3:], _DAMPED * robot.inertia / robot.period)
-        if not np.array_equal(self.state.damping[active], resist[:, :3]):
-            self.state.damping[active] = resist[:, :3]
-            self.engine.damp(np.maximum(self.state.damping, 0.0))
-        return np.asarray(resist)
-
-    def _rock(self, active: NDArray[np.intp], step: NDArray[np.int64], time: Array, runs: Bools) -> None:
+    def _rock(self, active: NDArray[np.intp]) -> None:
         """Leads the attitude of bodies that rock about the one that their press began with."""
-        for k in np.flatnonzero(runs):
-            rocking = self.table.presses[step[k]].rocking
-            if rocking is None:
-                continue
-            gone = min(float(time[k]) / rocking.seconds, 1.0)
-            phase = 2.0 * pi * rocking.rate * float(time[k])
+        for k in active[self.state.rocks[active]]:
+            rocking, time = self.table.presses[self.state.step[k]].rocking, float(self.state.time[k])
+            assert rocking is not None
+            gone, phase = min(time / rocking.seconds, 1.0), 2.0 * pi * rocking.rate * time
             angle = rocking.angle * min(1.0, 4.0 * gone) * (1.0 - gone)
             cone = quaternions(angle * np.array([np.cos(phase), np.sin(phase), 0.0]))
-            self.state.q[active[k]] = product(cone, self.state.begun_q[active[k]])
+            self.state.q[k] = product(cone, self.state.begun_q[k])
 
     def _lead_back(self, active: NDArray[np.intp]) -> None:
         for k in active[self.state.mode[active] == BACKING]:
@@ -362,7 +379,7 @@ class PressRig:
         """What follows for running bodies whose press has ended, −1 for the others."""
         state, table, robot = self.state, self.table, self.plan.robot
         step, time = state.step[running], state.time[running]
-        gives = table.gives[step]
+        gives = state.gives[running]
         seen = measured[running]
         shift = np.hstack([seen[:, :3] - state.begun_p[running], between(seen[:, 3:7], state.begun_q[running])])
         z = seen[:, 2] - self.errors.start[running, 2]
@@ -414,6 +431,7 @@ class PressRig:
         elif code == RETRY and body.tried + 1 < len(self.courses[k]):
             state.mode[k] = BACKING
             body.back, body.since = self._way_back(k, self.courses[k][body.tried + 1]), self.time
+            self._load(k)
         else:
             body.stopped = "stopped on the way"
             self._hold(k, measured)
@@ -423,11 +441,13 @@ class PressRig:
         state.mode[k], state.step[k], state.time[k] = RUNNING, step, 0.0
         state.p[k] = state.begun_p[k] = measured[k, :3]
         state.q[k] = state.begun_q[k] = measured[k, 3:7]
+        self._load(k)
 
     def _hold(self, k: int, measured: Array) -> None:
         state = self.state
         state.mode[k], self.bodies[k].since = HOLDING, self.time
         state.p[k], state.q[k] = measured[k, :3], measured[k, 3:7]
+        self._load(k)
 
     def _way_back(self, k: int, following: int) -> _Back:
         """Out along the way in, up, over, and down to the start of the following attempt."""
