@@ -7,11 +7,7 @@ from typing import Any, ClassVar
 
 
 class FmoptError(Exception):
-    """Base of all errors that the package raises on purpose.
-
-    Args:
-        message: what was wrong, where, and by how much.
-    """
+    """Base of all errors that the package raises on purpose."""
 
     exit_code: ClassVar[int] = 70
 
@@ -77,12 +73,7 @@ class SizeError(GeometryError):
 
 
 class InterferenceError(FmoptError):
-    """The parts overlap when assembled: no motion exists.
-
-    Args:
-        interference: depth in metres, not negative (zero clearance counts as interference).
-        place: where, in words of the model.
-    """
+    """The parts overlap when assembled: no motion exists."""
 
     exit_code = 1
 

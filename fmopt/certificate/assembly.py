@@ -181,9 +181,6 @@ def hinge(
 
     When a vertex–face contact of `together` holds one end exactly on a wall through the fixed edge, the lines of both
     edges meet exactly when the other end is on that wall too.
-
-    Args:
-        together: contacts held with it, itself among them or not.
     """
     if contact.kind is not Kind.EDGE_EDGE:
         return None

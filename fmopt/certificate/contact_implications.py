@@ -46,7 +46,6 @@ class Facts:
     """What held contacts say exactly.
 
     Args:
-        owner: the two parts, which have their facts with them: these do not hold on to them.
         turns: body directions, normals of flush faces first, with the world directions that they are turned onto.
     """
 

@@ -133,7 +133,6 @@ class Support:
 
     Args:
         columns: (6, k), generators, roots A and B of slide and swing, root F of the shape, and slack s, side by side.
-        cuts: where each of these ends.
     """
 
     columns: Array

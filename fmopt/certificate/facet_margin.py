@@ -96,9 +96,6 @@ def bounds(
     when the edge's other end is held on the same face farther inside, or the edge properly crosses another rim: edge
     and vertex take turns, the edge's line lies in the wall either way. Two edges cross where each has its ends on both
     sides of the other. Where a face has holes, the vertex keeps beyond an edge of each that has the hole on one side.
-
-    Args:
-        own: those of which no crossing of another rim says the same: it would only nearly, see `form`.
     """
     rows, corners = Questions([], [], []), tuple(c for c in together if c.kind is Kind.VERTEX_FACE)
     judges = tuple(_judge(assembly, contact, corners if contact in own else together, rows) for contact in contacts)

@@ -159,7 +159,6 @@ def beside(known: Facts, one: Array, other: Array, along: Array) -> bool:
 
     Args:
         one: ends (2, 3) of an edge.
-        other: of the second one, not on the same line.
     """
     way = (one[1] - one[0]) / length(one[1] - one[0])
     if not on_line(other, other[0], way).all():

@@ -80,7 +80,6 @@ def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: boo
     """The problem that files and options ask for, its file written into the folder of the results.
 
     Args:
-        folder: of the results, made if need be.
         options: error, unit, moving and fixed, as they were given.
         quiet: whether what was found is not said.
 

@@ -125,7 +125,6 @@ class _Features:
     """Vertices, edges and faces of a polyhedron as arrays.
 
     Args:
-        vertices: which vertices have convex edges only.
         directions: unit vectors (e, 3) along all edges.
         between: sums (e, 3) of the normals beside them.
     """

@@ -227,7 +227,6 @@ def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | NDArray[np.
     """The nearest poses where the contacts `on` (n, k) touch, by Gauss–Newton with shortest scaled steps.
 
     Args:
-        poses: where to start.
         rank: how many singular directions a step may use, of all or of each. The rank of a state's linear picture
             stays near its facet; 6 also uses those that only curvature provides.
     """

@@ -228,7 +228,6 @@ def local_space(
         moving: the moving part in its body frame.
         pose: the reference pose X = 0.
         scale: units of lengths and angles.
-        within: where they do so.
     """
     units = scale.units
     signs = np.concatenate([np.ones(len(contacts)), [-bound.sign for bound in within.limits]])

@@ -5,31 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from scipy.stats import binomtest
-
+from fmopt.execution.confidence import lower_bound
 from fmopt.execution.engines.engine import Bodies
-from fmopt.execution.press_rig import Outcome
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors, vertex_errors
 from fmopt.plan.evidence import CONFIDENCE, MIN_VERTICES, VERTICES, Evidence, TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan
 from fmopt.runtime.process import cores
-
-Interval = tuple[float, float]
-
-
-def success_interval(successes: int, trials: int, confidence: float = 0.95) -> Interval:
-    """Two-sided Clopper–Pearson interval of a success rate; (0, 1) without trials."""
-    if not trials:
-        return 0.0, 1.0
-    found = binomtest(successes, trials).proportion_ci(confidence, method="exact")
-    return float(found.low), float(found.high)
-
-
-def lower_bound(successes: int, trials: int, confidence: float = CONFIDENCE) -> float:
-    """One-sided Clopper–Pearson lower bound of a success rate; 0 without trials."""
-    if not trials:
-        return 0.0
-    return float(binomtest(successes, trials, alternative="greater").proportion_ci(confidence, method="exact").low)
 
 
 @dataclass(frozen=True)
@@ -78,20 +59,14 @@ def examine(
         engine=f"mujoco {_version()}",
         conditions=conditions,
         subject=subject,
-        outcomes=tuple(map(_stated, drawn)),
-        vertex_outcomes=tuple(map(_stated, vertices)),
+        outcomes=tuple(drawn),
+        vertex_outcomes=tuple(vertices),
     )
 
 
-def count_seated(outcomes: Sequence[Outcome]) -> int:
+def count_seated(outcomes: Sequence[TrialOutcome]) -> int:
     """How many trials seat."""
     return sum(one.seated for one in outcomes)
-
-
-def _stated(one: Outcome) -> TrialOutcome:
-    return TrialOutcome(
-        one.seated, one.attempt, one.press, one.seconds, one.peak_force, tuple(one.reasons), one.offset, one.turn
-    )  # fmt: skip
 
 
 def _version() -> str:

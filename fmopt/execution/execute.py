@@ -45,10 +45,6 @@ class Settled:
 def execute(what: Plan, trials: Trials, settled: Settled, caution: str = "") -> dict[str, Any]:
     """Runs trials of a plan and writes `trials.jsonl` and `summary.json`.
 
-    Args:
-        settled: where and how.
-        caution: what is to be said of the plan, if anything.
-
     Returns:
         The summary.
 
@@ -69,7 +65,6 @@ def compare(plans: Sequence[Plan], trials: int, seed: int, settled: Settled) -> 
 
     Args:
         plans: in the order of the rows.
-        settled: where and how.
 
     Returns:
         A row for each plan: its title, and for each method the success inside the certified set.

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fmopt.execution.engines.engine import Engine
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.execution.summary import Fit, reasons_at_rest
+from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import Attempt, Force, Level, Next, Press, PressPlan, Standstill, Time, Travel
 from fmopt.spatial.se3 import cross
 from fmopt.spatial.values import Array
@@ -62,21 +63,6 @@ class Errors:
     def of(self, which: Sequence[int] | NDArray[np.intp]) -> Errors:
         """Those of some trials."""
         return Errors(*(getattr(self, one.name)[which] for one in fields(self)))
-
-
-@dataclass
-class Outcome:
-    """What became of a trial; `press` is the last one that it was at, `attempt` counts attempts from 0."""
-
-    seated: bool
-    reasons: list[str]
-    attempt: int
-    press: str
-    seconds: float
-    peak_force: float
-    penetration: float
-    offset: tuple[float, float, float]
-    turn: tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +147,7 @@ class _Body:
     since: float = 0.0
     last: int = 0
     stopped: str = ""
-    outcome: Outcome | None = None
+    outcome: TrialOutcome | None = None
 
 
 @dataclass
@@ -251,7 +237,7 @@ class PressRig:
         """Poses (n, 7) of the bodies, as the engine has them."""
         return self.engine.qpos
 
-    def run(self) -> list[Outcome]:
+    def run(self) -> list[TrialOutcome]:
         """Runs all bodies until each has an outcome."""
         while (active := np.flatnonzero(self.state.mode != DONE)).size:
             self._one(active)
@@ -480,18 +466,18 @@ class PressRig:
         reasons = [*([stopped] if stopped else []), *reasons]
         if state.peak[k] > self.plan.robot.limits[0]:
             reasons.append(f"force of {state.peak[k]:.1f} N")
-        last = self.table.presses[body.last]
-        body.outcome = Outcome(
-            not reasons,
-            reasons,
-            body.tried,
-            last.name,
-            round(self.time, 6),
-            float(state.peak[k]),
-            float(self.engine.depth[k]),
-            (float(off[0]), float(off[1]), float(off[2])),
-            (float(turned[0]), float(turned[1]), float(turned[2])),
+        if self.time > MAX_SECONDS:
+            reasons.append("took too long")
+        x, y, z = off.tolist()
+        rx, ry, rz = turned.tolist()
+        body.outcome = TrialOutcome(
+            seated=not reasons,
+            attempt=body.tried,
+            press=self.table.presses[body.last].name,
+            seconds=round(self.time, 6),
+            peak_force=float(state.peak[k]),
+            penetration=float(self.engine.depth[k]),
+            reasons=tuple(reasons),
+            offset=(x, y, z),
+            turn=(rx, ry, rz),
         )
-        if self.time > MAX_SECONDS and not reasons:
-            body.outcome.seated = False
-            body.outcome.reasons.append("took too long")

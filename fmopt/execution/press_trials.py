@@ -14,11 +14,12 @@ from fmopt.errors import PlanFormatError
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.engine import Bodies, Setup
 from fmopt.execution.noise import Noise
-from fmopt.execution.press_rig import Errors, Outcome, PressRig
+from fmopt.execution.press_rig import Errors, PressRig
 from fmopt.execution.rotation import product as turned
 from fmopt.execution.rotation import quaternions
 from fmopt.execution.summary import Fit
 from fmopt.plan import Plan
+from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan, Seat
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -111,7 +112,7 @@ def carry_out(
     time_step: float | None = None,
     threads: int = 1,
     look: Callable[[PressRig], None] | None = None,
-) -> list[Outcome]:
+) -> list[TrialOutcome]:
     """Carries a plan out, once for each row of errors.
 
     Args:

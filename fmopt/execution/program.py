@@ -32,7 +32,6 @@ class Step(Value):
         rubbing: wrench (6,) of friction of coefficient 1 on the held contacts, in the frame's coordinates; 0 for none.
         travel: way along the twist, m in the metric of ρ, for which it is run.
         timeout: s since the move began after which the step ends, wherever it is.
-        due: way from which on the contact may be felt, as `travel`.
         gain, force, sure: stop when gain · reaction ≥ force, N, and the part has been braked, or when it is ≥ sure,
             which allows for all that friction may do; infinite for no such stop.
         deep: stop when the part's reference point is below this z in B, m; −infinite for no such stop.

@@ -26,12 +26,10 @@ class Robot:
         averaging: s over which the force of the new contacts is averaged, where it alone tells of them, and where the
             part has been braked as well; pace is averaged over the longer.
         alert: share of what a plan's stop allows for friction and noise that is left after the averaging.
-        debounce: samples in a row that must say that the contact is felt.
         doubling: s in which the push doubles while the part stands and no contact is felt.
         lasting: share of what a plan's stop allows that tells of the contact when it is averaged over the longer time.
         stuck: pushes at which a part that stands may have met the contact, and the share of the force that tells so of
             a braked one.
-        leeway: times that by which it may grow where the new contact may be met.
         haste: s in which the push that comes on top of that, at the start of a move, brings the part to its speed.
         turning: greatest speed of turning, rad/s; moves that the plan turns faster are run more slowly.
     """

@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from math import pi, sqrt
+from math import pi
 from typing import Any
 
 import numpy as np
 
+from fmopt.execution.confidence import success_interval
 from fmopt.execution.program import FAILED
 from fmopt.execution.rig import Event, Rig
 from fmopt.execution.rotation import between, from_quaternions, quaternions
@@ -22,29 +23,12 @@ from fmopt.plan.guarded_moves import Move
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array
 
-NORMAL_95 = 1.959963984540054  # standard deviations either way that hold 95 % of a normal distribution
-
 SHARE = 0.2  # of the clearance, that the physics may penetrate and the part overshoot
 CLOSED = 0.25  # of the clearance, up to which a contact counts as closed
 _NEAR = 0.002  # m, from where a planned contact touches
 _LEVEL = 1e-4  # m, how far off a face forces on it are found
 _PRESSES = 0.5  # N
 _SLOW = (1e-3, 0.05)  # m/s and rad/s
-
-
-def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """Wilson's score interval of a share at 95 %, which holds for few trials and for shares near 0 and 1, too.
-
-    Without trials it is (0, 1).
-    """
-    if not trials:
-        return 0.0, 1.0
-    share, z2 = successes / trials, NORMAL_95**2
-    centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
-    half = NORMAL_95 * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2)) / (1 + z2 / trials)
-    # There the bound is 0 or 1 but for rounding.
-    low = 0.0 if successes == 0 else max(centre - half, 0.0)
-    return low, 1.0 if successes == trials else min(centre + half, 1.0)
 
 
 def summary(records: Sequence[Any]) -> dict[str, Any]:
@@ -75,7 +59,7 @@ def _share(records: Sequence[Any]) -> dict[str, Any]:
     if not records:
         return {"trials": 0}
     successes = sum(record["success"] for record in records)
-    low, high = wilson(successes, len(records))
+    low, high = success_interval(successes, len(records))
     return {
         "trials": len(records),
         "successes": successes,
@@ -93,7 +77,7 @@ def _share(records: Sequence[Any]) -> dict[str, Any]:
 def _alone(records: Sequence[Any]) -> dict[str, Any]:
     """The success of those that never tried again; what tried again would have failed without."""
     successes = sum(record["success"] and not record["retries"] for record in records)
-    return {"successes": successes, "interval": list(wilson(successes, len(records)))}
+    return {"successes": successes, "interval": list(success_interval(successes, len(records)))}
 
 
 def _spread(values: Sequence[float]) -> dict[str, float]:

@@ -145,7 +145,6 @@ class Stack(Union):
     """The union of convex parts that together fill a stack of outlines, see `fmopt.geometry.outline_solids.stack`.
 
     Args:
-        parts: its convex pieces, primitives that may be placed.
         lofts: the same solid as what is between two rings of corners (x, y, z) each, one below the other: its surface
             is made of these, so that no corner of a piece that is none of the solid's is seen.
     """

@@ -73,7 +73,6 @@ def facing_directions(
 
     Args:
         moving: the other part's boundary.
-        exact: those of its vertices that are not where their floats are.
         fixed: the part's boundary.
     """
     found = {}

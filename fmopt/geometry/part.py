@@ -292,7 +292,6 @@ def _in_planes(piece: Polyhedron, body: Polyhedron, moved: Mapping[bytes, Array]
 
     Args:
         body: the part's boundary.
-        moved: where vertices that it had before are now, by their bytes.
     """
     planes = list[tuple[Array, float]]()
     for face in piece.faces:

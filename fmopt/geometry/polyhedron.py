@@ -207,7 +207,6 @@ def plane_of(points: Array, loops: Sequence[Sequence[int]]) -> tuple[Array, floa
 
     Args:
         points: (n, 3), m.
-        loops: indices of them, the outer loop counter-clockwise as seen from where the normal points.
 
     Raises:
         GeometryError: the loops have no area.

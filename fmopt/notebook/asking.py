@@ -38,7 +38,6 @@ class Asked:
 
     Args:
         files: of the moving and the fixed part: mesh, STEP or model files; one STEP file twice for an assembly.
-        error: how far off the part may start, as text: a distance and an angle.
         units: of the numbers of mesh files; mm where it is not given, which is said.
         bodies: of the STEP files, by name or number; None for the only one.
     """
@@ -134,7 +133,6 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None) -
     could, the smaller one moves.
 
     Args:
-        file: STEP.
         error: of the start, such as "1 mm, 1 deg".
         moving, fixed: names or numbers of bodies; None to have one found.
 
@@ -207,7 +205,6 @@ def problem(
     Args:
         peg: the part that moves: path of a mesh, STEP or model file; a mesh of trimesh or manifold3d; a solid of
             CadQuery or build123d; or a pair of an outline (n, 2) and a height.
-        hole: the part that stays, likewise.
         error: half-widths of the start error along and about every axis: a distance and an angle as text with their
             units, or in m and rad.
         unit: of the numbers of meshes and outlines that do not say it; mm if not given.

@@ -16,10 +16,6 @@ from fmopt.verify.problem import Given, Held, ProblemError, held
 def held_against(plan: Plan, problem: task.Problem) -> Held:
     """A plan held against the document of a problem, and against what was put in its place since.
 
-    Args:
-        plan: read from a file.
-        problem: as loaded, or changed since.
-
     Raises:
         InputError: the document or one of its models cannot be read.
     """
@@ -61,9 +57,7 @@ def admitted(plan: Plan, unverified: bool, name: str = "the plan") -> str:
     """What is to be said wherever the plan goes: nothing of one that the check certifies and that says so itself.
 
     Args:
-        plan: the plan.
         unverified: whether to take it without asking the check.
-        name: of the plan, in messages.
 
     Raises:
         UnprovedError: the check does not certify it, its seal is broken, or it does not say CERTIFIED itself.

@@ -33,10 +33,6 @@ class Drawing:
     True
 
     Args:
-        name: what `fmopt.show` calls it.
-        title: what is seen.
-        alt: the same for who cannot see it, with the main numbers.
-        size: width and height in inches.
         paint: fills a sheet; None for a drawing that is HTML alone.
         fragment: gives HTML that needs nothing from outside; None for a sheet.
     """
@@ -113,13 +109,7 @@ class Drawing:
 
 
 def framed(page: str, title: str, size: tuple[float, float]) -> str:
-    """A page inside another, kept apart from it: its own styles, scripts and names.
-
-    Args:
-        page: a whole page of HTML.
-        title: for who cannot see it.
-        size: width and height in inches.
-    """
+    """A page inside another, kept apart from it: its own styles, scripts and names."""
     width, height = (round(96 * inches) for inches in size)
     # Without allow-same-origin scripts inside cannot reach the notebook around them.
     return (
@@ -138,7 +128,6 @@ def show(value: Any, what: str | None = None) -> Drawing:
     True
 
     Args:
-        value: a problem, plan, part, region of the plane, contact graph, T-C mapping, or set of errors.
         what: which of `fmopt.drawings(value)`; the first when not given.
 
     Raises:

@@ -30,14 +30,7 @@ _SHORTEST = 1e-12  # m, below which nothing is called short
 def explained(
     problem: Problem, error: SearchError | InfeasibleError, begun: float, progress: Progress = lambda _: None
 ) -> Failure:
-    """What there is to say of a problem for which no motion was found, which the error has from then on.
-
-    Args:
-        problem: the task.
-        error: of `fmopt.planning.pipeline.synthesise`.
-        begun: `fmopt.runtime.compiled.clock()` when that began.
-        progress: told what is being done.
-    """
+    """What there is to say of a problem for which no motion was found, which the error has from then on."""
     from fmopt.planning.pipeline import RESERVED
 
     limit = problem.settings.time_limit
@@ -87,10 +80,6 @@ def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: fl
 
 def write(failure: Failure, folder: Path) -> list[Path]:
     """Writes `attempt.html`, and its figure as SVG and PNG, to a folder.
-
-    Args:
-        failure: of one problem.
-        folder: made if need be.
 
     Raises:
         ResourceError: a file cannot be written.

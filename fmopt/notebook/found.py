@@ -25,10 +25,6 @@ def commented(asked: Asked, folder: Path, problem: Problem, clearance: Clearance
     """The problem file of a question, with what was found, and what holds where nothing is stated, as comments.
 
     Args:
-        asked: the question.
-        folder: where the file goes.
-        problem: that it asks for.
-        clearance: as measured.
         stated: whether the start error is the user's own.
     """
     yours = "how far off the part may start, along and about every axis (half-widths)"
@@ -78,11 +74,7 @@ def _number(value: float) -> str:
 
 
 def drawing_of(parts: Sequence[Part]) -> Drawing:
-    """What was taken for what: each part seen from a corner with its frames, and cut through each feature.
-
-    Args:
-        parts: in any frames.
-    """
+    """What was taken for what: each part seen from a corner with its frames, and cut through each feature."""
     from fmopt.report.views import feature_view
 
     def paint(sheet: Any) -> None:

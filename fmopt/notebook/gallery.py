@@ -67,7 +67,6 @@ def draw(file: Path, what: str | None, out: Path | None) -> bytes | Path:
     """Draws a file.
 
     Args:
-        file: see `gallery`.
         what: name of the drawing, or what people call it, as "moves" and "motion"; the first when not given.
         out: file whose ending says the format; "-" for SVG, or HTML of what moves, as bytes; None for a file named
             after both in the current folder.

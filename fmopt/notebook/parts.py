@@ -42,7 +42,6 @@ def load_part(file: Path, unit: str | None = None) -> tuple[Part, ...]:
     """The part of a file in its model's frame, of an assembly (STEP) all of its bodies, with what is found on it.
 
     Args:
-        file: mesh, STEP or model file.
         unit: of the numbers of a mesh.
 
     Raises:

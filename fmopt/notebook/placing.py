@@ -44,11 +44,8 @@ class Placing:
     'CERTIFIED'
 
     Args:
-        program: it maximises the margin over displacements of all poses, linearised where they are now.
         shift: displacements (m + 1, 6) of the start and of the goals of m moves, m and rad: positions, then turns.
         margin: what the program says of the margin, m; what holds is the margin of `motion`.
-        now: the motion that is displaced.
-        aim: what it is placed for.
     """
 
     program: cvxpy.Problem
@@ -74,8 +71,6 @@ def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placin
     """The placement of a plan's goal poses; see `fmopt.Plan.placement`.
 
     Args:
-        plan: of that problem.
-        problem: whose parts are used.
         radius: how far goal poses may move in one step, m; a tenth of the clearance on each side if None.
 
     Raises:
@@ -98,9 +93,6 @@ def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placin
 
 def motion_of(plan: Plan, problem: Problem) -> CertifiedMotion:
     """The motion of a plan, certified once more on the parts of its problem.
-
-    Args:
-        plan, problem: as for `placing`.
 
     Raises:
         InfeasibleError: a move is impossible, which no certified plan's is.

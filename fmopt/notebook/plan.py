@@ -44,13 +44,8 @@ class Segment:
         number: counts from 0 through the plan.
         move: of which move it is a piece, from 1.
         start: nominal pose of the moving part where it begins, in the frame of the hole.
-        goal: the same where it ends.
-        state: ids of the contacts held on the way.
-        goal_state: ids of those held at its end.
-        leaving: ids of those held until its move began, which the move gives up.
         margin: what is left of its tightest inequality, m.
         clearance: gap that the nominal motion leaves, m.
-        binds: what the margin is of, in words.
         hybrid: the control strategy: frame, axes, velocity, bias, what ends the move, jam-free range.
         rho: characteristic length, m, that makes turns comparable with lengths.
         record: all that the plan file holds of it, SI units.
@@ -87,8 +82,6 @@ class Plan:
     Args:
         document: the plan file, `fmopt.plan/2`. It is sealed: once something in it is changed, nothing is proved.
         seconds: how long the stages took, by name; empty for a plan that was read.
-        name: of its file, for who has to be told that it is none.
-        stated: what the document states, as values.
 
     Raises:
         PlanFormatError: the document is no plan; says where in it, and what is wrong.
@@ -185,7 +178,6 @@ class Plan:
         6
 
         Args:
-            problem: that the plan is of.
             radius: how far poses may move, m, turns at the characteristic length; else a tenth of the clearance.
 
         Raises:
@@ -213,7 +205,6 @@ class Plan:
         Args:
             trials: how many, with errors inside the certified set; or all that is to be run, a `fmopt.Trials`, which
                 has further trials with errors beyond the set, recovery, method, engine, friction and others.
-            seed: of all that is drawn, where the number of trials is given.
             unverified: whether to take a plan that the check does not certify, without asking it.
             folder: for the results, what is there of the same trials is used; out/trials-… when not given.
             workers: processes; one for each processor when not given.
@@ -256,7 +247,6 @@ class Plan:
             path: the file; for "ros2" a folder.
             base: pose of the hole's frame, whose z points out of the hole, in the robot's base, m and rotation vector
                 in rad; for robots.
-            rate: samples a second of tables and bags.
             unverified: whether to take a plan that the check does not certify, without asking it; what is written
                 says so.
 
@@ -371,7 +361,6 @@ def solve(problem: task.Problem, progress: Callable[[str], None] = lambda _: Non
     plan is certified; one that is not is returned all the same, and says so.
 
     Args:
-        problem: from `fmopt.load`.
         progress: told what is being done; `print` will do.
 
     Raises:

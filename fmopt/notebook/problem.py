@@ -46,9 +46,6 @@ class Problem(task.Problem):
     (np.float64(0.0003), 0.20943951023931953)
     >>> print(problem.explain().splitlines()[2])
     parts      moving: square_peg, 20 x 20 x 40 mm, 6 faces, 1 convex piece; mates by peg (solid, length 40 mm)
-
-    Args:
-        source: the document that it was made from: that of its file, with what `with_` has put in.
     """
 
     source: Source
@@ -176,10 +173,6 @@ def resized(problem: Problem, asked: str) -> Problem:
 
     Measured play depends on the dimensions nearly linearly, so a few Newton steps on its differences suffice; of
     several dimensions that would do, all change as little as possible.
-
-    Args:
-        problem: declares the wanted clearance.
-        asked: the clearance as it was asked for, for messages.
 
     Raises:
         InputError: no dimension of the hole changes the clearance, or none gives the wanted one.

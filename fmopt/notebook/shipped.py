@@ -33,9 +33,6 @@ def example(name: str) -> Path:
     >>> fmopt.example("square_peg").name
     'square_peg.toml'
 
-    Args:
-        name: one of `fmopt.examples()`.
-
     Raises:
         ChoiceError: there is none of this name.
     """

@@ -33,7 +33,6 @@ def slider(label: str, frames: Sequence[tuple[str, Drawing]]) -> Drawing:
     2
 
     Args:
-        label: what the slider changes.
         frames: what the slider says at each place, and the drawing there; drawings on sheets, of one size.
 
     Raises:

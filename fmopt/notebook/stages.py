@@ -67,7 +67,6 @@ def near_contacts(problem: Problem, pose: ArrayLike, reach: float | None = None)
     """The primitive contacts that can close near a pose, [DakinPopplestone1993] section 2.
 
     Args:
-        problem: gives the parts.
         pose: of the moving part, (6,), m and rad.
         reach: how far off contacts are looked for, m; three clearances when not given.
     """
@@ -81,7 +80,6 @@ def contact_graph(problem: Problem, pose: ArrayLike, reach: float | None = None)
     """All contact states near a pose, in the linear picture, [DakinPopplestone1993] sections 2 and 3.
 
     Args:
-        problem: gives the parts.
         pose: of the moving part, (6,), m and rad.
         reach: how far off contacts are looked for, m; three clearances when not given.
 
@@ -104,11 +102,8 @@ def state_route(
     """The shortest of the routes tried through the states of a graph, without errors, with a bound on all routes.
 
     Args:
-        graph: as of `contact_graph`.
         start: ids of the contacts of the state in which it begins; none for free space.
-        goal: those of the state in which it ends.
         room: how far poses stay inside of their states: 0 for all of a state's facet, 1 for its point alone.
-        change: what a change of state counts, in clearances of travel.
 
     Raises:
         InfeasibleError: there is no such state.
@@ -120,10 +115,6 @@ def state_route(
 
 def motion(problem: Problem, progress: Progress = lambda _: None) -> CertifiedMotion:
     """The search for a sequence of contact states and the placement of its goal poses; takes seconds to minutes.
-
-    Args:
-        problem: the task.
-        progress: told what is being done.
 
     Raises:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
@@ -137,11 +128,6 @@ def motion(problem: Problem, progress: Progress = lambda _: None) -> CertifiedMo
 
 def plan(problem: Problem, found: CertifiedMotion, progress: Progress = lambda _: None) -> Plan:
     """The plan of a motion: contact states on the way, control strategies, position/force trajectory, and the check.
-
-    Args:
-        problem: the task.
-        found: its motion.
-        progress: told what is being done.
 
     Raises:
         InfeasibleError: no bias force holds the contacts.
@@ -166,8 +152,6 @@ def placed(problem: Problem, motion: CertifiedMotion, progress: Progress = lambd
 
     Args:
         problem: the task; its parts are those of the motion.
-        motion: whose goal poses make the contacts that they should.
-        progress: told the margin after each gain.
 
     Raises:
         InfeasibleError: the errors cannot be followed from there.

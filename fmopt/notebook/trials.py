@@ -23,7 +23,6 @@ class Trials:
     Args:
         summary: inside and beyond the certified set: trials, successes, share with its 95 % interval, forces (N), times
             (s) and penetration (m); failures by their first departure from the plan.
-        folder: with `summary.json` and `trials.jsonl`, a line for each trial.
     """
 
     summary: Mapping[str, Any]
@@ -52,8 +51,6 @@ def carried_out(plan: Plan, wanted: Wanted, folder: Path | None, workers: int | 
     """Trials of a plan; see `fmopt.notebook.plan.Plan.execute`.
 
     Args:
-        plan: with its document.
-        wanted: method, engine, numbers and seed.
         folder: of the results; beside others in `out` if None.
         workers: processes; one for each processor if None.
         unverified: whether a plan that is not certified is run, too.

@@ -104,7 +104,6 @@ def lateral_rate(U: Array, velocity_error: tuple[float, float]) -> float:
 
     Args:
         U: twist (6,), its rotation scaled by ρ.
-        velocity_error: shares of a velocity by which translation and rotation may be off.
     """
     rates = np.repeat(velocity_error, 3)
     u = U / np.linalg.norm(U)

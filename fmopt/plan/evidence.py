@@ -23,7 +23,7 @@ Three: TypeAlias = tuple[float, float, float]
 
 @dataclass(frozen=True, config=_FORM)
 class TrialOutcome:
-    """One trial: whether it seats, at which attempt (from 0), how long (s), its greatest force (N), where it rests.
+    """One trial: whether it seats, at which attempt (from 0), how long (s), greatest force (N) and penetration (m).
 
     `press` is the last one that it was at, `reasons` say what speaks against it; `offset` (m) and `turn` (rad) are from
     the goal.
@@ -34,6 +34,7 @@ class TrialOutcome:
     press: str
     seconds: float
     peak_force: float
+    penetration: float
     reasons: tuple[str, ...]
     offset: Three
     turn: Three

@@ -53,7 +53,6 @@ class Attempt:
     """How far a motion came that was not found.
 
     Args:
-        moves: its moves, not all of which may be certified.
         seated: whether they come to the goal.
     """
 

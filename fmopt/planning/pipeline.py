@@ -199,10 +199,6 @@ def planned(
     """The sealed plan of a motion, and the verdict of the independent check on it; errors as of `synthesise`.
 
     What its verdict does not rest on is left out where there is no time for it.
-
-    Args:
-        measured: how much error the motion tolerates, where that is to be in the plan.
-        notes: what could not be found of that, and why.
     """
     stages = stages or Stages()
     try:

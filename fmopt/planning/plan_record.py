@@ -227,7 +227,6 @@ def part_record(
         part: in its frame.
         declared: clearance a side along x and y, m; None where none was.
         measured: least clearance a side, m.
-        exact: by vertex, where coordinates are no floats.
     """
     shapes: dict[str, Any] = {**_shape(part.polyhedron), "pieces": [_shape(piece) for piece in part.pieces]}
     if part.form:

@@ -109,11 +109,7 @@ class Posed:
         return Refinement.of(self.spread, self.clearance.per_side)
 
     def certified(self, found: Searched, placed: Placed) -> CertifiedMotion:
-        """Its motion, from what is said of the search and the sequence that is placed.
-
-        Args:
-            placed: the sequence, which need not be as it was found.
-        """
+        """Its motion, from what is said of the search and the sequence that is placed."""
         said = found.of(placed.moves)
         return CertifiedMotion(self.assembly, self.clearance, self.errors, self.tolerance, said, placed)
 

@@ -102,7 +102,6 @@ class Failure:
     """Why there is no plan.
 
     Args:
-        stage: which did not come to an end: begin, search, placement or control.
         late: whether the time limit ended it.
         lack: what the closest attempt lacks; None where no motion could begin.
         box: half-widths (6,) of the start error that was asked for, m and rad.

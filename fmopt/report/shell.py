@@ -27,7 +27,6 @@ def figure(svg: str, alt: str, caption: str, size: tuple[float, float] | None = 
 
     Args:
         alt: what is to be seen, for who cannot see it; plain text, as the caption.
-        size: width and height in inches, where the picture is not to be as wide as the page.
     """
     # CSS has 96 px to an inch, so that figures keep their own size in print.
     measures = "" if size is None else ' width="{}" height="{}"'.format(*(round(96 * inches) for inches in size))

@@ -82,9 +82,6 @@ def save(content: bytes, path: Path) -> None:
 def set_aside(folder: Path, names: Sequence[str]) -> list[Path]:
     """Renames files of an earlier run, so that nobody takes them for what this one found; where they are now.
 
-    Args:
-        folder: where they are.
-
     Raises:
         ResourceError: one cannot be renamed.
     """

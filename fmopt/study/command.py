@@ -47,7 +47,6 @@ def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally]
 
     Args:
         file: the study's.
-        folder: made if need be.
 
     Raises:
         InputError: the file cannot be used.
@@ -121,9 +120,6 @@ def asked_for(file: Path) -> tuple[dict[str, Any], list[str]]:
 def allocated(file: Path, folder: Path, progress: Callable[[str], None]) -> tuple[dict[str, Any], list[str]]:
     """Allocates the tolerances of a file, writes allocation.json and plan.json; the answer as data and in words.
 
-    Args:
-        folder: made if need be.
-
     Raises:
         InputError: the file cannot be used.
         ResourceError: the folder is owned by another, or cannot be written.
@@ -151,7 +147,6 @@ class Forecast:
 
     Args:
         seconds: that one run takes; None when its trial failed.
-        source: where that comes from, in words.
     """
 
     total: int
@@ -167,9 +162,6 @@ def forecast(file: Path, folder: Path, asked: Asked, progress: Callable[[str], N
     """Says what a study would do; writes nothing.
 
     The time of a run is the median of the runs in the folder, or that of a trial of the middle run, on this machine.
-
-    Args:
-        folder: of its results, there or not.
 
     Raises:
         InputError: the file cannot be used.

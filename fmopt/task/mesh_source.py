@@ -38,7 +38,6 @@ def takes(mesh: Mesh | None, name: str) -> bool:
     """Whether the table of a mesh may say its unit, or which body of the file is meant.
 
     Args:
-        mesh: the table, if there is one.
         name: "unit" or "body".
     """
     return mesh is not None and (is_step(mesh) if name == "body" else not says_unit(mesh))

@@ -90,7 +90,6 @@ def load_model(
 
     Args:
         path: the file; a mesh or STEP file is taken for a part without parameters, whose features are found.
-        cited: where the problem names it.
         overrides: parameter values that replace the file's.
 
     Raises:

@@ -158,11 +158,7 @@ def _impact_faults(source: Source, table: files.Specification) -> Iterator[Fault
 
 
 def configuration_faults(source: Source, sources: files.Sources | None) -> Iterator[Fault]:
-    """Configurations that are stated twice, or not at all, or by points on a line.
-
-    Args:
-        sources: [uncertainty.sources], if the errors are described so.
-    """
+    """Configurations that are stated twice, or not at all, or by points on a line."""
     for name in ("configuration", "feeder"):
         table: files.Configuration | None = getattr(sources, name, None)
         if table is None:
@@ -232,9 +228,6 @@ def characteristic_length(problem: Problem, clearance: Clearance) -> float:
     """The length ρ that weighs angles against lengths, m: stated, or half the diagonal of the mating section.
 
     Of a small section, the least that the check of a plan takes.
-
-    Args:
-        problem: whose specification may state it.
     """
     return problem.settings.characteristic_length or max(clearance.half_diagonal, LEAST_LEVER)
 

@@ -330,11 +330,7 @@ def _prism(table: files.Prism) -> tuple[csg.Solid, tuple[csg.Solid, ...]]:
 
 
 def unstated(source: Source, file: files.ModelFile) -> tuple[str, ...]:
-    """The names of the features of which a model file leaves something to be found.
-
-    Args:
-        source: of the model file, as it was written: defaults are not in it.
-    """
+    """The names of the features of which a model file leaves something to be found."""
     stated = source.data.get("features", {})
     return tuple(name for name in file.features if not {"at", "length"} <= set(stated.get(name, {})))
 

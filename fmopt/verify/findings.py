@@ -60,11 +60,8 @@ class Verdict:
     """The outcome of a check.
 
     Args:
-        witness: for REFUTED, where the parts collide.
         margin: least re-derived margin of all segments, m; None where one could not be re-derived.
         stated: the plan's own verdict.
-        not_covered: what the plan says that it does not cover.
-        evidence: of a plan of presses.
     """
 
     verdict: str
@@ -144,7 +141,6 @@ class Notes:
 
         Args:
             stated: m or rad.
-            allowance: by how much it may be less, in fixed point.
         """
         value = number(derived)
         if fixed(stated) + allowance < derived:

@@ -14,36 +14,26 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from PIL import Image, ImageSequence
-from scipy.stats import binomtest
 from typer.testing import CliRunner
 
 from fmopt import plan
 from fmopt.cli import app
 from fmopt.errors import Interruption, ResourceError, SettingsError
 from fmopt.execution import execute as running
+from fmopt.execution.confidence import success_interval
 from fmopt.execution.execute import run_all
 from fmopt.execution.noise import Noise
 from fmopt.execution.program import FAILED, planned
 from fmopt.execution.replay import SLOWER, replay
 from fmopt.execution.rig import Event, Rig
 from fmopt.execution.robot import Robot
-from fmopt.execution.summary import Fit, Log, failures, lines, note, summary, wilson
+from fmopt.execution.summary import Fit, Log, failures, lines, note, summary
 from fmopt.execution.trials import Trials, draw, run
 from fmopt.plan import parsed
 from fmopt.spatial.se3 import Pose
 from tests.shared.trial_records import record
 
 FOUR = Trials(4, seed=1)
-
-
-@pytest.mark.parametrize(("k", "n"), [(0, 1), (1, 1), (3, 7), (99, 100), (1000, 1000), (0, 40)])
-def test_intervals_are_wilsons(k: int, n: int) -> None:
-    expected = binomtest(k, n).proportion_ci(0.95, method="wilson")
-    assert wilson(k, n) == pytest.approx((expected.low, expected.high), abs=1e-12)
-
-
-def test_nothing_is_known_without_trials() -> None:
-    assert wilson(0, 0) == (0.0, 1.0)
 
 
 def test_draws_are_of_their_numbers_alone_and_of_their_size(square_peg_plan: dict[str, Any]) -> None:
@@ -227,7 +217,7 @@ def test_the_command_tells_and_keeps_the_summary(square_peg_plan_file: Path, wri
     assert found["contact_force"] == plan.read_document(square_peg_plan_file)["specification"]["contact_force"]
     assert json.loads((tmp_path / "summary.json").read_text()) == found
     told = CliRunner().invoke(app, arguments).stdout
-    low, high = (100.0 * share for share in wilson(seated, 4))
+    low, high = (100.0 * share for share in success_interval(seated, 4))
     interval = f"(95 % interval {low:.1f} to {high:.1f} %)"
     words = f"inside the certified set: {seated} of 4 seated, {25.0 * seated:.1f} % {interval}"
     assert words in told

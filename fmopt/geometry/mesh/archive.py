@@ -41,9 +41,6 @@ class Broken(ValueError):
 def three_mf(data: bytes, most: int) -> tuple[str, list[Shell]]:
     """The unit of a 3MF file, and its solids where its build puts them.
 
-    Args:
-        most: how many bytes its model may have.
-
     Raises:
         Broken: it is none.
     """

@@ -246,7 +246,6 @@ def write(path: Path, shapes: list[TopoDS_Shape], scale: float = 1.0) -> None:
     """Writes shapes (mm, after scaling) to a STEP file, the kernel silent meanwhile.
 
     Args:
-        path: replaced where it exists.
         shapes: in mm after scaling.
         scale: 1000 for shapes in m.
 

@@ -135,11 +135,7 @@ def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon
 
 
 def ring(loop: Loop, tolerance: float, side: Side) -> Array:
-    """The closed polyline (k, 2) in m of a loop, the first point not repeated.
-
-    Args:
-        loop: pieces, each from where the one before ends.
-    """
+    """The closed polyline (k, 2) in m of a loop, the first point not repeated."""
     return np.vstack([piece.curve.polyline(tolerance, SIDES[side])[:-1] for piece in loop])
 
 

@@ -193,7 +193,6 @@ def nominal_path(task: Task, planes: Sequence[PlaneDiagrams], margin: float) -> 
     that does, it turns in one place, which the diagrams for all its orientations leave free.
 
     Args:
-        task: from where to where, how fast, and past what.
         margin: how far a point of the uncertain operand 1 strays, m.
 
     Raises:

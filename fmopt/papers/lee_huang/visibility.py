@@ -226,7 +226,6 @@ def bends(region: Region, room: float = 0.0) -> Array:
     """Points (k, 2) beside a region's convex corners, off by `room` and 1e-6 of its size; arcs as polylines.
 
     Args:
-        region: may be empty.
         room: m.
     """
     found = []

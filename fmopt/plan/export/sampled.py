@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from dataclasses import dataclass
 
@@ -86,22 +85,6 @@ def csv_text(plan: Plan, rate: float, caution: str = "") -> str:
     for t, s, pa, fa in zip(found.t.tolist(), found.s.tolist(), found.pa.tolist(), found.fa.tolist(), strict=True):
         lines.append(",".join([repr(t), *(str(int(code)) for code in s), *(repr(value) for value in (*pa, *fa))]))
     return "\n".join(lines) + "\n"
-
-
-def read_csv(text: str) -> Samples:
-    """Samples from the text of `csv_text`.
-
-    Raises:
-        PlanFormatError: the text is no such table.
-    """
-    lines = [line for line in text.splitlines() if not line.startswith("#")]
-    if not lines or tuple(lines[0].split(",")) != COLUMNS:
-        raise PlanFormatError("no table of samples: the line of names differs", "give a file that fmopt export wrote")
-    try:
-        table = np.loadtxt(io.StringIO("\n".join(lines[1:])), delimiter=",", ndmin=2)
-        return Samples(table[:, 0], table[:, 1:7], table[:, 7:13], table[:, 13:19])
-    except (ValueError, IndexError) as error:
-        raise PlanFormatError(f"no table of samples: {error}", "give a file that fmopt export wrote") from error
 
 
 def json_text(plan: Plan, rate: float, caution: str = "") -> str:

@@ -72,8 +72,6 @@ class ControlledPiece:
 
     Args:
         move: that it is a piece of, from 0.
-        impact: how softly contacts are met, where that is limited.
-        jam_free: how far its applied wrench may turn, where that is asked for and contacts are held.
     """
 
     move: int
@@ -317,7 +315,6 @@ def approach_speed(
     """The greatest normal speed at which any of the contacts can be met, for a unit twist.
 
     Args:
-        meetings: the contacts that may be met.
         V: unit twist (6,) in the metric of ρ.
         theta: by how much the part may be turned from its goal when they are, rad.
         velocity_error: shares of the speed in translation, and in rotation on the arm ρ.

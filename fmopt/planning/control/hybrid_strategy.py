@@ -117,7 +117,6 @@ def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification)
     """The strategy of a move.
 
     Args:
-        move: what is held, where it goes, what ends it.
         rho: characteristic length, m.
 
     Raises:
@@ -187,7 +186,6 @@ def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specificat
 
     Args:
         rho: characteristic length, m.
-        specification: friction, and the push of a servo where the move ends by its travel.
 
     Raises:
         SolverError: the forces of the contacts do not settle.

@@ -242,7 +242,6 @@ def order(
     """In which order to try again after a move failed: `late`, its contact was not felt, or `early`, something was.
 
     Args:
-        found: what contacts it does not plan errors could make.
         box: half-widths (6,) of the start error.
     """
     piece = claims[-1].piece

@@ -47,9 +47,6 @@ def described(
     wall's rim where one of its ends does. A vertex that may or may not have passed the rim is listed with its edge,
     if that has an end which has; else it only counts once it has passed. Where several walls lie in one plane, each
     holds what is before it.
-
-    Args:
-        errors: on the piece, which may carry a vertex over a rim.
     """
     known = _known(assembly, held)
     if not known.walls:

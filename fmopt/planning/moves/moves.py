@@ -182,7 +182,6 @@ def unroll(
     """Certifies a move piece by piece.
 
     Args:
-        reached: where it starts.
         step: greatest turn of one piece, rad.
 
     Raises:

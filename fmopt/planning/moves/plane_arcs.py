@@ -64,8 +64,6 @@ class Kept(NamedTuple):
     """The edges of each pair (n, m, e) that are looked at more closely.
 
     Args:
-        low: where the planes through it begin between its two faces.
-        high: where they end.
         normal: the best plane's normal (n, m, 3).
         margin: its margin (n, m), m.
     """

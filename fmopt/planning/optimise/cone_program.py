@@ -337,9 +337,6 @@ def dual_bound(program: ConeProgram, duals: Duals, x: Array) -> tuple[float, flo
 def checked(program: ConeProgram, solver: Solver) -> Solution:
     """The solver's solution, certified again here, so that a solver that lies is caught.
 
-    Args:
-        solver: not trusted.
-
     Raises:
         SolverError: the solution fails `certify`, proves no optimum, or states another value than c·x.
     """

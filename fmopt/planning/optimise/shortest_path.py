@@ -94,8 +94,6 @@ def shortest_path(inward: Ends, lengths: Array, start: int, goal: int) -> Path |
 
     Args:
         inward: the arcs in order of the places that they lead to.
-        start: where it begins.
-        goal: where it ends.
     """
     far, last = inward.distances(lengths, start)
     ring = inward.ring(last)

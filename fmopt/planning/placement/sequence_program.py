@@ -84,7 +84,6 @@ def certified(
 
     Args:
         moves: in order.
-        start: where the first begins, with its errors.
         step: greatest turn of one piece, rad.
 
     Raises:
@@ -324,11 +323,7 @@ def _equalities(aim: Aim, moves: Sequence[Move], n: int) -> Array:
 
 
 def state_rows(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array:
-    """A basis (r, 6) of the displacements out of a contact state, orthonormal in the units of displacements.
-
-    Args:
-        pose: where they are held.
-    """
+    """A basis (r, 6) of the displacements out of a contact state, orthonormal in the units of displacements."""
     N = np.eye(6)[assembly.freedoms == 0.0]
     if contacts:
         N = np.vstack([contact_rows(assembly, contacts, contacts, pose).N, N])

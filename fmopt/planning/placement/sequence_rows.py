@@ -210,9 +210,7 @@ class _Gain:
     """How much a row grows along a move, were all of it like a piece.
 
     Args:
-        growth: how much, and what it depends on where the piece goes.
         turned: how it changes with where the piece ends (6,), as the row turns.
-        size: what errors take of it, or, where they do not count, what it is made up of.
     """
 
     growth: Growth

@@ -14,9 +14,8 @@ import numpy as np
 from fmopt.errors import SearchError
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.evidence import Examination, examine
-from fmopt.execution.press_rig import Outcome
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
-from fmopt.plan.evidence import Evidence
+from fmopt.plan.evidence import Evidence, TrialOutcome
 from fmopt.plan.press import MAX_ATTEMPTS, Attempt, Conditions, PressPlan, PressRobot, Seat
 from fmopt.runtime.compiled import clock, deadline
 from fmopt.runtime.process import cores
@@ -35,7 +34,7 @@ class Trialled:
     """A candidate with the outcomes of its draws, in their order."""
 
     attempt: Attempt
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[TrialOutcome, ...]
 
     @property
     def seats(self) -> frozenset[int]:
@@ -72,7 +71,7 @@ class Choosing:
         first = PressPlan(self.robot, tuple(attempts), max(one.start[2] for one in attempts), self.seat)
         return first.strengthened(strength(first))
 
-    def carried_out(self, candidates: Sequence[Attempt], numbers: range) -> list[tuple[Outcome, ...]]:
+    def carried_out(self, candidates: Sequence[Attempt], numbers: range) -> list[tuple[TrialOutcome, ...]]:
         """Outcomes of each candidate, alone, for the same draws."""
         plan, count = self.plan(candidates), len(numbers)
         seed = self.seed ^ _CHOOSING

@@ -37,7 +37,6 @@ class Outcome:
     """What is certified of a motion, or of the moves that it begins with.
 
     Args:
-        reached: where they have come to.
         reason: why the next one is impossible; empty where it is not, or was not looked at.
     """
 
@@ -58,7 +57,6 @@ class Motion:
     Args:
         box: half-widths (6,) of its start error, m and rad.
         turn: greatest turn of one piece, rad.
-        framing: where its start error is fixed.
         known: all that is certified of it, where that has been found already; None where not.
     """
 

@@ -147,11 +147,7 @@ def _first_sequences(
 
 
 def farther(error: SearchError, before: SearchError | None = None) -> SearchError:
-    """The latest failure, with the attempt of the one before where that came farther.
-
-    Args:
-        before: the one before, if there was one.
-    """
+    """The latest failure, with the attempt of the one before where that came farther."""
     known = None if before is None else before.attempt
     if known is not None and (error.attempt is None or known.order > error.attempt.order):
         error.attempt = known

@@ -231,7 +231,6 @@ def deeper(moving: Part, fixed: Part, pose: Pose, corner: Array, spread: Array) 
     height is uncertain by, between the middle and the wall on the side from which it leans.
 
     Args:
-        pose: where the corner is caught.
         corner: the corner (3,) in the body.
         spread: how far the errors displace it (3,), m.
     """

@@ -94,11 +94,7 @@ class Near:
 
     @staticmethod
     def of(assembly: Assembly, contacts: Sequence[PrimitiveContact]) -> Near:
-        """These contacts.
-
-        Args:
-            contacts: which may be met.
-        """
+        """These contacts."""
         return Near(Surfaces.of(contacts, assembly.moving.polyhedron, assembly.fixed.polyhedron))
 
     @property
@@ -188,10 +184,6 @@ def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> M
 
     None when it meets none, or two independent ones at once, or cannot keep the held contacts. Where these cannot be
     kept as far as it may go, it is tried less far.
-
-    Args:
-        place: where the move starts.
-        near: the contacts that it may meet, as `neighbourhood` finds them.
     """
     for halvings in range(_HALVINGS):
         with suppress(InfeasibleError):

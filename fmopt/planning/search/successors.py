@@ -176,11 +176,7 @@ def _likely(errors: ErrorSet) -> tuple[float, float]:
 
 
 def successor_by(task: Task, node: Node, move: Move, name: str, care: Care = Care.NONE) -> Node | None:
-    """The state after a move, None when it cannot be certified.
-
-    Args:
-        node: where it starts.
-    """
+    """The state after a move, None when it cannot be certified."""
     costs = task.costs
     try:
         before = len(node.reached.claims)

@@ -109,12 +109,7 @@ def _map(view: View, name: str, grid: _Grid, figure: Figure) -> None:
 
 
 def title(view: View, name: str, border: str, nothing: str) -> str:
-    """The title of an answer's figure, with words on runs that did not come out well, or have no value, if any.
-
-    Args:
-        border: put behind it where some runs did not come out well.
-        nothing: put behind it where some runs have no value.
-    """
+    """The title of an answer's figure, with words on runs that did not come out well, or have no value, if any."""
     words = "" if view.good[view.done].all() else border
     return answer_label(name) + words + ("" if np.isfinite(view.answer(name)).all() else nothing)
 

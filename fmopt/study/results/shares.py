@@ -11,10 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.execution.summary import NORMAL_95, wilson
+from fmopt.execution.confidence import success_interval
 from fmopt.spatial.values import Array
 from fmopt.study.results.table import Varied
 from fmopt.study.results.view import View
+
+_NORMAL_95 = 1.959963984540054  # standard deviations either way that hold 95 % of a normal distribution
 
 _VALUES = 16  # of an axis, above which neighbours are put together
 _BINS = 8
@@ -88,7 +90,7 @@ class Estimate:
 
 
 def share(successes: int, trials: int) -> Estimate:
-    """A share with Wilson's score interval, which holds for few trials and for shares near 0 and 1, too.
+    """A share with its Clopper–Pearson interval, which holds for few trials and for shares near 0 and 1, too.
 
     Args:
         successes: 0 or more.
@@ -99,7 +101,7 @@ def share(successes: int, trials: int) -> Estimate:
     """
     if not 0 <= successes <= trials or trials == 0:
         raise ValueError(f"{successes} of {trials} is no share")
-    return Estimate(successes / trials, *wilson(successes, trials))
+    return Estimate(successes / trials, *success_interval(successes, trials))
 
 
 def rank_correlation(x: Array, y: Array) -> Estimate | None:
@@ -123,7 +125,7 @@ def rank_correlation(x: Array, y: Array) -> Estimate | None:
     # Two neighbours exchanged make Σd² = 2 in ρ = 1 − 6 Σd²/(n (n² − 1)); at ρ = 1 the arctanh is infinite.
     most = 1.0 - 12.0 / (n * (n**2 - 1.0))
     near = math.copysign(min(abs(rho), most), rho)
-    z, spread = math.atanh(near), NORMAL_95 * math.sqrt((1.0 + 0.5 * near**2) / (n - 3.0))
+    z, spread = math.atanh(near), _NORMAL_95 * math.sqrt((1.0 + 0.5 * near**2) / (n - 3.0))
     # A perfect order is outside of the interval about its neighbour, which is widened to hold it.
     return Estimate(rho, min(math.tanh(z - spread), rho), max(math.tanh(z + spread), rho))
 

@@ -58,12 +58,7 @@ def _served(connection: Connection, evaluate: Evaluate, folder: Path, runs: Iter
 
 
 def answered(evaluate: Evaluate, run: Run, folder: Path) -> Row:
-    """The row of a run, whatever happens to it that a program can see.
-
-    Args:
-        evaluate: may raise anything.
-        folder: of its inputs, which is not named in the row.
-    """
+    """The row of a run, whatever happens to it that a program can see."""
     try:
         row = evaluate(run, folder)
     except MemoryError:

@@ -60,9 +60,6 @@ class Crew:
 class Worker:
     """A worker process of the calling thread.
 
-    Args:
-        crew: where it is registered.
-
     Raises:
         ResourceError: no process can be made.
     """

@@ -268,11 +268,7 @@ def _gap(points: Array) -> float:
 
 
 def on_axis(solid: Solid, pose: Pose | None = None) -> Intervals:
-    """Stretches (from, to) in m of the z axis inside the solid, ascending and apart.
-
-    Args:
-        pose: where it is put.
-    """
+    """Stretches (from, to) in m of the z axis inside the solid, ascending and apart."""
     pose = pose or Pose.identity()
     match solid:
         case Placed(inner, move):

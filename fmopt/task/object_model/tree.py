@@ -118,7 +118,6 @@ def without(base: Chain, tools: Chain) -> Chain:
     """A chain of `base` less the solid of `tools`, which becomes one term when it takes something away itself.
 
     Args:
-        base: not empty.
         tools: in the same frame, not empty.
     """
     if all(term.sign == "+" for term in tools):

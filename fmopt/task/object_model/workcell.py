@@ -136,11 +136,7 @@ class Workcell(Value):
         )
 
     def group(self, name: str, apart_from: str = "") -> tuple[str, ...]:
-        """The objects that are linked to one, directly or through others, itself first.
-
-        Args:
-            apart_from: an object whose direct links to it do not count.
-        """
+        """The objects that are linked to one, directly or through others, itself first."""
         self.object(name)
         found = [name]
         for reached in found:  # grows as it is walked
@@ -218,7 +214,6 @@ def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose
     """The operand of a feature.
 
     Args:
-        workcell: where it is.
         frame: of the operand in the global reference frame.
     """
     feature = workcell.object(ref.object).feature(ref.feature)

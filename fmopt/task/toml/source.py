@@ -112,9 +112,6 @@ def _whole(stream: TextIO) -> bytes:
 def read_bytes(path: Path, cited: Place, limit: int) -> bytes:
     """The bytes of a regular file or of standard input.
 
-    Args:
-        cited: where its name stands, for messages.
-
     Raises:
         InputError: no such file, no regular file, no permission, too large, or a name no file can have.
         ResourceError: standard input cannot be read.

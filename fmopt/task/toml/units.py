@@ -323,10 +323,6 @@ def at_most(number: float, dimension: Dimension) -> str:
 
 
 def did_you_mean(name: str, choices: Mapping[str, object] | list[str]) -> str:
-    """`did you mean "…"?` for the nearest of `choices`, or nothing.
-
-    Args:
-        choices: what may be written.
-    """
+    """`did you mean "…"?` for the nearest of `choices`, or nothing."""
     near = get_close_matches(name, [str(choice) for choice in choices], n=1, cutoff=0.6)
     return f"did you mean {near[0]!r}?" if near else ""

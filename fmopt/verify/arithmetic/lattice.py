@@ -81,11 +81,7 @@ def through(a: Point, b: Point, c: Point) -> HalfSpace:
 
 
 def area(points: Sequence[Point], loops: Loops) -> Point:
-    """Twice the area that loops enclose, along its normal (Newell).
-
-    Args:
-        loops: the outer one counter-clockwise as seen from where the area points.
-    """
+    """Twice the area that loops enclose, along its normal (Newell)."""
     x = y = z = 0
     base = points[loops[0][0]]
     for loop in loops:
@@ -98,20 +94,12 @@ def area(points: Sequence[Point], loops: Loops) -> Point:
 
 
 def height(h: HalfSpace, p: Point) -> int:
-    """A number of the sign of a point's height over the plane of a half-space.
-
-    Args:
-        h: its normal has any length, so that only the sign says anything.
-    """
+    """A number of the sign of a point's height over the plane of a half-space."""
     return h[0] * p[0] + h[1] * p[1] + h[2] * p[2] - h[3]
 
 
 def elevation(h: HalfSpace, p: Place) -> int:
-    """A number of the sign of a place's height over the plane of a half-space.
-
-    Args:
-        h, p: as for `height`, p where three planes meet.
-    """
+    """A number of the sign of a place's height over the plane of a half-space."""
     return h[0] * p[0] + h[1] * p[1] + h[2] * p[2] - h[3] * p[3]
 
 
@@ -168,11 +156,7 @@ def turn(a: Flat, b: Flat, c: Flat) -> int:
 
 
 def cross_or_touch(p: Flat, q: Flat, a: Flat, b: Flat) -> bool:
-    """Whether the segments p q and a b have a point in common.
-
-    Args:
-        p, q: ends of the one, which may be one point.
-    """
+    """Whether the segments p q and a b have a point in common."""
     if max(p[0], q[0]) < min(a[0], b[0]) or max(a[0], b[0]) < min(p[0], q[0]):
         return False
     if max(p[1], q[1]) < min(a[1], b[1]) or max(a[1], b[1]) < min(p[1], q[1]):

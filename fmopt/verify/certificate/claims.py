@@ -57,11 +57,7 @@ class Outcome:
 
 
 def check_segment(assembly: Assembly, stage: Stage, notes: Notes) -> Outcome:
-    """Compares every stated number of a segment with the derived one.
-
-    Args:
-        notes: takes what does not agree.
-    """
+    """Compares every stated number of a segment with the derived one."""
     _tube(stage, notes)
     # All margins by name: the least is that of the segment, and what is said to bind has to be as small.
     named: list[tuple[int, str]] = []

@@ -252,7 +252,6 @@ def _within(assembly: Assembly, touch: Touch, crossing: _Crossing, sides: int, w
 
     Args:
         sides: how far the moving edge's ends stay on their sides of the wall; `UNBOUNDED` where the edge lies in one.
-        way: where the contact is held.
     """
     (c, d), u = touch.fixed, touch.fixed_line.direction
     a, k = crossing.a, sub(crossing.b, crossing.a)

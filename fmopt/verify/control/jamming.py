@@ -66,7 +66,6 @@ def check_jam_free(hybrid: Hybrid, drive: Drive, goal: Numbers, asked: Specifica
 
     Args:
         goal: pose (6,) of the segment's end.
-        asked: friction, and the push where none does.
     """
     stated, held, along, scale = hybrid.jam_free, drive.held, drive.along, drive.scale
     if stated is None:

@@ -248,11 +248,7 @@ class Arrival(NamedTuple):
 def check_impact(
     hybrid: Hybrid, touches: Sequence[Touch], arrival: Arrival, asked: Specification, notes: Notes
 ) -> None:
-    """Judges what a strategy says of the impact that ends its move.
-
-    Args:
-        touches: contacts that may end the move.
-    """
+    """Judges what a strategy says of the impact that ends its move."""
     if asked.impact is None or not touches:
         if hybrid.impact is not None:
             notes.add("impact", "is stated although no impact is limited, or none comes")

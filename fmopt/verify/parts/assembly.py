@@ -326,9 +326,6 @@ def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plan
     Held on the wall is one end of the moving edge, and either its other end or a crossing of the same edge with another
     rim of the wall. When the end slips over the rim, the crossing there takes over from it, and both have the same
     zeros: the edge's line in the wall. None when there is no such wall.
-
-    Args:
-        held: contacts held together with it, itself among them or not.
     """
     for face in touch.faces:
         ends = [

@@ -248,11 +248,7 @@ class Turn(NamedTuple):
 
 
 def steep(one: Turn, two: Turn) -> bool:
-    """Whether two directions are far enough from parallel to tell together how all is turned.
-
-    Args:
-        one, two: directions of the body with where they are turned.
-    """
+    """Whether two directions are far enough from parallel to tell together how all is turned."""
     axis = cross(one.body, two.body)
     return dot(axis, axis) >= _STEEP
 
@@ -342,7 +338,6 @@ def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector, nominal: M
     Args:
         normal: of the wall, integers.
         edge: of the body, integers.
-        there: where the edge points about, to choose one of two.
     """
     m = turn.onto
     if m is None:

@@ -53,7 +53,6 @@ def held(plan: Plan, path: Path, data: Mapping[str, Any] | None = None, reader: 
     """A plan held against the problem of a file.
 
     Args:
-        data: what it holds, where that is something else by now.
         reader: the planner's reading of the parts, for files that the check cannot read; None to leave those out.
 
     Raises:

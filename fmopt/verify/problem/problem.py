@@ -311,10 +311,6 @@ def load_problem(
 ) -> Problem:
     """The problem of a file, or of the data that is given in its place.
 
-    Args:
-        data: what it holds, where that is something else by now.
-        found: how parts mate where the files do not say it, by side of the plan.
-
     Raises:
         ProblemError: the file or one of its models cannot be read.
     """

@@ -302,11 +302,7 @@ def _in_box(p: Point, low: Sequence[float], high: Sequence[float], reach: float)
 
 
 def basis(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> _Basis:
-    """The axes of the triangle a b c: along a b, in its plane, and its normal.
-
-    Args:
-        a, b, c: not on a line.
-    """
+    """The axes of the triangle a b c: along a b, in its plane, and its normal."""
     u = _unit(between(a, b))
     w = _unit(cross(u, between(a, c)))
     return u, cross(w, u), w

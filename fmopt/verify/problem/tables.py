@@ -145,11 +145,7 @@ class Table:
         return found
 
     def count(self, key: str, default: int, most: int) -> int:
-        """The number of corners under a key.
-
-        Args:
-            default: where the key is missing.
-        """
+        """The number of corners under a key."""
         found = self.data.get(key, default)
         if type(found) is not int or not 3 <= found <= most:  # bool is an int
             raise self.error(key, f"must be a whole number from 3 to {most}")
@@ -173,7 +169,6 @@ class Table:
         """The quantity under a key, in SI.
 
         Args:
-            kind: which it must be of.
             low, high: between which it must be, SI.
         """
         return self._number(key, self.value(key), kind, low, high)
@@ -204,11 +199,7 @@ class Table:
         return tuple(self._number(f"{key}[{i}]", x, LENGTH, 1e-9, FAR) for i, x in enumerate(found))
 
     def row(self, key: str, items: Any, kind: Dimension = LENGTH, count: int = 3) -> tuple[float, ...]:
-        """So many quantities.
-
-        Args:
-            count: how many there must be.
-        """
+        """So many quantities."""
         if not isinstance(items, list) or len(items) != count:
             raise self.error(key, f"must be {count} numbers")
         most = TURN if kind == ANGLE else FAR

@@ -75,7 +75,9 @@ _EVIDENCE = fields(
     commentary="examined seed engine conditions",
     objects="outcomes vertex_outcomes",
 )
-_OUTCOME = fields("evidence.*[]", proved="seated attempt", commentary="press seconds peak_force reasons offset turn")
+_OUTCOME = fields(
+    "evidence.*[]", proved="seated attempt", commentary="press seconds peak_force penetration reasons offset turn"
+)
 _CONTACT = fields("contacts[]", proved="id kind", objects="moving fixed")
 _SIDE = fields("contacts[].*", proved="vertices")
 FIELDS: tuple[Fields, ...] = (
