@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from fmopt.execution.confidence import lower_bound
 from fmopt.execution.engines.engine import Bodies
+from fmopt.execution.engines.mujoco_engine import MUJOCO
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors, vertex_errors
 from fmopt.plan.evidence import CONFIDENCE, MIN_VERTICES, VERTICES, Evidence, TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan
@@ -56,7 +57,7 @@ def examine(
         vertices_seated=at_vertices,
         examined=asked.examined,
         seed=asked.seed,
-        engine=f"mujoco {_version()}",
+        engine=f"mujoco {MUJOCO.library().__version__}",
         conditions=conditions,
         subject=subject,
         outcomes=tuple(drawn),
@@ -67,9 +68,3 @@ def examine(
 def count_seated(outcomes: Sequence[TrialOutcome]) -> int:
     """How many trials seat."""
     return sum(one.seated for one in outcomes)
-
-
-def _version() -> str:
-    import mujoco
-
-    return str(mujoco.__version__)

@@ -28,7 +28,6 @@ RUNNING, HOLDING, BACKING, DONE = range(4)
 _SAMPLE = 0.01  # s between samples of the pose that a standstill is judged by
 _WINDOW = 0.4  # s, the longest window of a standstill
 _TRAIL = 0.02  # s between the poses that a part backs out along
-_STEP_BACK = (5e-5, 5e-4)  # m and rad between poses of the way back
 _REST = 0.2  # s for which a part is held before it is judged, and before it begins anew
 _ARRIVED = (1e-3, 1e-2)  # m and rad by which a part may miss its next start
 MAX_SECONDS = 90.0  # of a trial
@@ -443,12 +442,7 @@ class PressRig:
         over = max(self.plan.clear + error[2], trail[-1, 2], goal[2])
         up, across = trail[-1].copy(), goal.copy()
         up[2] = across[2] = over
-        ways = [np.array(self.engine.qpos[k])]
-        for pose in (*trail, up, across, goal):
-            off = np.linalg.norm(pose[:3] - ways[-1][:3]), np.linalg.norm(between(pose[3:], ways[-1][3:]))
-            if off[0] >= _STEP_BACK[0] or off[1] >= _STEP_BACK[1]:
-                ways.append(pose)
-        poses = np.array([*ways, goal])
+        poses = np.array([np.array(self.engine.qpos[k]), *trail, up, across, goal, goal])
         speeds = self.plan.robot.back
         legs = np.maximum(
             np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) / speeds[0],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import abc
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from fmopt import __version__, plan
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim, ContactClaim
 from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.propagation import Tolerance
 from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.exact_coordinates import Exact, exact_vertices, facing_directions
@@ -67,8 +69,27 @@ def _proof(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
     done = motion.motion
     tolerance, claims, segments = done.tolerance, done.claims, _segments(motion)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
-    declared, clearance = problem.declared_clearance, done.clearance.per_side
-    own, other = exact_parts(done.assembly, contacts.values())
+    return {
+        **heading(problem, tolerance, done.clearance.per_side, exact_parts(done.assembly, contacts.values())),
+        "uncertainty": _uncertainty(problem, tolerance) | _frames(problem, done.errors),
+        "goal": segments[-1]["goal"],
+        "not_covered": plan.NOT_COVERED_OFF_FORM if done.assembly.form else plan.NOT_COVERED,
+        "contacts": [contact_record(contacts[name]) for name in sorted(contacts)],
+        "segments": segments,
+    }
+
+
+def heading(
+    problem: Problem, tolerance: Tolerance, clearance: float, exact: Sequence[abc.Mapping[int, Exact]] = ({}, {})
+) -> dict[str, Any]:
+    """What every plan file states of its problem, its verdict still open.
+
+    Args:
+        tolerance: velocity error and metric.
+        clearance: measured, a side, m.
+        exact: of the moving and of the fixed part, by vertex, where coordinates are no floats.
+    """
+    declared = problem.declared_clearance
     return {
         "format": plan.FORMAT,
         "fmopt_version": __version__,
@@ -76,23 +97,18 @@ def _proof(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
         "units": plan.UNITS,
         "frames": plan.FRAMES,
         "verdict": "NOT_PROVED",
-        "uncertainty": {
-            "start_box": problem.start_box,
-            "velocity_error": tolerance.velocity_error,
-            "rho": tolerance.rho,
-            **_frames(problem, done.errors),
-        },
+        "uncertainty": _uncertainty(problem, tolerance),
         "specification": problem.specification.record(),
-        "goal": segments[-1]["goal"],
         "touch_tolerance": 1e-9,
-        "not_covered": plan.NOT_COVERED_OFF_FORM if done.assembly.form else plan.NOT_COVERED,
         "parts": {
-            "moving": {**part_record(problem.moving, declared, clearance, own), **_found(problem, 0)},
-            "fixed": {**part_record(problem.fixed, declared, clearance, other), **_found(problem, 1)},
+            "moving": {**part_record(problem.moving, declared, clearance, exact[0]), **_found(problem, 0)},
+            "fixed": {**part_record(problem.fixed, declared, clearance, exact[1]), **_found(problem, 1)},
         },
-        "contacts": [contact_record(contacts[name]) for name in sorted(contacts)],
-        "segments": segments,
     }
+
+
+def _uncertainty(problem: Problem, tolerance: Tolerance) -> dict[str, Any]:
+    return {"start_box": problem.start_box, "velocity_error": tolerance.velocity_error, "rho": tolerance.rho}
 
 
 def _search(found: Searched) -> Search:

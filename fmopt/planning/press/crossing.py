@@ -9,15 +9,7 @@ import numpy as np
 
 from fmopt.plan.press import Attempt, Force, Press, Time, Travel
 from fmopt.planning.press.entry import Entry, attitude, low_vertex, lowest_height
-from fmopt.planning.press.library import (
-    COME_DOWN,
-    ONLY_Z,
-    Numbers,
-    come_down,
-    direction,
-    into_the_mouth,
-    six_of,
-)
+from fmopt.planning.press.library import COME_DOWN, ONLY_Z, Numbers, come_down, direction, into_the_mouth, six_of
 from fmopt.planning.press.task import PressTask
 from fmopt.spatial.se3 import Pose
 

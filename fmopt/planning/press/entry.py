@@ -71,8 +71,7 @@ def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, dist
     Raises:
         SearchError: the mouth leaves no place.
     """
-    R = task.goal.R @ np.eye(3)
-    R = attitude(lean, tilt) @ R
+    R = attitude(lean, tilt) @ task.goal.R
     u = np.array([math.cos(corner.angle), math.sin(corner.angle)])
     tip = low_vertex(task, R, u)
     seat = (task.goal.R @ tip + task.goal.p)[:2]

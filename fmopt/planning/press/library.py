@@ -7,19 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmopt.plan.press import (
-    Attempt,
-    End,
-    Level,
-    Point,
-    Press,
-    PressRobot,
-    Rocking,
-    Six,
-    Standstill,
-    Time,
-    Travel,
-)
+from fmopt.plan.press import Attempt, End, Level, Point, Press, PressRobot, Rocking, Six, Standstill, Time, Travel
 from fmopt.planning.press.entry import Entry, corner_entry
 from fmopt.planning.press.task import Corner, PressTask
 from fmopt.spatial.se3 import Pose
