@@ -33,7 +33,7 @@ def press_rows(attempt: Attempt) -> list[tuple[str, ...]]:
 
 def _s_words(press: Press) -> str:
     giving = [axis for axis, gives in zip(AXES, press.gives, strict=True) if gives]
-    return f"{', '.join(giving)} give way" if giving else "all held"
+    return f"{', '.join(giving)} give{'s' if len(giving) == 1 else ''} way" if giving else "all held"
 
 
 def _twist_words(press: Press) -> str:
