@@ -158,7 +158,7 @@ def execute(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Carry a certified plan out in a physics engine, under sampled errors (extra sim, or drake)."""
+    """Carry a certified or tested plan out in a physics engine, under sampled errors (MuJoCo, or extra drake)."""
     from fmopt.cli.console import Trials as Progress
     from fmopt.execution.engines.catalogue import ENGINES
     from fmopt.execution.execute import Settled
@@ -217,7 +217,7 @@ def compare(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Carry certified plans out beside what people do without one, as push, spiral, search, tilt (extra sim)."""
+    """Carry certified plans out beside what people do without one, as push, spiral, search, tilt."""
     from fmopt.cli.console import Trials as Progress
     from fmopt.cli.console import print_compared
     from fmopt.execution.execute import Settled

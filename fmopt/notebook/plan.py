@@ -213,8 +213,7 @@ class Plan:
             ValueError: there is no such engine or method.
             SettingsError: a number is out of range.
             UnprovedError: the check does not certify the plan.
-            ResourceError: the physics engine, of the extra `sim` or `drake`, is not installed, or results cannot be
-                written.
+            ResourceError: the engine of the extra `drake` is not installed, or results cannot be written.
         """
         from fmopt.execution.engines.catalogue import ENGINES
         from fmopt.execution.trials import METHODS

@@ -25,6 +25,7 @@ PAGES = (
     "glossary",
     "problem",
     "certificate",
+    "presses",
     "robots",
     "trials",
     "studies",
