@@ -141,7 +141,7 @@ def evaluate(run: Run, folder: Path) -> Row:
             answers |= {"verdict": _word(error), "shortfall": _shortfall(error)}
             reason = reason or _why(error)
     kept = b""
-    if "plan" in run.question.keep and answers.get("verdict") in ("CERTIFIED", "NOT_PROVED", "REFUTED"):
+    if "plan" in run.question.keep and answers.get("verdict") in ("CERTIFIED", "NOT_PROVED", "REFUTED", "TESTED"):
         kept = zlib.compress(plan.canonical(solved.document).encode(), 6)
     return Row(run.key, "done", reason, answers, kept)
 
@@ -149,7 +149,7 @@ def evaluate(run: Run, folder: Path) -> Row:
 def missing(name: str) -> str:
     """Why a quantity cannot be computed here; nothing when it can."""
     if name == "execution" and find_spec("mujoco") is None:
-        return "it needs the extra sim"
+        return "it needs MuJoCo"
     return ""
 
 

@@ -52,6 +52,8 @@ def judge_presses(plan: Plan, notes: Notes) -> Verdict:
         _check_evidence(evidence, notes)
         if evidence.subject != plan.subject:
             notes.add("evidence", "it is of other parts, presses or goals than the plan holds")
+        if evidence.start != plan.start_box:
+            notes.add("evidence", "it is drawn from other start errors than the plan states")
     verdict = NOT_PROVED if notes.found else TESTED
     return Verdict(
         verdict, tuple(notes.found), None, plan.presses, None, plan.not_covered, plan.verdict, evidence=evidence
@@ -59,7 +61,9 @@ def judge_presses(plan: Plan, notes: Notes) -> Verdict:
 
 
 def _check_evidence(evidence: Evidence, notes: Notes) -> None:
-    seated, vertices = sum(evidence.outcomes), sum(evidence.vertex_outcomes)
+    seated, vertices = (sum(one >= 0 for one in of) for of in (evidence.outcomes, evidence.vertex_outcomes))
+    if evidence.first_tries != evidence.outcomes.count(0) or not evidence.tested:
+        notes.add("evidence", "its first tries or its level are not those of its outcomes")
     if (evidence.seated, evidence.draws) != (seated, len(evidence.outcomes)):
         notes.add("evidence", f"{seated} of {len(evidence.outcomes)} outcomes seat, other counts are stated")
     if (evidence.vertices_seated, evidence.vertices) != (vertices, len(evidence.vertex_outcomes)):

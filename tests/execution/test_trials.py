@@ -231,7 +231,7 @@ def test_the_command_names_the_missing_extra_in_one_line(
         CliRunner().invoke(app, ["execute", str(square_peg_plan_file), "--out", str(tmp_path)], catch_exceptions=False)
     assert caught.value.exit_code == 4
     assert str(caught.value).count("\n") == 0
-    assert "install fmopt[sim]" in str(caught.value)
+    assert "install mujoco" in str(caught.value)
 
 
 def test_a_replay_is_the_trial_and_moves(square_peg_plan: dict[str, Any], written: Path, tmp_path: Path) -> None:

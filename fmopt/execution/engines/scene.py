@@ -92,7 +92,7 @@ def engine() -> Any:
     try:
         import mujoco
     except ImportError as error:
-        raise ResourceError("execution needs the extra sim", "install fmopt[sim]") from error
+        raise ResourceError("execution needs MuJoCo, which is not installed", "install mujoco") from error
     return mujoco
 
 

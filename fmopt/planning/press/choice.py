@@ -182,7 +182,7 @@ def examined(
         plan = choosing.plan(with_retries(ranked, number))
         request = replace(asked, seed=asked.seed + number, examined=number + 1)
         found = examine(choosing.bodies, plan, choosing.conditions, request, subject_of(plan), progress)
-        if best is None or (found.level, found.bound) > (best[1].level, best[1].bound):
+        if best is None or (found.bound, found.vertices_seated) > (best[1].bound, best[1].vertices_seated):
             best = plan, found
         if found.level == "tested" or clock() >= deadline():
             break

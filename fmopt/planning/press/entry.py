@@ -18,6 +18,7 @@ _HEIGHT = 0.05  # of the size, from the lowest point for every error to the mout
 _LOW = 0.02  # of the tilted height of the tip, by which vertices count as lowest
 _FAR = 1.1  # times its support that the tip keeps from walls that it is not pressed against
 _SURE = 1.05  # likewise from those that it is
+_LEANING = 0.8  # likewise beyond what the part leans out by
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ def support(task: PressTask, direction: Array, arm: Array) -> float:
     return float(np.abs(direction) @ task.box[:3] + np.abs(np.cross(arm, direction)) @ task.box[3:])
 
 
-def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, distance: float) -> Entry:
+def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, distance: float, below: float) -> Entry:
     """The tip beside a corner: at a distance from its walls, inside of all others, for every start error.
 
     Args:
@@ -67,6 +68,7 @@ def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, dist
         corner: of the mouth.
         tilt, lean: of the part, rad.
         distance: wanted from the corner's walls, m.
+        below: depth of the tip below the mouth, m, at which the part still leans out over it.
 
     Raises:
         SearchError: the mouth leaves no place.
@@ -80,7 +82,9 @@ def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, dist
     for normal in corner.walls:
         walls.append(normal)
         offsets.append(float(normal @ seat))
-        wanted.append(max(distance, _SURE * support(task, np.append(normal, 0.0), arm)))
+        off = support(task, np.append(normal, 0.0), arm)
+        out = below * math.tan(tilt) * max(float(normal @ [math.cos(lean), math.sin(lean)]), 0.0)
+        wanted.append(max(distance, _SURE * off, out + _LEANING * off))
     ring = np.array(task.mouth.simplify(1e-6).exterior.coords)
     for a, b in pairwise(ring):
         along = (b - a) / np.linalg.norm(b - a)

@@ -95,9 +95,10 @@ def corner_attempt(task: PressTask, corner: Corner, numbers: Numbers, lean: floa
     lean = corner.angle if lean is None else lean
     half = 0.5 * (math.pi - corner.turn)
     distance = task.lateral * max(numbers.distance, _CORNER * math.sin(half))
-    entry = corner_entry(task, corner, numbers.tilt, lean, distance)
+    below = numbers.down * task.size
+    entry = corner_entry(task, corner, numbers.tilt, lean, distance, below)
     u = direction(corner.angle)
-    down = come_down(task, entry, numbers.down * task.size)
+    down = come_down(task, entry, below)
     return Attempt(six_of(entry.pose), (down, *into_the_mouth(task, u, lean, numbers)), "corner")
 
 

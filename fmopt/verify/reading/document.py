@@ -205,7 +205,9 @@ class Evidence:
         confidence, bound, min_rate: of the rate with which draws seat, and the rate asked for.
         vertices, vertices_seated: of the start box.
         subject: SHA-256 of what was carried out.
-        outcomes, vertex_outcomes: whether each seats.
+        tested: whether it says that the rate asked for is reached.
+        start: half-widths (6,) of the start errors that are drawn from, m and rad.
+        outcomes, vertex_outcomes: for each the attempt at which it seats, from 0; −1 where it does not.
     """
 
     draws: int
@@ -217,8 +219,10 @@ class Evidence:
     vertices: int
     vertices_seated: int
     subject: str
-    outcomes: tuple[bool, ...]
-    vertex_outcomes: tuple[bool, ...]
+    tested: bool
+    start: Numbers
+    outcomes: tuple[int, ...]
+    vertex_outcomes: tuple[int, ...]
 
 
 @dataclass(frozen=True)

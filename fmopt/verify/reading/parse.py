@@ -158,19 +158,38 @@ def _segments(top: Reader, known: dict[str, None], moving: Part, fixed: Part) ->
 
 def _evidence(place: Reader) -> Evidence:
     place.only(_EVIDENCE)
-    place.at("level").text(("tested", "below"))
+    tested = place.at("level").text(("tested", "below")) == "tested"
+    start = place.at("conditions").at("start").numbers(6, 0.0, 0.5)
     draws, seated, first, vertices, at_vertices = (
         place.at(name).integer() for name in ("draws", "seated", "first_tries", "vertices", "vertices_seated")
     )
     confidence, bound, rate = (place.at(name).number(0.0, 1.0) for name in ("confidence", "bound", "min_rate"))
     outcomes, of_vertices = (
-        tuple(item.only(_OUTCOME).at("seated").flag() for item in place.at(name).items())
+        tuple(_attempt(item.only(_OUTCOME)) for item in place.at(name).items())
         for name in ("outcomes", "vertex_outcomes")
     )
     digest_of = place.at("subject").sha256()
     return Evidence(
-        draws, seated, first, confidence, bound, rate, vertices, at_vertices, digest_of, outcomes, of_vertices
+        draws,
+        seated,
+        first,
+        confidence,
+        bound,
+        rate,
+        vertices,
+        at_vertices,
+        digest_of,
+        tested,
+        start,
+        outcomes,
+        of_vertices,
     )
+
+
+def _attempt(outcome: Reader) -> int:
+    """The attempt at which a trial seats, from 0; −1 where it does not."""
+    attempt = outcome.at("attempt").integer()
+    return attempt if outcome.at("seated").flag() else -1
 
 
 def _the_formats_own(top: Reader) -> None:
