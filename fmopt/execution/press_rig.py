@@ -346,6 +346,10 @@ class PressRig:
         for k in active[state.mode[active] == HOLDING]:
             if self.time - self.bodies[k].since >= _REST:
                 self._judge(int(k), "")
+        if self.time > MAX_SECONDS:
+            for k in active[state.mode[active] != DONE]:
+                self._judge(int(k), "took too long")
+            return
         for k in active[state.mode[active] == BACKING]:
             body = self.bodies[k]
             assert body.back is not None
@@ -460,8 +464,6 @@ class PressRig:
         reasons = [*([stopped] if stopped else []), *reasons]
         if state.peak[k] > self.plan.robot.limits[0]:
             reasons.append(f"force of {state.peak[k]:.1f} N")
-        if self.time > MAX_SECONDS:
-            reasons.append("took too long")
         x, y, z = off.tolist()
         rx, ry, rz = turned.tolist()
         body.outcome = TrialOutcome(

@@ -131,7 +131,11 @@ def _press_data(plan: Plan) -> dict[str, Any]:
     presses = presses_of(plan).attempts[0].presses
     rows = press_rows(presses_of(plan).attempts[0])
     captions = [
-        {"words": f"{press.name}: {row[2]}; {row[3]}", "held": row[1], "margin": row[4]}
+        {
+            "words": f"{press.name}: wrench {row[3]}, twist {row[2]}",
+            "held": f"all but what follows: {row[1]}",
+            "margin": row[4],
+        }
         for press, row in zip(presses, rows, strict=True)
     ]
     start = Leg(0, start_of(plan), start_of(plan))
