@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from fmopt.verify.reading import document as proof
 
 
+Wanted: TypeAlias = Literal["tested", "certified"]
 Error = Annotated[
     str | None,
     typer.Option("--error", help='How far off the part may start, with units: "1 mm, 1 deg"; without a problem file.'),
@@ -51,6 +52,7 @@ def solve(
     fixed: Fixed = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; default: out/<problem>.")] = None,
     report: Annotated[bool, typer.Option("--report", help="Write report.html and its figures, too.")] = False,
+    evidence: Annotated[Wanted | None, typer.Option("--evidence", help="Default: as the problem asks for.")] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -74,6 +76,8 @@ def solve(
         from fmopt.cli.asked import problem_in
 
         problem = problem_in(folder, files, options, quiet)
+    if evidence is not None:
+        problem = replace(problem, settings=replace(problem.settings, evidence=evidence))
     with Stages(quiet or as_json) as stages:
         announce(stages)
         compile_kernels(stages)
@@ -164,9 +168,7 @@ def _margins(plan: proof.Plan) -> dict[str, Any]:
 def verify(
     file: Annotated[Path, typer.Argument(help="Plan file (JSON); - for standard input.")],
     problem: Annotated[Path | None, typer.Option(help="Problem file that the plan must belong to.")] = None,
-    evidence: Annotated[
-        str, typer.Option("--evidence", help="What is asked for: certified, or tested for plans of presses.")
-    ] = "certified",
+    evidence: Annotated[Wanted, typer.Option("--evidence", help="What is asked of the plan.")] = "certified",
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -176,8 +178,6 @@ def verify(
     from fmopt.verify.problem import ProblemError, held
     from fmopt.verify.reading.parse import parse
 
-    if evidence not in ("certified", "tested"):
-        raise typer.BadParameter(f"{evidence!r} is none of certified, tested", param_hint="--evidence")
     if file != STDIO and not file.is_file():
         what = "is no file" if file.exists() else "no such file"
         raise ResourceError(f"{file}: {what}", "give the plan.json of a solved problem")

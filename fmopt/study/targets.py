@@ -191,7 +191,7 @@ def _targets(kinds: Sequence[Any], key: Key, path: str, data: object) -> Iterato
     inner = next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Table)), None)
     array = next((kind for kind in kinds if get_origin(kind) is tuple), None)
     measured = next((kind for kind in kinds if isinstance(kind, Measured)), None)
-    if array is not None and (measured is None or isinstance(data, list)):  # a number may stand for an interval
+    if array is not None and measured is None:
         items = get_args(array)
         vector = len(items) == len(_LETTERS) and Ellipsis not in items
         for n, value in enumerate(data if isinstance(data, list) else ()):

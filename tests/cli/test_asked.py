@@ -305,7 +305,8 @@ def test_one_part_is_checked_and_drawn(form: str, tmp_path: Path, run: Run) -> N
 def test_two_step_files_become_a_plan_a_report_and_a_program_in_three_commands(tmp_path: Path, run: Run) -> None:
     write(generated(seed=2)[1], tmp_path, "step")
     begun = time.process_time()
-    code, _, err = run("solve", "peg.step", "plate.step", "--error", "0.3 mm, 0.3 deg", "--out", "made", "--report")
+    asked = ("--error", "0.3 mm, 0.3 deg", "--evidence", "certified")
+    code, _, err = run("solve", "peg.step", "plate.step", *asked, "--out", "made", "--report")
     assert code == 0, err
     assert run("show", "made/plan.json", "--what", "cut", "--out", "cut.svg")[0] == 0
     code, out, err = run(

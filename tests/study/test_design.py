@@ -323,7 +323,9 @@ def test_mistakes_in_the_head_are_caught_with_their_place(written: Writer, name:
 
 def test_executions_without_a_physics_engine_are_refused(written: Writer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evaluation, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"missing-extra: compute\[0\]: 'execution' cannot be computed: it needs the"):
+    with pytest.raises(
+        InputError, match=r"missing-extra: compute\[0\]: 'execution' cannot be computed: it needs MuJoCo"
+    ):
         load_study(written(GAP, compute='["execution"]'))
 
 

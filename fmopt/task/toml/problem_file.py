@@ -270,7 +270,7 @@ class Specification(Table):
     """Force with which a wanted contact is held, 20 N if not given."""
     torque_limit: Torque = 1.0
     """Greatest torque about the leading face's centre, 1 N*m if not given."""
-    friction: Friction | tuple[Friction, Friction] | None = None
+    friction: Friction = None
     """Coefficient of friction between the parts, or the interval that it lies in. Guarded moves are planned for the
     greatest, 0.3 if not given; trials draw from the interval, 0.1 to 0.5 if not given."""
     termination_force: Force = 2.0
@@ -300,16 +300,6 @@ class RobotTable(Table):
 class Settings(Table):
     """How the plan is computed."""
 
-    evidence: Literal["tested", "certified"] = "tested"
-    """What is asked for: "tested", a plan of presses that seats in the physics engine, or "certified", guarded moves
-    with a proof. Planar problems are always planned for a proof."""
-    min_rate: Ratio = 0.9
-    """Rate with which a tested plan has to seat, by the lower bound that its trials give."""
-    draws: Annotated[int, Field(ge=10, le=10_000)] = 96
-    """Trials of that bound, fixed beforehand; the 64 vertices of the start errors come on top."""
-    seed: Annotated[int, Field(ge=0, le=2**31)] = 1
-    """Of all that is drawn."""
-
     method: Literal["sound", "dakin1993"] = "sound"
     """How uncertainty propagates; "dakin1993" is the paper's recipe, which under-covers, for comparison."""
     placement: Literal["socp+nlp", "descent"] = "socp+nlp"
@@ -325,6 +315,15 @@ class Settings(Table):
     the errors, the other half for shares of them, the same for each."""
     time_limit: Duration = Field(default_factory=lambda: 600.0)
     """Time for search, placement and what a plan tells besides, 600 s if not given; what there is by then counts."""
+    evidence: Literal["tested", "certified"] = "tested"
+    """What is asked for: "tested", a plan of presses that seats in the physics engine, or "certified", guarded moves
+    with a proof. Planar problems are always planned for a proof."""
+    min_rate: Ratio = 0.9
+    """Rate with which a tested plan has to seat, by the lower bound that its trials give."""
+    draws: Annotated[int, Field(ge=10, le=10_000)] = 96
+    """Trials of that bound, fixed beforehand; the 64 vertices of the start errors come on top."""
+    seed: Annotated[int, Field(ge=0, le=2**31)] = 1
+    """Of all that is drawn."""
 
 
 class ProblemFile(Table):

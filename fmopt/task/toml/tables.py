@@ -206,6 +206,20 @@ class Measured:
         return fault("out-of-range", f"{text} is too {side}", advice)
 
 
+class Interval(Measured):
+    """Annotation of a field that is a number, or both ends of the interval that it lies in."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        one = super().__get_pydantic_json_schema__(schema, handler)
+        pair = {"type": "array", "items": {"anyOf": one["anyOf"]}, "minItems": 2, "maxItems": 2}
+        return {**one, "anyOf": [*one["anyOf"], pair]}
+
+    def _validate(self, value: Any, info: ValidationInfo) -> Any:
+        if isinstance(value, list) and len(value) == 2:
+            return tuple(super(Interval, self)._validate(one, info) for one in value)
+        return super()._validate(value, info)
+
+
 @dataclass(frozen=True)
 class Short:
     """Annotation of a table that text may stand for; `spelled_out` puts the table in its place before it is read."""
@@ -230,7 +244,7 @@ Turn: TypeAlias = Annotated[float, Measured(ANGLE, -_TURN, _TURN)]
 Tilt: TypeAlias = Annotated[float, Measured(ANGLE, 0.0, math.pi / 4.0)]
 ErrorAngle: TypeAlias = Annotated[float, Measured(ANGLE, 0.0, 0.5)]  # likewise, the most of a start error
 Ratio: TypeAlias = Annotated[float, Measured(RATIO, 0.0, 1.0)]
-Friction: TypeAlias = Annotated[float, Measured(RATIO, 0.0, 5.0)]
+Friction: TypeAlias = Annotated[float | tuple[float, float] | None, Interval(RATIO, 0.0, 5.0)]
 Speed: TypeAlias = Annotated[float, Measured(SPEED, 1e-6, 100.0)]
 Force: TypeAlias = Annotated[float, Measured(FORCE, 1e-9, 1e6)]
 Torque: TypeAlias = Annotated[float, Measured(TORQUE, 1e-9, 1e6)]
