@@ -231,11 +231,6 @@ class PressRig:
         for k in range(n):
             self._load(k)
 
-    @property
-    def qpos(self) -> Array:
-        """Poses (n, 7) of the bodies, as the engine has them."""
-        return self.engine.qpos
-
     def run(self) -> list[TrialOutcome]:
         """Runs all bodies until each has an outcome."""
         while (active := np.flatnonzero(self.state.mode != DONE)).size:
@@ -387,12 +382,9 @@ class PressRig:
             self._sample += 1
             moved = np.where(gives, shift * np.repeat([1.0, robot.arm], 3), 0.0)
             self._seen[self._sample % len(self._seen), running] = moved
-            code = np.where(self._stands(running, step, time), self._stood(step, z), code)
+            then = np.where(z <= table.still[step, 3], *table.still_then[step].T)
+            code = np.where(self._stands(running, step, time), then, code)
         return np.asarray(np.where(z <= ends[:, 0], thens[:, 0], code))
-
-    def _stood(self, step: NDArray[np.int64], z: Array) -> NDArray[np.int64]:
-        then = self.table.still_then[step]
-        return np.asarray(np.where(z <= self.table.still[step, 3], then[:, 0], then[:, 1]))
 
     def _stands(self, running: NDArray[np.intp], step: NDArray[np.int64], time: Array) -> Bools:
         """Which bodies have moved by less than the bound within the window."""

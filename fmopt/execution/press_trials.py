@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan, Seat
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
+
+if TYPE_CHECKING:
+    from fmopt.execution.trials import Trials
 
 VERTICES = 64
 SOFT = 2.0  # times as soft as for guarded moves contacts may be: presses meet them at half the speed
@@ -140,38 +143,15 @@ def count_presses(plan: PressPlan) -> int:
     return sum(len(attempt.presses) for attempt in plan.attempts)
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """How trials of a plan of presses are drawn.
-
-    Attributes:
-        seed: of all that is drawn; with that of the plan's evidence the same numbers are its draws, then its vertices.
-        beyond: by number, up to how many times the start box the error of a trial is.
-        friction: coefficient; None for the interval of the plan's evidence.
-        time_step: of the physics, s; None for what the clearance asks for.
-        retries: whether later attempts follow where one fails.
-        engine: "mujoco" or "drake".
-        offset: of each start along x, m, that nobody knows of.
-    """
-
-    seed: int
-    beyond: Mapping[int, float]
-    friction: float | None = None
-    time_step: float | None = None
-    retries: bool = True
-    engine: str = "mujoco"
-    offset: float = 0.0
-
-
 def press_records(
-    plan: Plan, bodies: Bodies, drawn: Drawn, numbers: Sequence[int], look: Callable[[PressRig], None] | None = None
+    plan: Plan, bodies: Bodies, trials: Trials, numbers: Sequence[int], look: Callable[[PressRig], None] | None = None
 ) -> list[dict[str, Any]]:
     """Carries a plan of presses out, one record a trial.
 
     Args:
         plan: with presses and evidence.
         bodies: both parts, which need not be the plan's.
-        drawn: from which errors.
+        trials: how they are drawn; with the seed of the plan's evidence as its draws, then its vertices.
         numbers: of the trials.
         look: shown the rig in every period.
 
@@ -182,25 +162,25 @@ def press_records(
     if presses is None or evidence is None:
         raise PlanFormatError("the plan has no evidence that says what to draw from", "solve its problem again")
     conditions, count = evidence.conditions, count_presses(presses)
-    if drawn.friction is not None:
-        conditions = replace(conditions, friction=(drawn.friction, drawn.friction))
-    errors = drawn_errors(conditions, count, drawn.seed, numbers)
+    if trials.friction is not None:
+        conditions = replace(conditions, friction=(trials.friction, trials.friction))
+    errors = drawn_errors(conditions, count, trials.seed, numbers)
     vertices = vertex_errors(conditions, count)
     box, size = np.array(conditions.start), np.zeros(len(numbers))
     for row, number in enumerate(numbers):
         vertex = number - evidence.draws
-        if drawn.seed == evidence.seed and 0 <= vertex < VERTICES and number not in drawn.beyond:
+        if trials.seed == evidence.seed and 0 <= vertex < VERTICES and number < trials.inside:
             for field in fields(errors):
                 getattr(errors, field.name)[row] = getattr(vertices, field.name)[vertex]
         share = np.abs(errors.start[row][box > 0.0] / box[box > 0.0]).max(initial=0.0)
-        if number in drawn.beyond and share > 0.0:
-            random = np.random.default_rng([drawn.seed, number, _BEYOND])
-            errors.start[row] *= random.uniform(1.0, drawn.beyond[number]) / share
+        if number >= trials.inside and share > 0.0:
+            random = np.random.default_rng([trials.seed, number, _BEYOND])
+            errors.start[row] *= random.uniform(1.0, trials.reach) / share
         size[row] = np.abs(errors.start[row][box > 0.0] / box[box > 0.0]).max(initial=0.0)
-    errors.start[:, 0] += drawn.offset
-    courses = None if drawn.retries else [(0,)] * len(numbers)
+    errors.start[:, 0] += trials.offset
+    courses = None if trials.recovery else [(0,)] * len(numbers)
     outcomes = carry_out(
-        bodies, presses, errors, drawn.seed, numbers, courses, drawn.engine, drawn.time_step, look=look
+        bodies, presses, errors, trials.seed, numbers, courses, trials.engine, trials.time_step, look=look
     )  # fmt: skip
     return [
         {

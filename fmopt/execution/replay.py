@@ -44,7 +44,7 @@ def replay(planned: Plan, trials: Trials, number: int, file: Path) -> dict[str, 
         nonlocal ticks
         if ticks % every == 0:
             # A copy: the engine writes the next pose over this one.
-            poses.append(np.array(rig.qpos[0]))
+            poses.append(np.array(rig.engine.qpos[0]))
         ticks += 1
 
     [record] = run(planned, trials, [number], look=look)

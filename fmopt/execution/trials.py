@@ -20,7 +20,7 @@ from fmopt.execution.baselines import BASELINES
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.engine import Bodies, Setup
 from fmopt.execution.noise import Noise
-from fmopt.execution.press_trials import Drawn, press_records
+from fmopt.execution.press_trials import press_records
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import Recovery
 from fmopt.execution.rig import Rig
@@ -191,11 +191,7 @@ def run(
     if what.press_plan is not None:
         if trials.method != "plan":
             raise PlanFormatError("a plan of presses has no guarded moves to compare with", "use method plan")
-        beyond = {number: trials.reach for number in numbers if number >= trials.inside}
-        drawn = Drawn(
-            trials.seed, beyond, trials.friction, trials.time_step, trials.recovery, trials.engine, trials.offset
-        )
-        records = press_records(what, Bodies.of(grown(what, trials.growth)), drawn, numbers, look)
+        records = press_records(what, Bodies.of(grown(what, trials.growth)), trials, numbers, look)
         told(records)
         return records
     robot = robot or Robot()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field, TypeAdapter
@@ -81,15 +80,13 @@ def evidence_of(value: Any) -> Evidence:
     Raises:
         PlanError: it is none; says where, and what is wrong.
     """
-    return validated(_adapter(), value, "evidence")
+    return validated(_ADAPTER, value, "evidence")
 
 
 def evidence_record(evidence: Evidence) -> dict[str, Any]:
     """Evidence as a plan file holds it."""
-    found: dict[str, Any] = _adapter().dump_python(evidence)
+    found: dict[str, Any] = _ADAPTER.dump_python(evidence)
     return found
 
 
-@cache
-def _adapter() -> TypeAdapter[Evidence]:
-    return TypeAdapter(Evidence)
+_ADAPTER = TypeAdapter(Evidence)

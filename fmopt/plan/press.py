@@ -9,20 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.dataclasses import dataclass
 
-from fmopt.plan.field_types import validated
+from fmopt.plan.field_types import Six, validated
 from fmopt.verify.reading.reader import PlanError
 
 _FORM = ConfigDict(extra="forbid", allow_inf_nan=False, strict=False)
 MAX_PRESSES = 40  # of an attempt
 MAX_ATTEMPTS = 3  # of a plan; candidates are compared as many attempts
 
-Six: TypeAlias = tuple[float, float, float, float, float, float]
 Point: TypeAlias = tuple[float, float, float]
 Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
 Next: TypeAlias = Literal["next", "seated", "retry", "fail"]
@@ -203,23 +201,21 @@ class PressPlan:
         return replace(
             self,
             robot=replace(robot, damping=damping),
-            attempts=tuple(_strengthened(one, factor) for one in self.attempts),
+            attempts=tuple(
+                replace(one, presses=tuple(_stronger(press, factor) for press in one.presses)) for one in self.attempts
+            ),
         )
 
 
-def _strengthened(attempt: Attempt, factor: float) -> Attempt:
-    return replace(attempt, presses=tuple(_stronger(press, factor) for press in attempt.presses))
-
-
 def _stronger(press: Press, factor: float) -> Press:
-    x, y, z, rx, ry, rz = (factor * value for value in press.wrench)
+    wrench = tuple(factor * value for value in press.wrench)
     ends = tuple(replace(end, force=factor * end.force) if isinstance(end, Force) else end for end in press.ends)
-    return replace(press, wrench=(x, y, z, rx, ry, rz), ends=ends)
+    return replace(press, wrench=wrench, ends=ends)
 
 
 def press_records(plan: PressPlan) -> dict[str, Any]:
     """The keys `segments` and `presses` of a plan file."""
-    whole = _adapter().dump_python(plan)
+    whole = _ADAPTER.dump_python(plan)
     attempts = [{"start": one["start"], "source": one["source"]} for one in whole["attempts"]]
     listed = [
         {"kind": "press", "attempt": number, **press}
@@ -245,15 +241,13 @@ def press_plan_of(document: Mapping[str, Any]) -> PressPlan:
         if not isinstance(attempt, int) or not 0 <= attempt < len(attempts):
             raise PlanError(f"segments[{number}].attempt", "must be the number of an attempt")
         attempts[attempt]["presses"].append({k: v for k, v in segment.items() if k not in ("kind", "attempt")})
-    found = validated(_adapter(), {**stated, "attempts": attempts}, "presses")
+    found = validated(_ADAPTER, {**stated, "attempts": attempts}, "presses")
     if len(found.attempts) > MAX_ATTEMPTS:
         raise PlanError("presses.attempts", f"must be {MAX_ATTEMPTS} at most")
     return found
 
 
-@cache
-def _adapter() -> TypeAdapter[PressPlan]:
-    return TypeAdapter(PressPlan)
+_ADAPTER = TypeAdapter(PressPlan)
 
 
 @dataclass(frozen=True, config=_FORM)

@@ -14,7 +14,6 @@ from fmopt.report.shell import table
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 HEAD = ("press", "S", "Pa: twist of held axes", "Fa: wrench on the others", "ends")
-_FAILED_SHOWN = 20
 
 
 def presses_of(plan: Plan) -> PressPlan:
@@ -144,5 +143,5 @@ def press_chapters(plan: Plan) -> list[tuple[str, str, str]]:
     if evidence is not None:
         found += f"<p>Drawn from: {escape(conditions_words(evidence))}. {escape(timing_words(evidence))}</p>\n"
         head = ("last press", "what speaks against it", "draws", "vertices")
-        found += table("Trials that do not seat", head, failure_rows(evidence)[:_FAILED_SHOWN], "..nn")
+        found += table("Trials that do not seat", head, failure_rows(evidence), "..nn")
     return [("evidence", "Evidence", found), ("presses", "The presses", text)]

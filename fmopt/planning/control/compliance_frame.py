@@ -123,13 +123,6 @@ def wrenches_in(frame: Pose, wrenches: Array, reference: Pose) -> Array:
     return np.hstack([force @ frame.R, moved @ frame.R])
 
 
-def twists_in(frame: Pose, twists: Array, reference: Pose) -> Array:
-    """Twists (m, 6) of the reference point in axes of the B-frame, in the coordinates of `frame`."""
-    v, w = twists[:, :3], twists[:, 3:]
-    moved = v + w @ hat(frame.p - reference.p)
-    return np.hstack([moved @ frame.R, w @ frame.R])
-
-
 def _turned(projector: Array, orientations: Array) -> Array:
     """A projector (6, 6) onto a space of scaled wrenches in the axes of other orientations (k, 3, 3): (k, 6, 6)."""
     blocks = projector.reshape(2, 3, 2, 3).swapaxes(1, 2)

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Attempt, Force, Press, Time, Travel
 from fmopt.planning.press.entry import Entry, attitude, low_vertex, lowest_height
-from fmopt.planning.press.library import COME_DOWN, ONLY_Z, Numbers, come_down, direction, into_the_mouth, six_of
+from fmopt.planning.press.library import COME_DOWN, ONLY_Z, CornerPress, come_down, direction, into_the_mouth
 from fmopt.planning.press.task import PressTask
 from fmopt.spatial.se3 import Pose
 
@@ -19,9 +20,9 @@ _DROP = 1e-4  # m
 _TOUCH = 8.0  # N on held axes
 _ALONG, _BESIDE = 1.9, 1.3  # lateral errors that the tip keeps from its seat along the mouth, and beside it
 _NUMBERS = (
-    Numbers(math.radians(8.0), 0.0, 0.06, 0.39, 0.89, 0.90, True, 0.12),
-    Numbers(math.radians(5.0), 0.0, 0.06, 0.39, 0.89, 0.90, True, 0.12),
-    Numbers(math.radians(8.0), 0.0, 0.03, 0.60, 0.60, 0.60, True, 0.12),
+    CornerPress(math.radians(8.0), 0.0, 0.06, 0.39, 0.89, 0.90, True, 0.12),
+    CornerPress(math.radians(5.0), 0.0, 0.06, 0.39, 0.89, 0.90, True, 0.12),
+    CornerPress(math.radians(8.0), 0.0, 0.03, 0.60, 0.60, 0.60, True, 0.12),
 )
 
 
@@ -30,21 +31,21 @@ def crossings(task: PressTask) -> Iterator[Attempt]:
     if task.width >= _NARROW * task.lateral:
         return
     for lean in (task.long_axis, task.long_axis + math.pi):
-        for numbers in _NUMBERS:
-            yield _crossing(task, lean, numbers)
+        for chosen in _NUMBERS:
+            yield _crossing(task, lean, chosen)
 
 
-def _crossing(task: PressTask, lean: float, numbers: Numbers) -> Attempt:
+def _crossing(task: PressTask, lean: float, chosen: CornerPress) -> Attempt:
     along, across = direction(lean), direction(lean + 0.5 * math.pi)
-    R = attitude(lean, numbers.tilt) @ task.goal.R
+    R = attitude(lean, chosen.tilt) @ task.goal.R
     tips = task.tip @ R.T
-    low = tips[:, 2] <= tips[:, 2].min() + 0.02 * task.size * math.sin(numbers.tilt)
+    low = tips[:, 2] <= tips[:, 2].min() + 0.02 * task.size * math.sin(chosen.tilt)
     middle = task.tip[low].mean(axis=0)
     seat = task.goal.R @ middle + task.goal.p
     place = (seat - _ALONG * task.lateral * along - _BESIDE * task.lateral * across)[:2]
     height = lowest_height(task, R, low_vertex(task, R, along[:2]))
     pose = Pose(np.append(place, height) - R @ middle, R)
-    beside = come_down(task, Entry(pose, height, 1.0), numbers.down * task.size)
+    beside = come_down(task, Entry(pose, height, 1.0), chosen.down * task.size)
     way = 2.6 * _BESIDE * task.lateral + 0.3 * task.size
     slide = Press(
         "cross the mouth", ONLY_Z, (*(_SPEED * across).tolist(), 0.0, 0.0, 0.0),
@@ -53,4 +54,4 @@ def _crossing(task: PressTask, lean: float, numbers: Numbers) -> Attempt:
         (Travel(distance=_DROP), Force(_TOUCH), Time(way / _SPEED, "retry")),
     )  # fmt: skip
     u = direction(lean + 0.25 * math.pi)
-    return Attempt(six_of(pose), (beside, slide, *into_the_mouth(task, u, lean, numbers)), "crossing")
+    return Attempt(numbers(pose.vector()), (beside, slide, *into_the_mouth(task, u, lean, chosen)), "crossing")

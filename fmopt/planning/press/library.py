@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmopt.plan.press import Attempt, End, Level, Point, Press, PressRobot, Rocking, Six, Standstill, Time, Travel
+from fmopt.plan import Numbers
+from fmopt.plan.field_types import numbers as numbers_of
+from fmopt.plan.press import Attempt, End, Level, Point, Press, PressRobot, Rocking, Standstill, Time, Travel
 from fmopt.planning.press.entry import Entry, corner_entry
 from fmopt.planning.press.task import Corner, PressTask
-from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 FORCE = 8.0  # N, lateral force of a press at strength 1
@@ -32,7 +33,7 @@ ONLY_Z = (False, False, True, False, False, False)
 
 
 @dataclass(frozen=True)
-class Numbers:
+class CornerPress:
     """Dimensionless numbers of a corner press.
 
     Attributes:
@@ -57,11 +58,11 @@ class Numbers:
 
 
 LIBRARY = (
-    Numbers(math.radians(4.5), 1.65, 0.115, 0.39, 0.89, 0.90, True, 0.12),
-    Numbers(math.radians(8.0), 1.65, 0.100, 0.39, 0.89, 0.90, True, 0.12),
-    Numbers(math.radians(13.0), 1.75, 0.054, 0.48, 0.91, 0.49, False, 0.05),
-    Numbers(math.radians(12.0), 1.45, 0.050, 0.22, 0.66, 0.45, True, 0.05),
-    Numbers(math.radians(6.0), 1.85, 0.120, 0.60, 0.60, 0.90, True, 0.20),
+    CornerPress(math.radians(4.5), 1.65, 0.115, 0.39, 0.89, 0.90, True, 0.12),
+    CornerPress(math.radians(8.0), 1.65, 0.100, 0.39, 0.89, 0.90, True, 0.12),
+    CornerPress(math.radians(13.0), 1.75, 0.054, 0.48, 0.91, 0.49, False, 0.05),
+    CornerPress(math.radians(12.0), 1.45, 0.050, 0.22, 0.66, 0.45, True, 0.05),
+    CornerPress(math.radians(6.0), 1.85, 0.120, 0.60, 0.60, 0.90, True, 0.20),
 )
 _CORNER = 2.3  # lateral errors from the corner along its bisector, at least
 
@@ -74,13 +75,12 @@ def robot_of(task: PressTask, stiffness: tuple[float, float], mass: tuple[float,
         stiffness: of held axes, N/m and N·m/rad.
         mass: apparent mass and inertia, kg and kg·m².
     """
-    lever = max(0.5 * task.size, _LEVER)
-    asked = task.problem.specification
-    limits = asked.contact_force, asked.torque_limit
-    return PressRobot(stiffness, (_DAMPING, _DAMPING * lever**2), *mass, limits=limits, arm=max(0.5 * task.size, _ARM))
+    damping = _DAMPING, _DAMPING * max(0.5 * task.size, _LEVER) ** 2
+    limits = task.problem.specification.contact_force, task.problem.specification.torque_limit
+    return PressRobot(stiffness, damping, *mass, limits, arm=max(0.5 * task.size, _ARM), delay=DELAY)
 
 
-def corner_attempt(task: PressTask, corner: Corner, numbers: Numbers, lean: float | None = None) -> Attempt:
+def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: float | None = None) -> Attempt:
     """The sequence of a corner: come down tilted, press into it, turn upright, datum and slide at shelves, go in.
 
     Args:
@@ -99,10 +99,10 @@ def corner_attempt(task: PressTask, corner: Corner, numbers: Numbers, lean: floa
     entry = corner_entry(task, corner, numbers.tilt, lean, distance, below)
     u = direction(corner.angle)
     down = come_down(task, entry, below)
-    return Attempt(six_of(entry.pose), (down, *into_the_mouth(task, u, lean, numbers)), "corner")
+    return Attempt(numbers_of(entry.pose.vector()), (down, *into_the_mouth(task, u, lean, numbers)), "corner")
 
 
-def into_the_mouth(task: PressTask, u: Array, lean: float, numbers: Numbers) -> tuple[Press, ...]:
+def into_the_mouth(task: PressTask, u: Array, lean: float, numbers: CornerPress) -> tuple[Press, ...]:
     """Press towards a direction (3,), turn upright under the press, settle, and go in.
 
     Args:
@@ -125,16 +125,10 @@ def direction(angle: float) -> Array:
     return np.array([math.cos(angle), math.sin(angle), 0.0])
 
 
-def six_of(pose: Pose) -> Six:
-    """A pose as six numbers."""
-    x, y, z, rx, ry, rz = pose.vector().tolist()
-    return x, y, z, rx, ry, rz
+_SPEEDS = (LATERAL_SPEED, LATERAL_SPEED, AXIAL_SPEED) + (TURN_SPEED,) * 3
 
 
-_SPEEDS: Six = (LATERAL_SPEED, LATERAL_SPEED, AXIAL_SPEED) + (TURN_SPEED,) * 3
-
-
-def six(lateral: Array, axial: float) -> Six:
+def six(lateral: Array, axial: float) -> Numbers:
     """A wrench of a lateral force (3,) and an axial one."""
     return float(lateral[0]), float(lateral[1]), float(axial), 0.0, 0.0, 0.0
 
@@ -148,12 +142,12 @@ def come_down(task: PressTask, entry: Entry, below: float) -> Press:
     """Down from the start under a light force, the other axes held, until the tip is below the mouth or stands."""
     force, speed = COME_DOWN
     way = entry.descent + below
-    speeds: Six = (*_SPEEDS[:2], speed, *_SPEEDS[3:])
+    speeds = (*_SPEEDS[:2], speed, *_SPEEDS[3:])
     ends = (Travel(distance=way), standstill(5e-5, 0.1), Time(4.0 * way / speed + 1.0, "retry"))
     return Press("come down", ONLY_Z, (0.0,) * 6, (0.0, 0.0, -force, 0.0, 0.0, 0.0), speeds, (2.0 * way, 1.0), ends)
 
 
-def turn_upright(task: PressTask, tilt: float, lean: float, wrench: Six, yaw: bool) -> tuple[Press, Press]:
+def turn_upright(task: PressTask, tilt: float, lean: float, wrench: Numbers, yaw: bool) -> tuple[Press, Press]:
     """Turn upright about the corner while the force holds, then settle."""
     axis = np.array([-math.sin(lean), math.cos(lean), 0.0])
     rx, ry, _ = (-TURNING * axis).tolist()
@@ -196,7 +190,7 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
     speed = _LAST[1]
     ends = (*floor, stuck, Time(6.0, "retry"))
     presses.append(Press("go in", ALL, (0.0,) * 6, wrench, _SPEEDS, reach, ends))
-    slow: Six = (*_SPEEDS[:2], speed, *_SPEEDS[3:])
+    slow = (*_SPEEDS[:2], speed, *_SPEEDS[3:])
     there = Level(speed * DELAY - task.depth, "seated")  # the part goes on for as long as the measurement takes
     ends = (there, replace(standstill(2e-5, 0.3), then="retry"), Time(4.0, "retry"))
     presses.append(Press("lower to the depth", ALL, (0.0,) * 6, wrench, slow, reach, ends))

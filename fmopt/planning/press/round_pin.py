@@ -7,18 +7,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Attempt
 from fmopt.planning.press.entry import Entry, attitude, low_vertex, lowest_height
-from fmopt.planning.press.library import Numbers, come_down, direction, into_the_mouth, six_of
+from fmopt.planning.press.library import CornerPress, come_down, direction, into_the_mouth
 from fmopt.planning.press.task import PressTask
 from fmopt.spatial.se3 import Pose
 
 _DIRECTIONS = (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)
 _SHORT = 0.5  # depth over size, below which a part that is tilted far has its other side on the block
 _NUMBERS = (
-    Numbers(math.radians(19.0), 2.5, 0.2, 1.1, 0.43, 0.2, False, 0.05, rock=True),
-    Numbers(math.radians(12.0), 2.5, 0.12, 1.1, 0.43, 0.2, False, 0.05, rock=True),
-    Numbers(math.radians(8.0), 2.5, 0.08, 1.1, 0.43, 0.2, False, 0.05, rock=True),
+    CornerPress(math.radians(19.0), 2.5, 0.2, 1.1, 0.43, 0.2, False, 0.05, rock=True),
+    CornerPress(math.radians(12.0), 2.5, 0.12, 1.1, 0.43, 0.2, False, 0.05, rock=True),
+    CornerPress(math.radians(8.0), 2.5, 0.08, 1.1, 0.43, 0.2, False, 0.05, rock=True),
 )
 
 
@@ -27,12 +28,12 @@ def round_presses(task: PressTask) -> Iterator[Attempt]:
     if not task.round:
         return
     for angle in _DIRECTIONS:
-        for numbers in _NUMBERS if task.depth > _SHORT * task.size else _NUMBERS[2:]:
+        for chosen in _NUMBERS if task.depth > _SHORT * task.size else _NUMBERS[2:]:
             u = direction(angle)
-            R = attitude(angle, numbers.tilt) @ task.goal.R
+            R = attitude(angle, chosen.tilt) @ task.goal.R
             tip = low_vertex(task, R, u[:2])
-            place = (task.goal.R @ tip + task.goal.p - min(numbers.distance * task.lateral, 0.5 * task.size) * u)[:2]
+            place = (task.goal.R @ tip + task.goal.p - min(chosen.distance * task.lateral, 0.5 * task.size) * u)[:2]
             height = lowest_height(task, R, tip)
             pose = Pose(np.append(place, height) - R @ tip, R)
-            down = come_down(task, Entry(pose, height, 1.0), numbers.down * task.size)
-            yield Attempt(six_of(pose), (down, *into_the_mouth(task, u, angle, numbers)), "round")
+            down = come_down(task, Entry(pose, height, 1.0), chosen.down * task.size)
+            yield Attempt(numbers(pose.vector()), (down, *into_the_mouth(task, u, angle, chosen)), "round")

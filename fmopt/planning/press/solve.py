@@ -28,7 +28,6 @@ _TRACE_EVERY = 25  # periods between poses that are shown
 class PressSolution:
     """A plan of presses and what its trials came to."""
 
-    task: PressTask
     plan: PressPlan
     evidence: Evidence
     trace: tuple[TracePose, ...]
@@ -52,15 +51,14 @@ def press_solution(
     stated = problem.robot
     robot = robot_of(task, (stated.stiffness, stated.turning), (stated.mass, stated.mass * stated.gyration**2))
     drift = max(problem.velocity_error.translation, problem.velocity_error.rotation, Conditions.drift)
-    x, y, z, rx, ry, rz = problem.start_box.tolist()
-    conditions = Conditions((x, y, z, rx, ry, rz), problem.friction, drift=drift)
+    conditions = Conditions(numbers(problem.start_box), problem.friction, drift=drift)
     settings = problem.settings
     choosing = Choosing(task.bodies, task.seat, robot, conditions, settings.seed)
     progress("presses: sections of the parts")
     ranked = halved(choosing, proposals(task), progress)
     asked = Examination(settings.draws, settings.min_rate, settings.seed)
     plan, evidence = examined(choosing, ranked, asked, subject_of, progress)
-    return PressSolution(task, plan, evidence, traced(task, plan, conditions))
+    return PressSolution(plan, evidence, traced(task, plan, conditions))
 
 
 def traced(task: PressTask, plan: PressPlan, conditions: Conditions) -> tuple[TracePose, ...]:

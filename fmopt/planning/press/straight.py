@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Attempt
 from fmopt.planning.press.entry import Entry, lowest_height, support
-from fmopt.planning.press.library import come_down, direction, six_of, to_the_goal
+from fmopt.planning.press.library import come_down, direction, to_the_goal
 from fmopt.planning.press.task import PressTask
 from fmopt.spatial.se3 import Pose
 
@@ -29,4 +30,4 @@ def straight_presses(task: PressTask) -> Iterator[Attempt]:
     pose = Pose(place, task.goal.R)
     down = come_down(task, Entry(pose, height, 1.0), 0.0)
     for end in (0.0, 0.05):
-        yield Attempt(six_of(pose), (down, *to_the_goal(task, direction(0.0), end, task.round)), "straight")
+        yield Attempt(numbers(pose.vector()), (down, *to_the_goal(task, direction(0.0), end, task.round)), "straight")

@@ -13,6 +13,7 @@ from fmopt.execution.engines.engine import Bodies
 from fmopt.geometry.clearance import Clearance, interference
 from fmopt.geometry.part import Part
 from fmopt.geometry.section import section_limit
+from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Seat
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -100,21 +101,18 @@ class PressTask:
     @cached_property
     def size(self) -> float:
         """Length of the longer side of the outline's least rectangle, m."""
-        corners = np.array(self.outline.minimum_rotated_rectangle.exterior.coords)
-        return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).max())
+        return float(np.linalg.norm(_rectangle(self.outline)[0]))
 
     @cached_property
     def width(self) -> float:
         """Length of the shorter side of the least rectangle about the mouth, m."""
-        corners = np.array(self.mouth.minimum_rotated_rectangle.exterior.coords)
-        return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).min())
+        return float(np.linalg.norm(_rectangle(self.mouth)[1]))
 
     @property
     def long_axis(self) -> float:
         """Direction of the longer side of the mouth, rad."""
-        sides = np.diff(np.array(self.mouth.minimum_rotated_rectangle.exterior.coords), axis=0)
-        longest = sides[int(np.argmax(np.linalg.norm(sides, axis=1).round(9)))]
-        return math.atan2(longest[1], longest[0])
+        x, y = _rectangle(self.mouth)[0]
+        return math.atan2(y, x)
 
     @cached_property
     def mouth(self) -> Polygon:
@@ -190,10 +188,9 @@ class PressTask:
     @property
     def seat(self) -> Seat:
         """What counts as seated."""
-        x, y, z, rx, ry, rz = self.problem.goal.tolist()
         rho = characteristic_length(self.problem, self.clearance)
         loose = float(self.box[2]) if self.through else 0.0
-        goal = (x, y, z, rx, ry, rz)
+        goal = numbers(self.problem.goal)
         return Seat(goal, self.clearance.per_side, self.depth, rho, loose, self.round, self.symmetry)
 
     def _outline(self, z: float) -> Polygon:
@@ -228,3 +225,9 @@ class PressTask:
 
 def _level(z: float) -> Pose:
     return Pose(np.array([0.0, 0.0, z]), np.eye(3))
+
+
+def _rectangle(shape: Polygon) -> list[Array]:
+    """The sides (2,) of the least rectangle about a shape, m, the longer one first."""
+    sides = np.diff(np.array(shape.minimum_rotated_rectangle.exterior.coords), axis=0)[:2]
+    return sorted(sides, key=lambda side: -round(float(np.linalg.norm(side)), 9))
