@@ -92,6 +92,7 @@ class _Table:
         still[:, 0] = -1.0
         ends, thens = np.full((len(presses), 5), np.inf), np.zeros((len(presses), 5), np.int64)
         ends[:, 0] = -np.inf
+        ends[:, 4], thens[:, 4] = MAX_SECONDS, RETRY  # a press that states no time ends all the same
         for k, press in enumerate(presses):
             for end in press.ends:
                 match end:

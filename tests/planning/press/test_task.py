@@ -1,0 +1,72 @@
+"""An insertion as presses see it: shelves, what stops the part, symmetry and corners, against the pair's numbers."""
+
+from __future__ import annotations
+
+from itertools import groupby, pairwise
+from math import atan2, cos, isclose, pi, sin
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapely import Polygon
+
+from fmopt.planning.press.task import PressTask
+from fmopt.task.problem import load
+from tests.shared.parts.families import Pair, Stack, pair, write_toml
+from tests.shared.plans.press_plan import press_task
+
+
+def task_of(one: Pair, folder: Path) -> PressTask:
+    return press_task(load(write_toml(one, folder)))
+
+
+def rings(stack: Stack) -> list[Polygon]:
+    """The different outlines of a stack from below."""
+    return [Polygon(outline) for outline, _ in groupby(section.outline for section in stack)]
+
+
+@pytest.mark.parametrize("seed", [103, 104, 105])
+@pytest.mark.parametrize("family", ["stepped", "counterbored"])
+def test_shelves_are_where_the_play_drops(family: str, seed: int, tmp_path: Path) -> None:
+    one = pair(family, seed)
+    task = task_of(one, tmp_path)
+    if family == "stepped":
+        expected = 2  # the shoulder at the mouth, then the tip at the ledge
+    else:
+        plays = [rings(one.peg)[0].exterior.distance(hole.exterior) for hole in rings(one.hole)]
+        expected = sum(below < 0.6 * above for below, above in pairwise(plays))
+        assert expected
+    assert len(task.shelves) == expected
+    assert all(0.0 < lever < 1e-3 * one.depth for lever in task.shelves)
+    assert task.through is one.through
+    assert task.depth == pytest.approx(1e-3 * one.depth, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("family", "symmetry", "corners"),
+    [("3-gon", 3, 3), ("7-gon", 7, 7), ("13-gon", 13, 13), ("triangle", 1, 3), ("rectangle", 2, 4), ("L", 1, 5)],
+)  # fmt: skip
+@pytest.mark.parametrize("seed", [103, 104])
+def test_symmetry_and_corners_are_the_outlines(
+    family: str, symmetry: int, corners: int, seed: int, tmp_path: Path
+) -> None:
+    one = pair(family, seed)
+    task = task_of(one, tmp_path)
+    assert not task.shelves
+    assert not task.round
+    assert task.through is one.through
+    assert task.symmetry == symmetry
+    assert len(task.corners) == corners
+    assert task.mouth.area == pytest.approx(1e-6 * Polygon(one.hole[0].outline).area, rel=1e-4)
+    turns = [round(corner.turn, 6) for corner in task.corners]
+    assert turns == sorted(turns, reverse=True)
+    if family != "L":
+        assert sum(corner.turn for corner in task.corners) == pytest.approx(2.0 * pi)
+    for corner in task.corners:
+        u = np.array([cos(corner.angle), sin(corner.angle)])
+        assert np.allclose(np.linalg.norm(corner.walls, axis=1), 1.0)
+        assert isclose(atan2(u[1], u[0]), corner.angle, abs_tol=1e-12)
+        # Walls are met by going in their direction, and are equally far round from the corner's.
+        assert np.allclose(corner.walls @ u, cos(0.5 * corner.turn), atol=1e-9)
+        assert not task.mouth.contains(Polygon([corner.at + 1e-5 * np.array(v) for v in ((0, 0), u, (u[1], -u[0]))]))
+        assert task.mouth.exterior.distance(Polygon([corner.at + 1e-9 * np.array(v) for v in np.eye(3)[:, :2]])) < 1e-8

@@ -1,0 +1,88 @@
+"""A plan of presses for the square peg, from the first sequences of the library, with evidence made up by hand.
+
+Nothing is carried out for it: the check takes outcomes as they are stated.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+from fmopt.execution.evidence import lower_bound
+from fmopt.plan import digest, sealed
+from fmopt.plan.evidence import CONFIDENCE, Evidence, TrialOutcome
+from fmopt.plan.press import Conditions, PressPlan
+from fmopt.planning.posed import Posed
+from fmopt.planning.press.choice import Choosing
+from fmopt.planning.press.library import robot_of
+from fmopt.planning.press.propose import proposals
+from fmopt.planning.press.record import press_document
+from fmopt.planning.press.task import PressTask
+from fmopt.task.problem import Problem, load
+from fmopt.verify.reading.parse import SUBJECT
+from tests import PROBLEMS
+
+DRAWS, MIN_RATE = 10, 0.5
+
+
+@cache
+def press_problem() -> Problem:
+    """The square peg, with a tested plan asked for."""
+    problem = load(PROBLEMS / "square_peg.toml")
+    settings = replace(problem.settings, evidence="tested", draws=DRAWS, min_rate=MIN_RATE)
+    return replace(problem, settings=settings)
+
+
+def press_task(problem: Problem) -> PressTask:
+    """The insertion of a problem as presses see it."""
+    clearance = Posed.of(problem).clearance
+    return PressTask(problem, problem.moving, problem.fixed, clearance, problem.start_box)
+
+
+@cache
+def press_choosing() -> Choosing:
+    """What candidates for the square peg are carried out with."""
+    problem, task = press_problem(), press_task(press_problem())
+    x, y, z, rx, ry, rz = problem.start_box.tolist()
+    conditions = Conditions((x, y, z, rx, ry, rz), problem.friction)
+    robot = robot_of(task, (2e4, 100.0), (2.0, 0.0098))
+    return Choosing(task.bodies, task.seat, robot, conditions, seed=0)
+
+
+@cache
+def press_plan() -> PressPlan:
+    """Two attempts at one corner."""
+    return press_choosing().plan(proposals(press_task(press_problem()))[:2])
+
+
+def outcomes(seats: Sequence[bool]) -> tuple[TrialOutcome, ...]:
+    """Outcomes of trials that seat or do not."""
+    zero = (0.0, 0.0, 0.0)
+    failed = ("stopped on the way", "tilted")
+    return tuple(TrialOutcome(seat, 0, "go in", 8.0, 14.0, () if seat else failed, zero, zero) for seat in seats)
+
+
+@cache
+def _document() -> dict[str, Any]:
+    evidence = Evidence(
+        *("tested", DRAWS, DRAWS, DRAWS, CONFIDENCE, lower_bound(DRAWS, DRAWS), MIN_RATE, 64, 63, 1, 0, "by hand"),
+        *(press_choosing().conditions, "0" * 64, outcomes([True] * DRAWS), outcomes([True] * 63 + [False])),
+    )
+    document = press_document(Posed.of(press_problem()), press_plan(), evidence)
+    return restated({**document, "verdict": "TESTED"})
+
+
+def press_plan_document() -> dict[str, Any]:
+    """The plan file, sealed and TESTED; a copy to be changed at will."""
+    return copy.deepcopy(_document())
+
+
+def restated(document: dict[str, Any], subject: bool = True) -> dict[str, Any]:
+    """The document sealed anew, with its evidence stated to be of its own parts, presses and goal if asked for."""
+    if subject:
+        stated = digest({key: document[key] for key in SUBJECT})
+        document = {**document, "evidence": {**document["evidence"], "subject": stated}}
+    return sealed(document)

@@ -1,0 +1,106 @@
+"""The check of evidence: only the honest one is TESTED, and TESTED is not CERTIFIED."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fmopt.verify import describe, verify
+from tests.shared.commands import ended
+from tests.shared.plans.press_plan import press_plan_document, restated
+
+Document = dict[str, Any]
+
+
+def _unseated(document: Document, key: str, counted: str | None, number: int = 0) -> None:
+    """Flips an outcome; its count with it where that is named."""
+    evidence = document["evidence"]
+    evidence[key][number]["seated"] = not evidence[key][number]["seated"]
+    if counted is not None:
+        evidence[counted] = sum(one["seated"] for one in evidence[key])
+
+
+def _vertices(document: Document) -> None:
+    for number in range(6):
+        _unseated(document, "vertex_outcomes", "vertices_seated", number)
+
+
+def _fewer(document: Document) -> None:
+    evidence = document["evidence"]
+    evidence["vertex_outcomes"] = evidence["vertex_outcomes"][:60]
+    evidence.update(vertices=60, vertices_seated=60)
+
+
+def _moved(document: Document) -> None:
+    document["parts"]["moving"]["pieces"][0]["vertices"][0][2] -= 1e-4
+
+
+LIES: list[tuple[Callable[[Document], Any], bool, str]] = [
+    (lambda d: d["evidence"].update(seated=11), True, "other counts are stated"),
+    (lambda d: d["evidence"].update(draws=11), True, "other counts are stated"),
+    (lambda d: _unseated(d, "outcomes", None), True, "9 of 10 outcomes seat"),
+    (lambda d: _unseated(d, "outcomes", "seated"), True, "a bound of 0.691503 is stated, 0.554984 follows"),
+    (lambda d: _unseated(d, "vertex_outcomes", None), True, "62 of 64 vertices seat"),
+    (_vertices, True, "57 of 64 vertices seat, where 58 have to"),
+    (_fewer, True, "a start box has 64 vertices"),
+    (lambda d: d["evidence"].update(bound=d["evidence"]["bound"] + 1e-6), True, "a bound of"),
+    (lambda d: d["evidence"].update(confidence=0.9), True, "the bound holds at 0.9"),
+    (lambda d: d["evidence"].update(min_rate=0.7), True, "the rate is at least 0.6915, where 0.7 is asked for"),
+    (lambda d: d["segments"][1]["wrench"].__setitem__(0, 1.0), False, "other parts, presses or goals"),
+    (lambda d: d["presses"]["robot"].update(mass=1.0), False, "other parts, presses or goals"),
+    (_moved, False, "other parts, presses or goals"),
+    (lambda d: d.update(goal=[1e-6, *d["goal"][1:]]), False, "other parts, presses or goals"),
+    (lambda d: d.update(verdict="CERTIFIED"), True, "does not claim to be tested"),
+    (lambda d: d.update(not_covered=d["not_covered"][:1]), True, "plans of this kind"),
+]
+
+
+def test_the_honest_one_is_tested_and_nothing_more() -> None:
+    verdict = verify(press_plan_document())
+    assert (str(verdict.verdict), verdict.findings, verdict.margin) == ("TESTED", (), None)
+    words = "\n".join(describe(verdict))
+    assert words.startswith("verdict: TESTED (10 presses)\nevidence: 10 of 10 draws seat")
+    assert "63 of 64 vertices" in words
+    assert "nothing is proved of presses" in words
+    assert "margin" not in words
+
+
+@pytest.mark.parametrize(("lie", "subject", "words"), LIES)
+def test_a_lie_is_not_tested(lie: Callable[[Document], Any], subject: bool, words: str) -> None:
+    document = press_plan_document()
+    lie(document)
+    verdict = verify(restated(document, subject))
+    assert str(verdict.verdict) == "NOT_PROVED"
+    assert words in str(verdict.findings[0])
+
+
+def test_without_a_seal_or_without_evidence_nothing_is_tested() -> None:
+    document = press_plan_document()
+    document["evidence"]["min_rate"] = 0.4
+    assert [finding.what for finding in verify(document).findings] == ["sha256"]
+    del document["evidence"]
+    (finding,) = verify(restated(document, subject=False)).findings
+    assert "were not carried out" in str(finding)
+
+
+@pytest.mark.parametrize(("more", "code"), [((), 3), (("--evidence", "tested"), 0)])
+def test_the_command_takes_tested_for_enough_only_where_that_is_asked_for(
+    more: tuple[str, ...], code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "plan.json"
+    file.write_text(json.dumps(press_plan_document()))
+    monkeypatch.setattr(sys, "argv", ["fmopt", "verify", str(file), *more])
+    found, out, err = ended(capfd)
+    words = out + err
+    assert found == code, words
+    assert "TESTED" in words
+    assert "margin" not in words
+    lie = press_plan_document()
+    _unseated(lie, "outcomes", "seated")
+    file.write_text(json.dumps(restated(lie)))
+    assert ended(capfd)[0] == 3
