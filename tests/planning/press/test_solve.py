@@ -15,7 +15,6 @@ from fmopt.report.page import report_page
 from tests.shared.commands import ended
 from tests.shared.plans.press_plan import DRAWS, MIN_RATE, press_plan_document, press_problem
 
-
 BASE = ("--base", *"000000")
 
 
