@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike
 
 from fmopt.execution import press_rig
 from fmopt.execution.engines.engine import Bodies
-from fmopt.execution.press_rig import BACKING, RUNNING, Errors, Outcome, PressRig
+from fmopt.execution.press_rig import BACKING, RUNNING, Errors, PressRig
 from fmopt.execution.press_trials import carry_out, drawn_errors
 from fmopt.execution.rotation import between
+from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import (
     Attempt,
     Conditions,
@@ -82,14 +83,14 @@ def run(
     errors: Errors | None = None,
     goal: tuple[float, float] = (0.003, 0.0),
     courses: Sequence[Sequence[int]] | None = None,
-) -> tuple[list[Outcome], dict[str, Array]]:
+) -> tuple[list[TrialOutcome], dict[str, Array]]:
     """Outcomes, and mode, step, pose and time in the press of each body after every period."""
     errors = errors_of(1) if errors is None else errors
     seat = Seat((goal[0], 0.0, goal[1], 0.0, 0.0, 0.0), 1e-3, 0.01, 0.01)
     ways: dict[str, list[Array]] = {"mode": [], "step": [], "q": [], "time": []}
 
     def look(rig: PressRig) -> None:
-        now = rig.state.mode, rig.state.step, rig.qpos, rig.state.time
+        now = rig.state.mode, rig.state.step, rig.engine.qpos, rig.state.time
         for way, value in zip(ways.values(), now, strict=True):
             way.append(np.array(value))
 
@@ -138,24 +139,17 @@ def test_a_press_that_meets_nothing_ends_by_its_reach_and_the_next_attempt_seats
     assert np.abs(between(begun[None, 3:], np.array([[1.0, 0.0, 0.0, 0.0]])) - start[0][3:]).max() < 1e-3
 
 
-@pytest.mark.parametrize(("speed", "stands"), [(1e-4, True), (4e-4, False)])
-def test_who_moves_faster_than_bound_over_window_does_not_stand(speed: float, stands: bool) -> None:
-    (one,), _ = run([FAR], [at(0.0, 0.0, press("x", (5.0, *NOTHING[1:]), STILL, Time(0.6), speed=speed))])
-    assert ("stopped on the way" not in one.reasons) is stands
-    assert one.seconds - press_rig._REST == pytest.approx(STILL.armed + STILL.window if stands else 0.6, abs=0.03)
-
-
 def test_a_time_out_is_no_standstill_however_still_the_part_is() -> None:
     touching = at(0.003, 0.005, press("x", (5.0, *NOTHING[1:]), STILL, Time(0.2)))
     (one,), _ = run([WALL], [touching], goal=(0.003, 0.005))
-    assert one.reasons == ["stopped on the way"]
+    assert one.reasons == ("stopped on the way",)
 
 
 def test_a_press_without_an_end_that_comes_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(press_rig, "MAX_SECONDS", 0.5)
     (one,), _ = run([WALL], [at(0.003, 0.005, press("x", (5.0, *NOTHING[1:]), Travel(distance=0.01, then="seated")))])
-    assert "stopped on the way" in one.reasons
-    assert one.seconds == pytest.approx(0.5 + press_rig._REST, abs=0.01)
+    assert "took too long" in one.reasons
+    assert one.seconds == pytest.approx(0.5, abs=0.01)
 
 
 def test_level_travel_and_angle_end_a_press_one_delay_late() -> None:

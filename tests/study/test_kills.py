@@ -20,6 +20,7 @@ def test_fifty_kills_lose_nothing(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.wide
 def test_a_naive_store_is_found_out_within_fifty_kills(tmp_path: Path) -> None:
     with pytest.raises(LostError, match=r"torn|lost|does not resume"):
         killed(tmp_path, 50, 1, "naive")

@@ -30,12 +30,6 @@ def _vertices(document: Document) -> None:
         _unseated(document, "vertex_outcomes", "vertices_seated", number)
 
 
-def _fewer(document: Document) -> None:
-    evidence = document["evidence"]
-    evidence["vertex_outcomes"] = evidence["vertex_outcomes"][:60]
-    evidence.update(vertices=60, vertices_seated=60)
-
-
 def _moved(document: Document) -> None:
     document["parts"]["moving"]["pieces"][0]["vertices"][0][2] -= 1e-4
 
@@ -47,7 +41,6 @@ LIES: list[tuple[Callable[[Document], Any], bool, str]] = [
     (lambda d: _unseated(d, "outcomes", "seated"), True, "a bound of 0.691503 is stated, 0.554984 follows"),
     (lambda d: _unseated(d, "vertex_outcomes", None), True, "62 of 64 vertices seat"),
     (_vertices, True, "57 of 64 vertices seat, where 58 have to"),
-    (_fewer, True, "a start box has 64 vertices"),
     (lambda d: d["evidence"].update(bound=d["evidence"]["bound"] + 1e-6), True, "a bound of"),
     (lambda d: d["evidence"].update(confidence=0.9), True, "the bound holds at 0.9"),
     (lambda d: d["evidence"].update(min_rate=0.7), True, "the rate is at least 0.6915, where 0.7 is asked for"),
@@ -76,7 +69,7 @@ def test_a_lie_is_not_tested(lie: Callable[[Document], Any], subject: bool, word
     lie(document)
     verdict = verify(restated(document, subject))
     assert str(verdict.verdict) == "NOT_PROVED"
-    assert words in str(verdict.findings[0])
+    assert any(words in str(finding) for finding in verdict.findings)
 
 
 def test_without_a_seal_or_without_evidence_nothing_is_tested() -> None:

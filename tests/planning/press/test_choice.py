@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fmopt.errors import SearchError
-from fmopt.execution.press_rig import Outcome
+from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import Attempt, Force, Press, Time
 from fmopt.planning.press import choice
 from fmopt.planning.press.choice import Choosing, Trialled, halved, strength, with_retries
@@ -23,8 +23,8 @@ def candidate(name: str) -> Attempt:
     return Attempt((0.0,) * 6, (press,), name)
 
 
-def outcome(seated: bool, seconds: float = 5.0) -> Outcome:
-    return Outcome(seated, [] if seated else ["tilted"], 0, "press", seconds, 10.0, 0.0, ZERO, ZERO)
+def outcome(seated: bool, seconds: float = 5.0) -> TrialOutcome:
+    return TrialOutcome(seated, 0, "press", seconds, 10.0, 0.0, () if seated else ("tilted",), ZERO, ZERO)
 
 
 class Carried:
@@ -33,7 +33,7 @@ class Carried:
     def __init__(self, failures: Sequence[int], seconds: Sequence[float]) -> None:
         self.failures, self.seconds, self.seen = failures, seconds, list[tuple[str, int]]()
 
-    def __call__(self, candidates: Sequence[Attempt], numbers: range) -> list[tuple[Outcome, ...]]:
+    def __call__(self, candidates: Sequence[Attempt], numbers: range) -> list[tuple[TrialOutcome, ...]]:
         found = []
         for one in candidates:
             k = int(one.source)

@@ -35,7 +35,7 @@ def test_the_tip_comes_down_inside_the_mouth_for_every_start_error(family: str, 
     # Supports are of first order: a turn by θ leaves θ²/2 of an arm, and a little of higher ones.
     turn = float(np.linalg.norm(task.box[3:]))
     for corner, numbers in product(task.corners[:2], LIBRARY[:3]):
-        entry = corner_entry(task, corner, numbers.tilt, corner.angle, numbers.distance * task.lateral)
+        entry = corner_entry(task, corner, numbers.tilt, corner.angle, numbers.distance * task.lateral, 0.0)
         R, p = entry.pose.R, entry.pose.p
         assert np.allclose(R, attitude(corner.angle, numbers.tilt) @ task.goal.R, atol=1e-12)
         tip = low_vertex(task, R, np.array([np.cos(corner.angle), np.sin(corner.angle)]))
@@ -65,6 +65,6 @@ def test_a_mouth_narrower_than_the_errors_takes_a_share_or_is_refused(tmp_path: 
     wide = 0.3 * one.size
     task = press_task(load(write_toml(one, tmp_path, error=(wide, 0.3))))
     corner = task.corners[0]
-    assert 0.0 < corner_entry(task, corner, 0.1, corner.angle, wide).share < 1.0
+    assert 0.0 < corner_entry(task, corner, 0.1, corner.angle, wide, 0.0).share < 1.0
     with pytest.raises(SearchError, match="no place for the tip"):  # two walls without a gap
         _placed(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2), np.full(2, 1e-3))

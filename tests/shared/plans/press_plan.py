@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-from fmopt.execution.evidence import lower_bound
+from fmopt.execution.confidence import lower_bound
 from fmopt.plan import digest, sealed
 from fmopt.plan.evidence import CONFIDENCE, Evidence, TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan
@@ -62,7 +62,7 @@ def outcomes(seats: Sequence[bool]) -> tuple[TrialOutcome, ...]:
     """Outcomes of trials that seat or do not."""
     zero = (0.0, 0.0, 0.0)
     failed = ("stopped on the way", "tilted")
-    return tuple(TrialOutcome(seat, 0, "go in", 8.0, 14.0, () if seat else failed, zero, zero) for seat in seats)
+    return tuple(TrialOutcome(seat, 0, "go in", 8.0, 14.0, 0.0, () if seat else failed, zero, zero) for seat in seats)
 
 
 @cache
