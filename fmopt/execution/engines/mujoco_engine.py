@@ -25,7 +25,7 @@ class MujocoEngine:
         starts: positions (n, 3) and quaternions (n, 4) of the bodies.
     """
 
-    def __init__(self, model: Any, friction: Array | None, threads: int, starts: tuple[Array, Array]) -> None:
+    def __init__(self, model: Any, starts: tuple[Array, Array], friction: Any = None, threads: int = 1) -> None:
         from mujoco.batch import Batch
 
         n = len(starts[0])
@@ -111,7 +111,8 @@ def _put(setup: Setup) -> Put:
     physics, robot = Physics.of_fit(setup.clearance, setup.robot.period, setup.time_step), setup.robot
     least = float(np.min(setup.friction))
     model = compiled(scene(setup.bodies, physics, robot.mass, robot.inertia, least))
-    return partial(MujocoEngine, model, None if isinstance(setup.friction, float) else setup.friction, setup.threads)
+    friction = None if isinstance(setup.friction, float) else setup.friction
+    return partial(MujocoEngine, model, friction=friction, threads=setup.threads)
 
 
 MUJOCO = Maker(engine, _put)
