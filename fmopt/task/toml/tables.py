@@ -215,7 +215,7 @@ class Interval(Measured):
         return {**one, "anyOf": [*one["anyOf"], pair]}
 
     def _validate(self, value: Any, info: ValidationInfo) -> Any:
-        if isinstance(value, list) and len(value) == 2:
+        if isinstance(value, list | tuple) and len(value) == 2:
             return tuple(super(Interval, self)._validate(one, info) for one in value)
         return super()._validate(value, info)
 
