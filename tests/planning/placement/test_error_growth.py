@@ -121,7 +121,7 @@ def test_rows_change_with_the_poses_as_they_say(solved: tuple[fmopt.Problem, Cer
     problem, motion = solved
     posed = Posed.of(problem)
     at = growth._under(posed.under, 0.9, motion.placed.moves, 1e-3)
-    x = growth._step(at, ClarabelSolver(), 1e-5)
+    x = growth._step(at, ClarabelSolver(), 2e-5)
     small = 0.1 * x
     there = growth._Grown.of(at.share, at.aim, displaced(at.aim, at.placed, small.reshape(-1, 6)), 1e-3)
     assert len(there.rows.values) == len(at.rows.values)
