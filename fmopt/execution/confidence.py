@@ -6,10 +6,8 @@ from scipy.stats import binomtest
 
 from fmopt.plan.evidence import CONFIDENCE
 
-Interval = tuple[float, float]
 
-
-def success_interval(successes: int, trials: int, confidence: float = 0.95) -> Interval:
+def success_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
     """Two-sided Clopper–Pearson interval of a success rate; (0, 1) without trials."""
     if not trials:
         return 0.0, 1.0

@@ -1,4 +1,4 @@
-"""The rig for presses: many bodies at 1 kHz, each at its own press, held stiffly on some axes and damped on the others.
+"""The rig for presses: many bodies, each at its own press, held stiffly on some axes and damped on the others.
 
 Held axes are springs with critical damping towards a reference that follows the twist; axes that give way are damped
 masses under the wrench, integrated implicitly by the engine. Decisions rest on what a robot measures: the pose since
@@ -92,7 +92,6 @@ class _Table:
         still[:, 0] = -1.0
         ends, thens = np.full((len(presses), 5), np.inf), np.zeros((len(presses), 5), np.int64)
         ends[:, 0] = -np.inf
-        ends[:, 4], thens[:, 4] = MAX_SECONDS, RETRY  # a press that states no time ends all the same
         for k, press in enumerate(presses):
             for end in press.ends:
                 match end:

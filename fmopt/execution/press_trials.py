@@ -19,7 +19,7 @@ from fmopt.execution.rotation import product as turned
 from fmopt.execution.rotation import quaternions
 from fmopt.execution.summary import Fit
 from fmopt.plan import Plan
-from fmopt.plan.evidence import TrialOutcome
+from fmopt.plan.evidence import VERTICES, TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan, Seat
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -27,7 +27,6 @@ from fmopt.spatial.values import Array
 if TYPE_CHECKING:
     from fmopt.execution.trials import Trials
 
-VERTICES = 64
 SOFT = 2.0  # times as soft as for guarded moves contacts may be: presses meet them at half the speed
 # Columns of a two-level design: each is the product of the signs of these start errors.
 _FRICTION, _STIFFNESS, _ADMITTANCE = (0, 1, 2), (1, 3, 4), (2, 4, 5)

@@ -70,8 +70,9 @@ def _proof(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
     tolerance, claims, segments = done.tolerance, done.claims, _segments(motion)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
     return {
-        **heading(problem, tolerance, done.clearance.per_side, exact_parts(done.assembly, contacts.values())),
-        "uncertainty": _uncertainty(problem, tolerance) | _frames(problem, done.errors),
+        **heading(
+            problem, tolerance, done.errors, done.clearance.per_side, exact_parts(done.assembly, contacts.values())
+        ),
         "goal": segments[-1]["goal"],
         "not_covered": plan.NOT_COVERED_OFF_FORM if done.assembly.form else plan.NOT_COVERED,
         "contacts": [contact_record(contacts[name]) for name in sorted(contacts)],
@@ -80,12 +81,17 @@ def _proof(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
 
 
 def heading(
-    problem: Problem, tolerance: Tolerance, clearance: float, exact: Sequence[abc.Mapping[int, Exact]] = ({}, {})
+    problem: Problem,
+    tolerance: Tolerance,
+    errors: ErrorSet,
+    clearance: float,
+    exact: Sequence[abc.Mapping[int, Exact]] = ({}, {}),
 ) -> dict[str, Any]:
     """What every plan file states of its problem, its verdict still open.
 
     Args:
         tolerance: velocity error and metric.
+        errors: at the start.
         clearance: measured, a side, m.
         exact: of the moving and of the fixed part, by vertex, where coordinates are no floats.
     """
@@ -97,7 +103,12 @@ def heading(
         "units": plan.UNITS,
         "frames": plan.FRAMES,
         "verdict": "NOT_PROVED",
-        "uncertainty": _uncertainty(problem, tolerance),
+        "uncertainty": {
+            "start_box": problem.start_box,
+            "velocity_error": tolerance.velocity_error,
+            "rho": tolerance.rho,
+            **_frames(problem, errors),
+        },
         "specification": problem.specification.record(),
         "touch_tolerance": 1e-9,
         "parts": {
@@ -105,10 +116,6 @@ def heading(
             "fixed": {**part_record(problem.fixed, declared, clearance, exact[1]), **_found(problem, 1)},
         },
     }
-
-
-def _uncertainty(problem: Problem, tolerance: Tolerance) -> dict[str, Any]:
-    return {"start_box": problem.start_box, "velocity_error": tolerance.velocity_error, "rho": tolerance.rho}
 
 
 def _search(found: Searched) -> Search:

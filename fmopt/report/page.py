@@ -34,19 +34,22 @@ def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
     found = verdict(plan)
     shown = _shown(plan, figures)
     title = plan.title or "insertion"
-    if plan.press_plan is not None:
-        chapters = [
-            ("motion", "The motion", scene(plan)),
-            *press_chapters(plan),
-            ("limits", "What was not checked", sections.not_covered(plan)),
-            ("asked", "What was asked", sections.asked(plan)),
-            ("provenance", "Where this comes from", sections.provenance(plan)),
-        ]
-        body = chaptered("Insertion plan", title, chapters, f"{_verdict_box(plan, found)}\n")
-        return page(f"{title}: {found.word.lower()}", resource("page.css"), body, scripts=True)
     # A chapter that the plan has nothing for is empty here, and `chaptered` leaves it out.
+    own = press_chapters(plan) if plan.press_plan is not None else _guarded_chapters(plan, shown)
     chapters = [
         ("motion", "The motion", scene(plan) + shown.get("cut", "")),
+        *own,
+        ("limits", "What was not checked", sections.not_covered(plan)),
+        ("asked", "What was asked", sections.asked(plan)),
+        ("provenance", "Where this comes from", sections.provenance(plan)),
+    ]
+    body = chaptered("Insertion plan", title, chapters, f"{_verdict_box(plan, found)}\n")
+    return page(f"{title}: {found.word.lower()}", resource("page.css"), body, scripts=True)
+
+
+def _guarded_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, str, str]]:
+    """Chapters of guarded moves: what they do, why it holds, what it tolerates."""
+    return [
         ("moves", "The moves", sections.move_table(plan)),
         ("states", "Contact states, and why this sequence", _states(plan, shown)),
         ("margins", "Margins and what binds them", sections.margin_words_of(plan) + shown.get("margin", "")),
@@ -56,12 +59,7 @@ def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
         ("hybrid", "Hybrid strategies", control_tables.hybrid_table(plan) + jamming_table(plan)),
         ("tolerance", "Tolerated errors and sensitivities", tolerance_chapter(plan)),
         ("recovery", "When a move fails", recovery_chapter(plan)),
-        ("limits", "What was not checked", sections.not_covered(plan)),
-        ("asked", "What was asked", sections.asked(plan)),
-        ("provenance", "Where this comes from", sections.provenance(plan)),
     ]
-    body = chaptered("Insertion plan", title, chapters, f"{_verdict_box(plan, found)}\n")
-    return page(f"{title}: {found.word.lower()}", resource("page.css"), body, scripts=True)
 
 
 def _verdict_box(plan: Plan, found: Verdict) -> str:

@@ -97,8 +97,9 @@ def export(plan: Plan, form: Form, target: Path) -> Written:
         ValueError: the format is several files, and `target` no folder.
         FmoptError: the plan cannot be exported or written.
     """
-    text = text_of(plan, form) if target == STDIO and plan.press_plan is None else ""
-    paths = () if text else exported(plan, form, target)
+    _require_guarded_moves(plan)
+    text = text_of(plan, form) if target == STDIO else ""
+    paths = () if target == STDIO else exported(plan, form, target)
     if not form.for_robots:
         return Written(
             paths, () if form.base is None else (f"{form.to} is in the hole's frame: --base is not used",), text
@@ -115,8 +116,8 @@ def _turning(plan: Plan, to: str) -> str:
     return turning_words(commanded(rows) if to == "urscript" else [m.twist for m in rows], [m.number for m in rows])
 
 
-def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
-    """Writes a plan in another format, and says what was written; arguments as for `export`.
+def _require_guarded_moves(plan: Plan) -> None:
+    """Refuse a plan of presses.
 
     Raises:
         PlanFormatError: the plan has presses.
@@ -126,6 +127,11 @@ def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
             "a plan of presses is not exported yet",
             'ask for evidence = "certified", whose guarded moves are; or read the presses from the plan file',
         )
+
+
+def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
+    """Writes a plan in another format, and says what was written; arguments as for `export`."""
+    _require_guarded_moves(plan)
     if form.to == "ros2":
         from fmopt.plan.export import ros2
 

@@ -26,9 +26,9 @@ _LAST = (3.5e-4, 4e-4)  # m above the goal of a through hole where the last pres
 _ARM = 0.01  # m, least lever that turns count by
 _DAMPING = 400.0  # N·s/m
 _LEVER = 0.02  # m, least that damping of turns is made of
-DELAY = 0.02  # s, of measurements
+DELAY = PressRobot.delay  # s, of measurements
 
-ALL, NONE, XYZ, XYZ_YAW = (True,) * 6, (False,) * 6, (True,) * 3 + (False,) * 3, (True,) * 3 + (False, False, True)
+ALL, XYZ, XYZ_YAW = (True,) * 6, (True,) * 3 + (False,) * 3, (True,) * 3 + (False, False, True)
 ONLY_Z = (False, False, True, False, False, False)
 
 
@@ -77,7 +77,7 @@ def robot_of(task: PressTask, stiffness: tuple[float, float], mass: tuple[float,
     """
     damping = _DAMPING, _DAMPING * max(0.5 * task.size, _LEVER) ** 2
     limits = task.problem.specification.contact_force, task.problem.specification.torque_limit
-    return PressRobot(stiffness, damping, *mass, limits, arm=max(0.5 * task.size, _ARM), delay=DELAY)
+    return PressRobot(stiffness, damping, *mass, limits, arm=max(0.5 * task.size, _ARM))
 
 
 def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: float | None = None) -> Attempt:

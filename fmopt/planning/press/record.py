@@ -26,7 +26,7 @@ def press_document(
         trace: the way of a trial without errors.
     """
     document: dict[str, Any] = {
-        **heading(posed.problem, posed.tolerance, posed.clearance.per_side),
+        **heading(posed.problem, posed.tolerance, posed.errors, posed.clearance.per_side),
         "goal": posed.problem.goal,
         "not_covered": plan.NOT_COVERED_PRESSES,
         "contacts": [],

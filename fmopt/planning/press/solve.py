@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,11 +63,9 @@ def press_solution(
 
 def traced(task: PressTask, plan: PressPlan, conditions: Conditions) -> tuple[TracePose, ...]:
     """The way of the first attempt without start error and offset, in the middle of all intervals."""
-    nothing = replace(conditions, start=(0.0,) * 6, offset=(0.0, 0.0), drift=0.0)
+    friction = 0.5 * sum(conditions.friction)
+    nothing = Conditions((0.0,) * 6, (friction, friction), (1.0, 1.0), (1.0, 1.0), (0.0, 0.0), 0.0)
     errors = drawn_errors(nothing, count_presses(plan), 0, [0])
-    middle = replace(
-        errors, stiffness=np.ones(1), admittance=np.ones(1), friction=np.mean([conditions.friction], axis=1)
-    )
     found: list[TracePose] = []
 
     def look(rig: PressRig) -> None:
@@ -76,5 +74,5 @@ def traced(task: PressTask, plan: PressPlan, conditions: Conditions) -> tuple[Tr
             q = np.array(rig.engine.qpos[0])
             found.append(TracePose(step, numbers([*q[:3], *between(q[3:], np.array([1.0, 0.0, 0.0, 0.0]))])))
 
-    carry_out(task.bodies, plan, middle, 0, [0], [(0,)], look=look)
+    carry_out(task.bodies, plan, errors, 0, [0], [(0,)], look=look)
     return tuple(found)
