@@ -126,7 +126,7 @@ def _segment(change: Callable[[Any], Any]) -> Callable[[Plan], None]:
 REFUSED: list[tuple[str, Callable[[Plan], Any], str]] = [
     ("format", lambda p: p.update(format="fmopt.plan/3"), "format: must be one of fmopt.plan/2"),
     ("older format", lambda p: p.update(format="fmopt.plan/1"), "fmopt.plan/1: written by an older fmopt; solve the"),
-    ("another kind", _segment(lambda s: s.update(kind="press")), r"segments\[0\]\.kind: must be one of guarded_move"),
+    ("another kind", _segment(lambda s: s.update(kind="press")), r"segments: mix presses and guarded moves"),
     ("unknown top key", lambda p: p.update(extra=1), "unknown key 'extra'"),
     ("missing key", lambda p: p.pop("goal"), "lacks the key 'goal'"),
     ("unknown segment key", _segment(lambda s: s.update(trust_me=True)), r"segments\[0\]: unknown key 'trust_me'"),
