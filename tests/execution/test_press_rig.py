@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 
 from fmopt.execution import press_rig
 from fmopt.execution.engines.engine import Bodies
-from fmopt.execution.press_rig import BACKING, RUNNING, Errors, PressRig
+from fmopt.execution.press_rig import Errors, PressRig
+from fmopt.execution.press_servo import BACKING, RUNNING
 from fmopt.execution.press_trials import carry_out, drawn_errors
 from fmopt.execution.rotation import between
 from fmopt.plan.evidence import TrialOutcome

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fmopt.execution.engines.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.engines.physics import Physics
 from fmopt.execution.engines.scene import CONTACTS, compiled, engine, scene
-from fmopt.execution.rotation import from_quaternions
+from fmopt.execution.press_servo import rotated
 from fmopt.spatial.values import Array
 
 _SHIFTS = (1e-9, -2e-9, 4e-9)  # m, by which a part is moved for a time step to be taken again
@@ -56,8 +56,9 @@ class MujocoEngine:
 
     def _in_base(self, wrench: Array) -> Array:
         """Wrenches (n, 6) as the library has them, with torques in axes of the part, in axes of B."""
-        R = from_quaternions(self.qpos[:, 3:])
-        return np.hstack([wrench[:, :3], np.einsum("nij,nj->ni", R, wrench[:, 3:])])
+        found = np.array(wrench)
+        rotated(self.qpos[:, 3:], wrench[:, 3:], False, found[:, 3:])
+        return found
 
     @property
     def contacts(self) -> Array:
@@ -65,14 +66,31 @@ class MujocoEngine:
         return np.asarray(self._sensor).reshape(len(self.qpos), CONTACTS, FIELDS)
 
     def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
-        """As `Engine`."""
-        R = from_quaternions(self.qpos[:, 3:])
+        """As `Engine`.
+
+        Where faces lie flat on each other, the engine's collision of convex bodies now and then, at one pose and not at
+        the next, takes another face for the nearest, and a contact as deep as the part is thick throws the part away.
+        Bodies for which that happens take the period again, step by step.
+        """
         self._applied[:, :3] = wrench[:, :3]
-        self._applied[:, 3:] = np.einsum("nji,nj->ni", R, wrench[:, 3:])
-        steps, self._pressed = max(round(period / self._time_step), 1), np.zeros_like(wrench)
-        for _ in range(steps):
-            self._step(bodies)
-            self._pressed += self._constraint / steps
+        rotated(self.qpos[:, 3:], wrench[:, 3:], True, self._applied[:, 3:])
+        steps, every = max(round(period / self._time_step), 1), np.arange(len(wrench)) if bodies is None else bodies
+        before = [field[every] for field in self._fields]
+        found = self._batch.rollout(steps, record=("qfrc_constraint", "sensordata"), ids=every)
+        deepest = _deepest(found["sensordata"])
+        last = np.concatenate([self._deepest[every, None], deepest[:, :-1]], axis=1)
+        thrown = np.flatnonzero((deepest > last + THROWN).any(axis=1))
+        self._pressed[every] = found["qfrc_constraint"].mean(axis=1)
+        if len(thrown):
+            again = every[thrown]
+            for field, rows in zip(self._fields, before, strict=True):
+                field[again] = rows[thrown]
+            self._pressed[again] = 0.0
+            for step in range(steps):
+                deepest[thrown, step] = self._step(again, last[thrown, 0] if step == 0 else deepest[thrown, step - 1])
+                self._pressed[again] += self._constraint[again] / steps
+        self._deepest[every] = deepest[:, -1]
+        self.depth[every] = np.maximum(self.depth[every], deepest.max(axis=1))
 
     def damp(self, damping: Array) -> None:
         """As `Engine`; a free body has its translations along the axes of the world."""
@@ -80,31 +98,25 @@ class MujocoEngine:
             self._damping = self._batch.expand("dof_damping")
         self._damping[:, :3] = damping
 
-    def _step(self, bodies: NDArray[np.intp] | None) -> None:
-        """One time step, taken again by bodies for which the engine found a contact that cannot be.
-
-        Where faces lie flat on each other, the engine's collision of convex bodies now and then, at one pose and not at
-        the next, takes another face for the nearest, and a contact as deep as the part is thick throws the part away.
-        """
-        before = [field.copy() for field in self._fields]
+    def _step(self, bodies: NDArray[np.intp], last: Array) -> Array:
+        """One time step, taken again from next to where they were by bodies that are thrown; penetrations (n,), m."""
+        before = [field[bodies] for field in self._fields]
         self._batch.step(bodies)
-        deepest = self._deepest_now()
         for shift in _SHIFTS:
-            thrown = np.flatnonzero(deepest > self._deepest + THROWN)
+            thrown = np.flatnonzero(_deepest(self._sensor[bodies]) > last + THROWN)
             if not len(thrown):
                 break
-            for now, then in zip(self._fields, before, strict=True):
-                now[thrown] = then[thrown]
-            self.qpos[thrown, :3] += shift
-            self._batch.step(thrown)
-            deepest = self._deepest_now()
-        self._deepest = deepest
-        np.maximum(self.depth, deepest, out=self.depth)
+            for field, rows in zip(self._fields, before, strict=True):
+                field[bodies[thrown]] = rows[thrown]
+            self.qpos[bodies[thrown], :3] += shift
+            self._batch.step(bodies[thrown])
+        return _deepest(self._sensor[bodies])
 
-    def _deepest_now(self) -> Array:
-        """Greatest penetrations (n,) of the last time step, m."""
-        found = self.contacts
-        return np.asarray(-np.where(found[:, :, 0] > 0.0, found[:, :, 4], 0.0).min(axis=1))
+
+def _deepest(sensor: Array) -> Array:
+    """Greatest penetrations (…), m, of what the sensor of contacts says (…, CONTACTS · FIELDS)."""
+    found = sensor.reshape(*sensor.shape[:-1], CONTACTS, FIELDS)
+    return np.asarray(-np.where(found[..., 0] > 0.0, found[..., 4], 0.0).min(axis=-1))
 
 
 def _put(setup: Setup) -> Put:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmopt.execution.evidence import Examination
-from fmopt.execution.press_rig import RUNNING, PressRig
+from fmopt.execution.press_rig import PressRig
+from fmopt.execution.press_servo import RUNNING
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
 from fmopt.execution.rotation import between
 from fmopt.plan.description import TracePose
