@@ -161,7 +161,7 @@ class PressRig:
         self._first = [sum(counts[:k]) for k in range(len(counts))]  # press of each attempt
         self._ends = _ends(self.presses)
         self.n = n = len(engine.qpos)
-        self.time, self.ticks, self._sample, self._damped = 0.0, 0, 0, False
+        self.time, self.ticks, self._sample = 0.0, 0, 0
         self.bodies = [_Body() for _ in range(n)]
         K = np.repeat(robot.stiffness, 3) * errors.stiffness[:, None]
         q, zero = np.array(engine.qpos), np.zeros(n)
@@ -173,7 +173,7 @@ class PressRig:
         self.state = Bodies(
             mode=np.full(n, RUNNING), step=step, time=zero, due=zero.copy(), p=q[:, :3].copy(), q=q[:, 3:].copy(),
             begun=q, before=six(), filtered=six(), peak=zero.copy(), lowest=q[:, 2].copy(), gives=six() > 0.0,
-            twist=six(), wrench=six(), ramp=np.ones(n), reference=np.zeros((n, 3)), resist=six(),
+            twist=six(), wrench=six(), ramp=np.ones(n), reference=np.zeros((n, 3)), resist=six(), resisted=six(), resists=six(),
             rocking=np.zeros((n, 3)), stiffness=K, damping=2.0 * np.sqrt(K * np.repeat([robot.mass, robot.inertia], 3)),
             offset=errors.offset, above=errors.start[:, 2].copy(),
         )  # fmt: skip
@@ -199,12 +199,10 @@ class PressRig:
         robot, state, engine = self.plan.robot, self.state, self.engine
         if self.ticks % self._keep == 0:
             self._trail.append(np.array(engine.qpos))
-        if not self._damped:  # of translations, which goes to the engine
-            engine.damp(state.resist[:, :3])
-            self._damped = True
         for k in active[state.mode[active] == BACKING]:
             state.p[k], state.q[k] = self._back(int(k)).at(float(state.time[k]))
         servo(state, active, engine.qpos, engine.qvel, robot.period, robot.limits, self._wrench)
+        engine.damp(state.resist[:, :3])
         engine.advance(self._wrench, robot.period, active)
         self.time += robot.period
         self.ticks += 1
@@ -234,10 +232,9 @@ class PressRig:
         resist[3:] = np.minimum(resist[3:], _DAMPED * robot.inertia / robot.period)
         state.gives[k], state.twist[k] = gives, np.where(gives | ~runs, 0.0, twist)
         state.wrench[k], state.reference[k] = wrench * runs, press.reference
-        state.ramp[k], state.resist[k] = max(press.ramp, robot.period), resist
+        state.ramp[k], state.resisted[k], state.resists[k] = max(press.ramp, robot.period), state.resist[k], resist
         rocking = press.rocking
         state.rocking[k] = (rocking.angle, rocking.rate, rocking.seconds) if runs and rocking is not None else 0.0
-        self._damped = False
 
     def _back(self, k: int) -> _Back:
         """The way back that body k is on."""

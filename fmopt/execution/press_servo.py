@@ -14,6 +14,7 @@ from fmopt.spatial.values import Array
 NEXT, SEATED, RETRY, FAIL, OVER = range(5)  # what follows; OVER is the end of a rest or of a way back
 RUNNING, HOLDING, BACKING, DONE = range(4)
 SAMPLE = 0.01  # s between samples of the pose that a standstill is judged by
+_EASED = 0.015  # s in which damping passes from that of the press before: put on at once, it knocks parts into walls
 
 Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
@@ -31,8 +32,9 @@ class Bodies(NamedTuple):
         begun: measured poses (n, 7) at the begin of the press.
         before, filtered: wrenches (n, 6) at the begin of the press, and as they are measured.
         peak, lowest: (n,), N and m.
-        gives, twist, wrench, ramp, reference, resist, rocking: of the press, as the body gets it; rocking is angle,
-            turns a second and seconds, (n, 3).
+        gives, twist, wrench, ramp, reference, rocking: of the press, as the body gets it; rocking is angle, turns a
+            second and seconds, (n, 3).
+        resist, resisted, resists: (n, 6) damping of axes that give way, now, before the press, and wanted.
         stiffness, damping: (n, 6), of held axes.
         offset: (n, 6) of the wrench.
         above: (n,), m, by which the start is above its nominal height.
@@ -55,6 +57,8 @@ class Bodies(NamedTuple):
     ramp: Array
     reference: Array
     resist: Array
+    resisted: Array
+    resists: Array
     rocking: Array
     stiffness: Array
     damping: Array
@@ -161,8 +165,11 @@ def servo(
             led = _product(_turn(angle * cos(phase), angle * sin(phase), 0.0), _row(bodies.begun[k, 3:]))
         lead[3], lead[4], lead[5] = _between(led, q)
         share = min(time / bodies.ramp[k], 1.0)
+        eased = min(time / _EASED, 1.0)
         for i in range(6):
             given[i] = (1.0 - share) * bodies.before[k, i] + share * bodies.wrench[k, i]
+            least, wanted = bodies.resisted[k, i], bodies.resists[k, i]
+            bodies.resist[k, i] = least * (wanted / least) ** eased if min(least, wanted) > 0.0 else wanted
         for i in range(3):
             bodies.p[k, i] = qpos[k, i] if gives[i] else bodies.p[k, i] + twist[i] * period
             lead[i] = bodies.p[k, i] - qpos[k, i]
