@@ -33,7 +33,7 @@ from fmopt.execution.press_servo import (
     servo,
 )
 from fmopt.execution.rotation import between, product, quaternions
-from fmopt.execution.summary import Fit, reasons_at_rest
+from fmopt.execution.summary import SHARE, Fit, reasons_at_rest
 from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import Force, Level, Next, Press, PressPlan, Standstill, Time, Travel
 from fmopt.spatial.values import Array
@@ -140,6 +140,7 @@ class PressRig:
         courses: for each body its attempts in order, by number.
         errors: of each trial.
         fit: what success is measured by.
+        penetration: of a pose (7,), m, which is asked where the engine's own is more than a trial may have.
         noise: source of raw noise, (n, 12) standard normal at each call: of force, torque, position and angle.
         look: shown the rig in every period.
     """
@@ -151,11 +152,12 @@ class PressRig:
         courses: Sequence[Sequence[int]],
         errors: Errors,
         fit: Fit,
+        penetration: Callable[[Array], float],
         noise: Callable[[], Array],
         look: Callable[[PressRig], None] | None = None,
     ) -> None:
         self.engine, self.plan, self.errors, self.fit, self.noise, self.look = engine, plan, errors, fit, noise, look
-        self.courses, robot = courses, plan.robot
+        self.penetration, self.courses, robot = penetration, courses, plan.robot
         self.presses = tuple(press for attempt in plan.attempts for press in attempt.presses)
         counts = [len(attempt.presses) for attempt in plan.attempts]
         self._first = [sum(counts[:k]) for k in range(len(counts))]  # press of each attempt
@@ -180,6 +182,7 @@ class PressRig:
         late, samples = round(robot.delay / robot.period) + 1, round(_WINDOW / SAMPLE) + 1
         now = np.hstack([q, six()])
         self._sensors = Sensors(np.tile(now, (late, 1, 1)), np.zeros((samples, n, 6)), np.repeat(robot.noise, 3), now)
+        self._depth = np.zeros(n)
         self._every, self._keep = round(SAMPLE / robot.period), round(_TRAIL / robot.period)
         self._wrench, self._follows, self._trail = six(), np.full(n, -1), list[Array]()
         for k in range(n):
@@ -210,6 +213,8 @@ class PressRig:
         sensed(
             state, self._sensors, active, engine.qpos, reaction, noise, self.ticks, robot.period, robot.cut_off
         )  # fmt: skip
+        for k in active[engine.deepest[active] > SHARE * self.fit.clearance].tolist():
+            self._depth[k] = max(self._depth[k], self.penetration(engine.qpos[k]))
         due = self.ticks % self._every == 0
         self._sample += due
         sample = self._sample if due else -1
@@ -307,8 +312,9 @@ class PressRig:
     def _judge(self, k: int, stopped: str) -> None:
         state, body = self.state, self.bodies[k]
         state.mode[k] = DONE
+        depth = max(float(self._depth[k]), min(float(self.engine.depth[k]), SHARE * self.fit.clearance))
         reasons, off, turned = reasons_at_rest(
-            self.fit, np.array(self.engine.qpos[k]), self.engine.qvel[k], state.lowest[k], self.engine.depth[k]
+            self.fit, np.array(self.engine.qpos[k]), self.engine.qvel[k], state.lowest[k], depth
         )
         stopped = stopped or body.stopped
         reasons = [*([stopped] if stopped else []), *reasons]
@@ -322,7 +328,7 @@ class PressRig:
             press=self.presses[body.last].name,
             seconds=round(self.time, 6),
             peak_force=float(state.peak[k]),
-            penetration=float(self.engine.depth[k]),
+            penetration=depth,
             reasons=tuple(reasons),
             offset=(x, y, z),
             turn=(rx, ry, rz),

@@ -134,7 +134,8 @@ def carry_out(
     start = np.array([plan.attempts[course[0]].start for course in courses])
     starts = start[:, :3] + errors.start[:, :3], turned(quaternions(errors.start[:, 3:]), quaternions(start[:, 3:]))
     noise = Noise(seed ^ _NOISE, numbers, width=12)
-    return PressRig(put(starts), plan, courses, errors, fit_of(plan.seat), noise, look).run()
+    fit = fit_of(plan.seat)
+    return PressRig(put(starts), plan, courses, errors, fit, bodies.penetration, noise, look).run()
 
 
 def count_presses(plan: PressPlan) -> int:

@@ -49,7 +49,7 @@ ONLY: dict[str, frozenset[str]] = {
     "geometry/plane": frozenset({"runtime", "spatial", "errors"}),
     "task/object_model": frozenset({"geometry", "spatial", "errors"}),
     "report": frozenset({"plan", "geometry", "runtime", "spatial", "errors"}),
-    "execution": frozenset({"plan", "runtime", "spatial", "errors"}),
+    "execution": frozenset({"plan", "geometry", "runtime", "spatial", "errors"}),
     "papers/lee_huang": frozenset({"task/object_model", "plan", "geometry", "geometry/plane", "spatial"})
     | {"runtime", "errors"},
     "papers/basanez_suarez": frozenset({"geometry/plane", "plan", "spatial", "errors"}),

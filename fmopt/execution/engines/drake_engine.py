@@ -60,7 +60,7 @@ class DrakeEngine:
         self._contexts = [self._plant.GetMyMutableContextFromRoot(root) for root in self._roots]
         port = self._plant.get_applied_generalized_force_input_port()
         self._applied = [port.FixValue(context, np.zeros(6)).GetMutableData() for context in self._contexts]
-        self._reaction, self._deepest = np.zeros((n, 6)), np.zeros(n)  # of the last time step
+        self._reaction, self.deepest = np.zeros((n, 6)), np.zeros(n)  # of the last time step
         self._over_period = np.zeros((n, 6))
         self._results: list[Any] = [None] * n
 
@@ -115,8 +115,8 @@ class DrakeEngine:
     def _step(self, k: int) -> None:
         """One time step of body k, with the contacts at its beginning."""
         context = self._contexts[k]
-        self._results[k], self._deepest[k] = self._looked_for(k)
-        self.depth[k] = max(self.depth[k], self._deepest[k])
+        self._results[k], self.deepest[k] = self._looked_for(k)
+        self.depth[k] = max(self.depth[k], self.deepest[k])
         self._reaction[k] = np.roll(self._pressed.Eval(context), 3)
         self._roots[k].SetDiscreteState(self._diagram.EvalUniquePeriodicDiscreteUpdate(self._roots[k]))
 
@@ -141,7 +141,7 @@ class DrakeEngine:
                 continue
             deepest = max((float(one.point_pair().depth) for one in _contacts(results)), default=0.0)
             # What is as deep at every one of the places is taken for true.
-            if deepest <= self._deepest[k] + THROWN:
+            if deepest <= self.deepest[k] + THROWN:
                 break
         if results is None:
             raise FmoptError(

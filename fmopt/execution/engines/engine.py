@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.execution.rotation import from_quaternions
+from fmopt.geometry.clearance import deepest
+from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed
 from fmopt.plan import Body, Plan
+from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 THROWN = 5e-5  # m, by which contacts do not deepen in one time step; more is a fault of the engine's collision
@@ -22,12 +27,13 @@ class Engine(Protocol):
     Attributes:
         qpos: poses (n, 7): position in B, m, and quaternion, w first.
         qvel: velocities (n, 6): of the reference point, axes of B, m/s, and of turning, axes of the part, rad/s.
-        depth: greatest penetrations (n,) so far, m.
+        depth, deepest: greatest penetrations (n,) so far, and last, m.
     """
 
     qpos: Array
     qvel: Array
     depth: Array
+    deepest: Array
 
     def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
         """Moves the bodies on.
@@ -94,6 +100,19 @@ class Bodies:
         """The parts of a plan."""
         moving, fixed = (tuple(np.array(piece.vertices) for piece in plan.parts[side].pieces) for side in _SIDES)
         return Bodies(moving, fixed, _balls(plan.moving.body))
+
+    def penetration(self, q: Array) -> float:
+        """Greatest penetration at a pose (7,), m, by separating planes; balls are left out.
+
+        Engines overstate it where edges are nearly parallel: 24 µm were told of 2.6.
+        """
+        moving, fixed = self._hulls
+        pose = Pose(q[:3], from_quaternions(q[3:]))
+        return deepest([placed(body, pose) for body in moving], fixed)
+
+    @cached_property
+    def _hulls(self) -> tuple[tuple[Polyhedron, ...], tuple[Polyhedron, ...]]:
+        return tuple(map(convex_hull_polyhedron, self.moving)), tuple(map(convex_hull_polyhedron, self.fixed))
 
 
 _SIDES = ("moving", "fixed")

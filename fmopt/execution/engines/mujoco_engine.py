@@ -42,7 +42,7 @@ class MujocoEngine:
         self._time_step = float(model.opt.timestep)
         self._damping: Array | None = None
         self._pressed = np.zeros((n, 6))
-        self.depth, self._deepest = np.zeros(n), np.zeros(n)  # greatest penetration so far and now, m
+        self.depth, self.deepest = np.zeros(n), np.zeros(n)  # greatest penetration so far and now, m
 
     @property
     def reaction(self) -> Array:
@@ -78,7 +78,7 @@ class MujocoEngine:
         before = [field[every] for field in self._fields]
         found = self._batch.rollout(steps, record=("qfrc_constraint", "sensordata"), ids=every)
         deepest = _deepest(found["sensordata"])
-        last = np.concatenate([self._deepest[every, None], deepest[:, :-1]], axis=1)
+        last = np.concatenate([self.deepest[every, None], deepest[:, :-1]], axis=1)
         thrown = np.flatnonzero((deepest > last + THROWN).any(axis=1))
         self._pressed[every] = found["qfrc_constraint"].mean(axis=1)
         if len(thrown):
@@ -89,7 +89,7 @@ class MujocoEngine:
             for step in range(steps):
                 deepest[thrown, step] = self._step(again, last[thrown, 0] if step == 0 else deepest[thrown, step - 1])
                 self._pressed[again] += self._constraint[again] / steps
-        self._deepest[every] = deepest[:, -1]
+        self.deepest[every] = deepest[:, -1]
         self.depth[every] = np.maximum(self.depth[every], deepest.max(axis=1))
 
     def damp(self, damping: Array) -> None:

@@ -17,7 +17,7 @@ from fmopt.spatial.values import Array
 FORCE = 8.0  # N, lateral force of a press at strength 1
 AXIAL = 20.0  # N, of the last press
 TURNING = 0.25  # rad/s, upright
-LATERAL_SPEED, AXIAL_SPEED, TURN_SPEED = 0.02, 0.012, 1.0  # m/s and rad/s, limits of axes that give way
+LATERAL_SPEED, AXIAL_SPEED, TURN_SPEED = 0.01, 0.012, 1.0  # m/s and rad/s, limits of axes that give way
 COME_DOWN = 4.0, 0.01  # N and m/s
 DATUM, SLIDE = (10.0, 2.0), (3.0, 4.0)  # N, lateral and axial
 ROCK = Rocking(math.radians(3.0), 2.0, 2.0)
@@ -112,7 +112,8 @@ def into_the_mouth(task: PressTask, u: Array, lean: float, numbers: CornerPress)
         numbers: of the sequence.
     """
     press = Press(
-        "press into the corner", XYZ, (0.0,) * 6, six(FORCE * u, -numbers.kappa * FORCE), _SPEEDS,
+        "press into the corner", XYZ, (0.0,) * 6, six(FORCE * u, -numbers.kappa * FORCE),
+        (*_SPEEDS[:2], numbers.kappa * LATERAL_SPEED, *_SPEEDS[3:]),
         (3.0 * task.lateral + 0.5 * task.size, 1.0), (standstill(), Time(5.0, "retry")),
     )  # fmt: skip
     hold = numbers.hold * FORCE
