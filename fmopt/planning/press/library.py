@@ -114,7 +114,7 @@ def into_the_mouth(task: PressTask, u: Array, lean: float, numbers: CornerPress)
     press = Press(
         "press into the corner", XYZ, (0.0,) * 6, six(FORCE * u, -numbers.kappa * FORCE),
         (*_SPEEDS[:2], numbers.kappa * LATERAL_SPEED, *_SPEEDS[3:]),
-        (3.0 * task.lateral + 0.5 * task.size, 1.0), (standstill(), Time(5.0, "retry")),
+        (3.0 * task.lateral + 0.5 * task.size, 1.0), (standstill(), Time(3.0, "next")),
     )  # fmt: skip
     hold = numbers.hold * FORCE
     upright = turn_upright(task, numbers.tilt, lean, six(hold * u, -numbers.axial * hold), numbers.yaw)
