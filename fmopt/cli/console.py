@@ -159,7 +159,7 @@ def _print_presses(console: Console, plan: Plan, findings: Sequence[str], folder
     words = [f"clearance a side: measured {clearance_words(plan, 'measured')}"]
     others = ", ".join(attempt.source for attempt in attempts[1:])
     words += [f"{len(attempts) - 1} further attempts where it fails: {others}"] if others else []
-    words.append(f"{plan.verdict}: {evidence_words(plan.trials)}")
+    words.append(f"{plan.verdict}: {evidence_words(plan)}")
     words += [f"  {finding}" for finding in findings[:5]]
     if plan.trials is not None:
         words += [f"drawn from: {conditions_words(plan.trials)}", timing_words(plan.trials)]
@@ -173,6 +173,7 @@ def _solved_words(plan: Plan, findings: Sequence[str]) -> Iterator[str]:
     """What is said of a plan below its table, line by line."""
     from fmopt.report.control_tables import jamming_words
     from fmopt.report.naming import binding_words
+    from fmopt.report.presses import carried_words
     from fmopt.report.recovery_tables import rates, recovery_words, tolerated_words
     from fmopt.report.sections import clearance_words
     from fmopt.report.views.tube_view import ends_words
@@ -182,7 +183,7 @@ def _solved_words(plan: Plan, findings: Sequence[str]) -> Iterator[str]:
     least = min(plan.segments, key=lambda segment: segment.margin)
     margin = f"{1e6 * least.margin:.2f} µm ({binding_words(plan, least.binding)})"
     if plan.verdict == "CERTIFIED":
-        yield f"CERTIFIED: least margin {margin}, checked independently"
+        yield f"CERTIFIED: least margin {margin}, checked independently; {carried_words(plan)}"
     else:
         yield f"{plan.verdict}: least computed margin {margin}, not proved"
         yield from (f"  {finding}" for finding in findings[:5])

@@ -53,6 +53,9 @@ def solve(
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; default: out/<problem>.")] = None,
     report: Annotated[bool, typer.Option("--report", help="Write report.html and its figures, too.")] = False,
     evidence: Annotated[Wanted | None, typer.Option("--evidence", help="Default: as the problem asks for.")] = None,
+    trials: Annotated[
+        int | None, typer.Option("--trials", min=0, max=10_000, help="Draws to carry the plan out with; 0: none.")
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -78,12 +81,14 @@ def solve(
         problem = problem_in(folder, files, options, quiet)
     if evidence is not None:
         problem = replace(problem, settings=replace(problem.settings, evidence=evidence))
+    if trials is not None:
+        problem = replace(problem, settings=replace(problem.settings, draws=trials))
     with Stages(quiet or as_json) as stages:
         announce(stages)
         compile_kernels(stages)
         begun = clock()
         try:
-            result = synthesise(problem, stages, RESERVED)
+            result = synthesise(problem, stages, RESERVED).carried_out(problem.settings, stages)
         except FmoptError as error:
             kept = output.set_aside(folder, ("plan.json", "timings.json", "report.html"))
             lines = [f"the {path.name.removeprefix('earlier-')} of an earlier run is now {path}" for path in kept]
@@ -131,6 +136,7 @@ def _summary(plan: Plan, verdict: Verdict, folder: Path) -> dict[str, Any]:
         "margin" if plan.verdict == "CERTIFIED" else "computed_margin": min(s.margin for s in plan.segments),
         "segments": len(plan.segments),
         "moves": list(plan.search.moves) if plan.search is not None else [],
+        "carried_out": None if plan.description.carried_out is None else asdict(plan.description.carried_out),
         "plan": str(folder / "plan.json"),
     }
 

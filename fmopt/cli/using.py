@@ -135,7 +135,8 @@ def execute(
         int, typer.Option("--beyond", min=0, max=MOST_TRIALS, help="With errors of one to two times the set.")
     ] = 0,
     seed: Annotated[
-        int | None, typer.Option("--seed", min=0, help="Of all that is drawn; default: 0, of presses their evidence's.")
+        int | None,
+        typer.Option("--seed", min=0, help="Default: 0; of presses a new one, with --replay that of their evidence."),
     ] = None,
     method: Annotated[str, typer.Option("--method", help="plan, push, spiral, dither or tilt.")] = "plan",
     friction: Annotated[float | None, typer.Option("--friction", help="Default: the plan's bound.")] = None,
@@ -179,7 +180,8 @@ def execute(
     folder = out if out is not None else (Path() if file == STDIO else file.parent) / "trials"
     plan, caution = _admitted(file, unverified)
     if seed is None and plan.trials is not None:
-        wanted = replace(wanted, seed=plan.trials.seed)
+        # Draws of the evidence are repeated one by one; a rate is that of new ones. Two seeds belong to a choice.
+        wanted = replace(wanted, seed=plan.trials.seed + (2 if again is None else 0))
     if again is not None:
         _replay(plan, wanted, again, folder)
         return

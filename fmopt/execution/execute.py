@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fmopt.errors import Interruption, ResourceError
+from fmopt.errors import Interruption, PlanFormatError, ResourceError
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.summary import summary
 from fmopt.execution.trials import LATER, METHODS, Trials, run
@@ -73,6 +73,9 @@ def compare(plans: Sequence[Plan], trials: int, seed: int, settled: Settled) -> 
         FmoptError: as for `execute`.
     """
     ENGINES[Trials.engine].library()
+    for read in plans:
+        if read.press_plan is not None:
+            raise PlanFormatError(f"{read.title}: a plan of presses has no guarded moves to compare", "leave it out")
     output.prepare(settled.folder)
     rows = []
     for read in plans:

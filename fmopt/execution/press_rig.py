@@ -36,6 +36,7 @@ from fmopt.execution.rotation import between, product, quaternions
 from fmopt.execution.summary import SHARE, Fit, reasons_at_rest
 from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import Force, Level, Next, Press, PressPlan, Standstill, Time, Travel
+from fmopt.runtime.compiled import heed
 from fmopt.spatial.values import Array
 
 THEN: dict[Next, int] = {"next": NEXT, "seated": SEATED, "retry": RETRY, "fail": FAIL}
@@ -175,9 +176,10 @@ class PressRig:
         self.state = Bodies(
             mode=np.full(n, RUNNING), step=step, time=zero, due=zero.copy(), p=q[:, :3].copy(), q=q[:, 3:].copy(),
             begun=q, before=six(), filtered=six(), peak=zero.copy(), lowest=q[:, 2].copy(), gives=six() > 0.0,
-            twist=six(), wrench=six(), ramp=np.ones(n), reference=np.zeros((n, 3)), resist=six(), resisted=six(), resists=six(),
-            rocking=np.zeros((n, 3)), stiffness=K, damping=2.0 * np.sqrt(K * np.repeat([robot.mass, robot.inertia], 3)),
-            offset=errors.offset, above=errors.start[:, 2].copy(),
+            twist=six(), wrench=six(), ramp=np.ones(n), reference=np.zeros((n, 3)), resist=six(), resisted=six(),
+            resists=six(), rocking=np.zeros((n, 3)), stiffness=K,
+            damping=2.0 * np.sqrt(K * np.repeat([robot.mass, robot.inertia], 3)), offset=errors.offset,
+            above=errors.start[:, 2].copy(),
         )  # fmt: skip
         late, samples = round(robot.delay / robot.period) + 1, round(_WINDOW / SAMPLE) + 1
         now = np.hstack([q, six()])
@@ -189,8 +191,14 @@ class PressRig:
             self._load(k)
 
     def run(self) -> list[TrialOutcome]:
-        """Runs all bodies until each has an outcome."""
+        """Runs all bodies until each has an outcome.
+
+        Raises:
+            OverdueError: the time limit is used up.
+        """
         while (active := np.flatnonzero(self.state.mode != DONE)).size:
+            if self.ticks % self._keep == 0:
+                heed()
             self._one(active)
             if self.look is not None:
                 self.look(self)

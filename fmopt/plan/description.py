@@ -187,6 +187,18 @@ class TracePose:
 
 
 @dataclass(frozen=True, config=FORM)
+class CarriedOut:
+    """Draws of the stated errors in the physics engine: how many seat, the lower bound of their rate, and its aim."""
+
+    draws: Index
+    seated: Index
+    bound: Annotated[NonNegative, Field(le=1.0)]
+    min_rate: Annotated[NonNegative, Field(le=1.0)]
+    seed: Index
+    engine: Line
+
+
+@dataclass(frozen=True, config=FORM)
 class Description:
     """All that a plan describes; what could not be found, or is not asked for, is None or empty.
 
@@ -194,6 +206,9 @@ class Description:
         critical_points: poses near which contact states were looked for.
         places: for each segment the index of the critical point near which it runs.
         trace: the way of a trial of presses without errors.
+        carried_out: trials of guarded moves before the plan was written; None where there were none.
+        certified_share: of the start errors, the largest for which guarded moves are certified where presses stay below
+            the rate that is asked for; None where it was not looked for.
     """
 
     search: Search | None = None
@@ -203,6 +218,8 @@ class Description:
     places: Many[Index] = ()
     diagnostics: Diagnostics | None = None
     trace: Many[TracePose] = ()
+    carried_out: CarriedOut | None = None
+    certified_share: Annotated[NonNegative, Field(le=1.0)] | None = None
 
     @model_validator(mode="after")
     def _check_agreement(self) -> Description:

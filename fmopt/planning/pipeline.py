@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,7 +22,7 @@ from fmopt.papers.lee_huang.freedom import freedom, half_widths
 from fmopt.papers.lee_huang.mapping import answered
 from fmopt.papers.lee_huang.nominal_trajectory import critical_poses
 from fmopt.plan import Plan
-from fmopt.plan.description import Description
+from fmopt.plan.description import CarriedOut, Description
 from fmopt.plan.diagnostics import ErrorTolerance, Reduced
 from fmopt.plan.field_types import numbers
 from fmopt.planning.control.controlled_motion import controlled
@@ -34,8 +34,9 @@ from fmopt.planning.robustness.contact_space import contact_spaces
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion, error_tolerance
 from fmopt.planning.robustness.state_trace import Visited, visited
 from fmopt.runtime.compiled import clock, deadline, heed, undisturbed, until
+from fmopt.runtime.process import cores
 from fmopt.task.object_model.command import Answer, answer
-from fmopt.task.problem import Problem, VelocityError
+from fmopt.task.problem import Problem, Settings, VelocityError
 from fmopt.task.task_command import task_command
 from fmopt.verify import CERTIFIED, TESTED, Verdict, verify
 
@@ -63,6 +64,28 @@ class Synthesis:
     def proved(self) -> bool:
         """Whether the plan is certified."""
         return _certified(self.verdict)
+
+    def carried_out(self, settings: Settings, progress: Progress = lambda _: None) -> Synthesis:
+        """The same with trials of its guarded moves, as many as settings have draws, which change no verdict."""
+        if not (self.proved and settings.draws):
+            return self
+        from fmopt.execution.confidence import lower_bound
+        from fmopt.execution.engines.mujoco_engine import MUJOCO
+        from fmopt.execution.trials import Trials, run
+        from fmopt.execution.workers import spread
+
+        progress(f"trials: {settings.draws} draws")
+        draws, workers, records = settings.draws, cores(), list[Any]()
+        chunks = [range(k, draws, workers) for k in range(workers)]
+        spread(partial(run, self.plan, Trials(draws, seed=settings.seed)), chunks, workers, records.extend)
+        seated = sum(record["success"] for record in records)
+        found = CarriedOut(
+            *(draws, seated, lower_bound(seated, draws), settings.min_rate, settings.seed),
+            f"mujoco {MUJOCO.library().__version__}",
+        )
+        described = replace(Description.parsed(self.document["description"]), carried_out=found)
+        document = plan.sealed(plan.clean({**self.document, "description": described.record()}))
+        return replace(self, document=document)
 
 
 @dataclass(frozen=True)
@@ -101,18 +124,48 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None, reserved: 
 
 
 def _tested(problem: Problem, stages: Stages) -> Synthesis:
-    """A plan of presses, carried out; what it comes to is its verdict."""
+    """A plan of presses, carried out; where it stays below the rate asked for, guarded moves if they are certified.
+
+    Raises:
+        SearchError, InfeasibleError, OverdueError: there are neither presses nor guarded moves.
+    """
     from fmopt.planning.press.record import press_document, subject
     from fmopt.planning.press.solve import press_solution
 
     stages.progress("measuring the parts")
     posed = Posed.of(problem)
     stages.ended("geometry")
-    found = press_solution(posed, lambda presses: subject(press_document(posed, presses, None)), stages.progress)
+    try:
+        found = press_solution(posed, lambda presses: subject(press_document(posed, presses, None)), stages.progress)
+    except (SearchError, OverdueError) as error:
+        stages.progress(f"presses: {error.message}")
+        stages.ended("presses")
+        heed()
+        left = _within(problem, deadline() - clock())
+        return _completed(left, certified_motion(left, stages), stages)
     stages.ended("presses")
-    document, verdict = _checked(press_document(posed, found.plan, found.evidence, found.trace), TESTED)
+    share = None
+    if found.evidence is not None and found.evidence.level != "tested":
+        stages.progress("guarded moves: for all of the errors, then for shares of them")
+        whole = _certified_whole(problem, stages)
+        if whole is not None:
+            return whole
+        share = nearest(problem, max(deadline() - clock(), 0.0), stages.progress).share
+        stages.ended("share")
+    document, verdict = _checked(press_document(posed, found.plan, found.evidence, found.trace, share), TESTED)
     stages.ended("verify")
     return Synthesis(document, verdict, stages.seconds)
+
+
+def _certified_whole(problem: Problem, stages: Stages) -> Synthesis | None:
+    """A certified plan of guarded moves in half of the time that is left, or none."""
+    part = _within(problem, 0.5 * (deadline() - clock()))
+    try:
+        with until(clock() + part.settings.time_limit):
+            found = _completed(part, certified_motion(part, stages), stages)
+    except (SearchError, InfeasibleError, OverdueError):
+        return None
+    return found if found.proved else None
 
 
 def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: None) -> Share:

@@ -11,7 +11,7 @@ import numpy as np
 from fmopt.errors import ChoiceError
 from fmopt.plan import Numbers, Plan, Segment
 from fmopt.report.naming import binding_words, contact_words, quantity, spoken_axis, touched_words
-from fmopt.report.presses import evidence_words
+from fmopt.report.presses import carried_words, evidence_words
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
@@ -124,7 +124,7 @@ def verdict(plan: Plan) -> Verdict:
         return Verdict(False, "Not proved", "The plan was changed after it was sealed: its digest does not fit.")
     if plan.press_plan is not None:
         word = "Tested" if plan.verdict == "TESTED" else "Not tested enough"
-        return Verdict(False, word, f"{evidence_words(plan.trials)} Nothing is proved of presses.")
+        return Verdict(False, word, f"{evidence_words(plan)} Nothing is proved of presses.")
     margin = smallest_margin(plan)
     if plan.verdict == "REFUTED":
         words = "The independent check found a pose within the stated errors at which the plan fails."
@@ -132,7 +132,7 @@ def verdict(plan: Plan) -> Verdict:
     if plan.verdict == "CERTIFIED" and margin > 0.0:
         words = (
             "Every motion whose errors lie in the stated set makes the planned contacts in the planned order and ends "
-            f"in the goal pose. Smallest certified margin: {quantity(margin)}."
+            f"in the goal pose. Smallest certified margin: {quantity(margin)}. Trials: {carried_words(plan)}."
         )
         return Verdict(True, "Certified", words)
     words = "The proof could not be closed: the motion may work, but nothing below is a guarantee."

@@ -73,15 +73,25 @@ def _ends(press: Press) -> Iterator[str]:
         yield words + then
 
 
-def evidence_words(evidence: Evidence | None) -> str:
-    """What trials came to, with draws and bound."""
+def carried_words(plan: Plan) -> str:
+    """What trials of a certified plan came to, in a few words for its verdict."""
+    found = plan.description.carried_out
+    if found is None:
+        return "not carried out"
+    rate = f"{found.seated} of {found.draws} draws seat in the physics engine, at least {100.0 * found.bound:.1f} %"
+    return rate if found.bound >= found.min_rate else f"BUT {rate}, asked for {100.0 * found.min_rate:g} %"
+
+
+def evidence_words(plan: Plan) -> str:
+    """What trials came to, with draws and bound; and what is certified where that is less than was asked for."""
+    evidence, share = plan.trials, plan.description.certified_share
     if evidence is None:
         return "The presses were not carried out: nothing is known of them."
     return (
         f"{evidence.seated} of {evidence.draws} draws seat in the physics engine, {evidence.first_tries} at the first "
         f"attempt: a rate of at least {100.0 * evidence.bound:.1f} % at {evidence.confidence:.1%} confidence, asked "
         f"for {100.0 * evidence.min_rate:g} %. {evidence.vertices_seated} of {evidence.vertices} vertices of the start "
-        "errors seat."
+        "errors seat." + ("" if share is None else f" Guarded moves are certified for {share:.0%} of the start errors.")
     )
 
 
@@ -139,7 +149,7 @@ def press_chapters(plan: Plan) -> list[tuple[str, str, str]]:
         f"{robot.damping[0]:.4g} N s/m, {robot.damping[1]:.3g} N m s/rad; {robot.mass:g} kg. After a failure the part "
         "backs out along its way, is lifted, and the next attempt begins.</p>\n"
     )
-    found = f"<p>{escape(evidence_words(evidence))}</p>\n"
+    found = f"<p>{escape(evidence_words(plan))}</p>\n"
     if evidence is not None:
         found += f"<p>Drawn from: {escape(conditions_words(evidence))}. {escape(timing_words(evidence))}</p>\n"
         head = ("last press", "what speaks against it", "draws", "vertices")

@@ -464,7 +464,7 @@ def solved(monkeypatch: pytest.MonkeyPatch, square_peg_plan: dict[str, Any]) -> 
 
 @pytest.mark.usefixtures("solved")
 def test_solve_tells_people(fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
-    done = fmopt("solve", ROOT / PROBLEM, "--out", tmp_path / "out")
+    done = fmopt("solve", ROOT / PROBLEM, "--trials", "0", "--out", tmp_path / "out")
     assert (done.code, done.err) == (EXIT[square_peg_plan["verdict"]], "")
     for words in (square_peg_plan["verdict"], "clearance a side: measured 0.1 mm", "not covered: ", "plan.json"):
         assert words in done.out
@@ -474,14 +474,14 @@ def test_solve_tells_people(fmopt: Command, square_peg_plan: dict[str, Any], tmp
 
 @pytest.mark.usefixtures("solved")
 def test_solve_tells_machines(fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
-    done = fmopt("solve", ROOT / PROBLEM, "--out", tmp_path, "--json")
+    done = fmopt("solve", ROOT / PROBLEM, "--trials", "0", "--out", tmp_path, "--json")
     assert (done.code, done.err) == (EXIT[square_peg_plan["verdict"]], "")
     assert done.out.count("\n") == 1
     found = json.loads(done.out)
     assert found["verdict"] == square_peg_plan["verdict"]
     assert found["segments"] == len(square_peg_plan["segments"])
     assert found["plan"] == str(tmp_path / "plan.json")
-    assert fmopt("solve", ROOT / PROBLEM, "--out", tmp_path, "--quiet") == Outcome(done.code, "", "")
+    assert fmopt("solve", ROOT / PROBLEM, "--trials", "0", "--out", tmp_path, "--quiet") == Outcome(done.code, "", "")
 
 
 @pytest.mark.usefixtures("solved")
@@ -494,7 +494,19 @@ def test_an_out_folder_that_cannot_be_written(fmopt: Command, tmp_path: Path) ->
 
 
 def test_a_fresh_process_writes_the_same_bytes(square_peg_plan_file: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "fmopt", "solve", str(ROOT / PROBLEM), "--out", "out", "--report", "--json"]
+    command = [
+        sys.executable,
+        "-m",
+        "fmopt",
+        "solve",
+        str(ROOT / PROBLEM),
+        "--out",
+        "out",
+        "--trials",
+        "0",
+        "--report",
+        "--json",
+    ]
     environment = {**os.environ, "PYTHONHASHSEED": "4711"}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=540)
     document = plan.read_document(tmp_path / "out" / "plan.json")

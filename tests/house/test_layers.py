@@ -356,7 +356,7 @@ def test_the_check_of_a_problem_loads_no_solver() -> None:
 
 def test_a_plan_of_a_problem_file_loads_only_what_it_uses(tmp_path: Path) -> None:
     problem, out = PACKAGE.parent / "problems" / "square_peg.toml", tmp_path / "out"
-    words = ["solve", str(problem), "-q", "--out", str(out)]
+    words = ["solve", str(problem), "-q", "--trials", "0", "--out", str(out)]
     code = f"from fmopt.cli.entry import app\napp({words}, standalone_mode=False)"
     others = {"sympy", "mpmath", "matplotlib", "networkx", "cvxpy", "pint", "OCP", "mujoco", "polars", "distributed"}
     assert loaded(code) & others == set()

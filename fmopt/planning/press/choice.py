@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmopt.errors import SearchError
+from fmopt.errors import OverdueError, SearchError
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.evidence import Examination, examine
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
-from fmopt.plan.evidence import Evidence, TrialOutcome
+from fmopt.plan.evidence import VERTICES, Evidence, TrialOutcome
 from fmopt.plan.press import MAX_ATTEMPTS, Attempt, Conditions, PressPlan, PressRobot, Seat
-from fmopt.runtime.compiled import clock, deadline
+from fmopt.runtime.compiled import clock, deadline, heed
 from fmopt.runtime.process import cores
 
 _ROUNDS = (8, 16, 32)  # draws that a candidate has seen after each round
@@ -58,6 +58,7 @@ class Choosing:
         robot: at strength 1.
         conditions: that draws are taken from.
         seed: of the choice.
+        draws: of the evidence, which time is kept for.
     """
 
     bodies: Bodies
@@ -65,6 +66,7 @@ class Choosing:
     robot: PressRobot
     conditions: Conditions
     seed: int
+    draws: int = 96
 
     def plan(self, attempts: Sequence[Attempt]) -> PressPlan:
         """Attempts as a plan, at the largest strength that the limits of force and torque allow."""
@@ -118,14 +120,35 @@ def halved(choosing: Choosing, candidates: Sequence[Attempt], progress: Callable
     Args:
         candidates: in the order of their generators.
         progress: told in words.
+
+    Raises:
+        OverdueError: the time limit leaves no draw for any.
     """
     left: list[Trialled] = []
+    pace = _Pace(choosing.draws + VERTICES, clock())
     for begun in range(0, len(candidates), _WAVE):
         wave = [Trialled(one, ()) for one in candidates[begun : begun + _WAVE]]
-        left = _halved(choosing, [*left, *wave], progress)
-        if _sure(left) or clock() >= deadline():
+        left = _halved(choosing, [*left, *wave], pace, progress)
+        if _sure(left) or pace.late:
             break
+    if not left:
+        heed()
     return left
+
+
+@dataclass
+class _Pace:
+    """How long trials take, and whether the time that is left is what the evidence takes."""
+
+    kept: int
+    begun: float
+    trials: int = 0
+
+    @property
+    def late(self) -> bool:
+        """Whether another round would take time from the evidence."""
+        now = clock()
+        return deadline() - now < self.kept * (now - self.begun) / max(self.trials, 1)
 
 
 def _sure(ranked: Sequence[Trialled]) -> bool:
@@ -134,7 +157,9 @@ def _sure(ranked: Sequence[Trialled]) -> bool:
     return max(perfect, default=0) >= _ROUNDS[-1] or sum(draws >= _ROUNDS[1] for draws in perfect) >= _SURE
 
 
-def _halved(choosing: Choosing, candidates: list[Trialled], progress: Callable[[str], None]) -> list[Trialled]:
+def _halved(
+    choosing: Choosing, candidates: list[Trialled], pace: _Pace, progress: Callable[[str], None]
+) -> list[Trialled]:
     """See `halved`; candidates that have seen some draws already begin with those that they have not seen."""
     left = candidates
     for draws in _ROUNDS:
@@ -142,11 +167,15 @@ def _halved(choosing: Choosing, candidates: list[Trialled], progress: Callable[[
         for seen in sorted({len(one.outcomes) for one in fresh}):
             group = [one for one in fresh if len(one.outcomes) == seen]
             progress(f"presses: {len(group)} candidates, draws {seen + 1} to {draws}")
-            found = choosing.carried_out([one.attempt for one in group], range(seen, draws))
+            try:
+                found = choosing.carried_out([one.attempt for one in group], range(seen, draws))
+            except OverdueError:
+                break
+            pace.trials += len(group) * (draws - seen)
             changed = {one: replace(one, outcomes=one.outcomes + new) for one, new in zip(group, found, strict=True)}
             left = [changed.get(one, one) for one in left]
-        left = sorted(left, key=lambda one: one.score, reverse=True)
-        if clock() >= deadline() or _sure(left):
+        left = sorted((one for one in left if one.outcomes), key=lambda one: one.score, reverse=True)
+        if pace.late or _sure(left):
             break
         left = left[: max(round(_LEFT * len(left)), _LEAST)]
     return left
@@ -176,15 +205,23 @@ def examined(
         asked: of the evidence.
         subject_of: digest of what is carried out.
         progress: told in words.
+
+    Raises:
+        OverdueError: the time limit cuts the first of them off.
     """
     best: tuple[PressPlan, Evidence] | None = None
     for number in range(min(2, len(ranked))):
         plan = choosing.plan(with_retries(ranked, number))
         request = replace(asked, seed=asked.seed + number, examined=number + 1)
-        found = examine(choosing.bodies, plan, choosing.conditions, request, subject_of(plan), progress)
+        try:
+            found = examine(choosing.bodies, plan, choosing.conditions, request, subject_of(plan), progress)
+        except OverdueError:
+            if best is None:
+                raise
+            break
         if best is None or (found.bound, found.vertices_seated) > (best[1].bound, best[1].vertices_seated):
             best = plan, found
-        if found.level == "tested" or clock() >= deadline():
+        if found.level == "tested":
             break
     assert best is not None
     return best

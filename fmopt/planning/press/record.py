@@ -15,7 +15,11 @@ from fmopt.verify.reading.parse import SUBJECT
 
 
 def press_document(
-    posed: Posed, presses: PressPlan, evidence: Evidence | None, trace: Sequence[TracePose] = ()
+    posed: Posed,
+    presses: PressPlan,
+    evidence: Evidence | None,
+    trace: Sequence[TracePose] = (),
+    certified_share: float | None = None,
 ) -> dict[str, Any]:
     """The plan file of presses, its verdict still open.
 
@@ -24,6 +28,7 @@ def press_document(
         presses: as they are carried out.
         evidence: of their trials; None where there were none.
         trace: the way of a trial without errors.
+        certified_share: see `Description`.
     """
     document: dict[str, Any] = {
         **heading(posed.problem, posed.tolerance, posed.errors, posed.clearance.per_side),
@@ -32,7 +37,7 @@ def press_document(
         "contacts": [],
         **press_records(presses),
         **({} if evidence is None else {"evidence": evidence_record(evidence)}),
-        "description": Description(trace=tuple(trace)).record(),
+        "description": Description(trace=tuple(trace), certified_share=certified_share).record(),
     }
     return dict(plan.clean(document))
 

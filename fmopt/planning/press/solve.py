@@ -17,7 +17,7 @@ from fmopt.plan.evidence import Evidence
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Conditions, PressPlan
 from fmopt.planning.posed import Posed, Progress
-from fmopt.planning.press.choice import Choosing, examined, halved
+from fmopt.planning.press.choice import Choosing, examined, halved, with_retries
 from fmopt.planning.press.library import robot_of
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.task import PressTask
@@ -27,10 +27,10 @@ _TRACE_EVERY = 25  # periods between poses that are shown
 
 @dataclass(frozen=True, eq=False)
 class PressSolution:
-    """A plan of presses and what its trials came to."""
+    """A plan of presses and what its trials came to; None where no draws were asked for."""
 
     plan: PressPlan
-    evidence: Evidence
+    evidence: Evidence | None
     trace: tuple[TracePose, ...]
 
 
@@ -46,6 +46,7 @@ def press_solution(
 
     Raises:
         SearchError: no sequence comes down inside the mouth.
+        OverdueError: the time limit cuts the evidence off.
     """
     problem = posed.problem
     task = PressTask(problem, problem.moving, problem.fixed, posed.clearance, problem.start_box)
@@ -54,11 +55,14 @@ def press_solution(
     drift = max(problem.velocity_error.translation, problem.velocity_error.rotation, Conditions.drift)
     conditions = Conditions(numbers(problem.start_box), problem.friction, drift=drift)
     settings = problem.settings
-    choosing = Choosing(task.bodies, task.seat, robot, conditions, settings.seed)
+    choosing = Choosing(task.bodies, task.seat, robot, conditions, settings.seed, settings.draws)
     progress("presses: sections of the parts")
     ranked = halved(choosing, proposals(task), progress)
     asked = Examination(settings.draws, settings.min_rate, settings.seed)
-    plan, evidence = examined(choosing, ranked, asked, subject_of, progress)
+    if settings.draws:
+        plan, evidence = examined(choosing, ranked, asked, subject_of, progress)
+    else:
+        plan, evidence = choosing.plan(with_retries(ranked)), None
     return PressSolution(plan, evidence, traced(task, plan, conditions))
 
 
