@@ -225,7 +225,6 @@ def local_space(
     """The contacts' half-spaces N·X ≥ D around a pose, in scaled units with unit rows.
 
     Args:
-        moving: the moving part in its body frame.
         pose: the reference pose X = 0.
         scale: units of lengths and angles.
     """

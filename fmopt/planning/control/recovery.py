@@ -81,7 +81,6 @@ def recovery_record(
     Args:
         claims: of the plan's pieces.
         box: half-widths (6,) of the start error.
-        rho: characteristic length, m.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     above = underside(fixed)
@@ -142,9 +141,6 @@ def lowest(body: Polyhedron, segment: Mapping[str, Any], rho: float) -> float:
 
     Heights are followed from start to goal, and on from there at the rates that they have there; then the segment's
     errors are taken off.
-
-    Args:
-        rho: ρ, m.
     """
     start, goal = Pose.from_vector(segment["start"]), Pose.from_vector(segment["goal"])
     local = start.local(goal)
@@ -221,11 +217,7 @@ def covered(box: Array) -> list[float]:
 
 
 def told_apart(found: UnplannedContact, specification: Specification, rho: float) -> bool:
-    """Whether noise of the force signal leaves a contact apart from the wanted one: by its angle, or without one.
-
-    Args:
-        rho: ρ, m.
-    """
+    """Whether noise of the force signal leaves a contact apart from the wanted one: by its angle, or without one."""
     if found.angle is None:
         return True
     noise = _SURE * math.hypot(NOISE[0], NOISE[1] / rho) / max(specification.termination_force, 1e-9)

@@ -128,7 +128,6 @@ def unplanned_contacts(
 
     Args:
         box: half-widths (6,) of the start error.
-        rho: characteristic length, m.
     """
     best: dict[PrimitiveContact, _Met] = {}
     for claim, place in _places(claims, np.flatnonzero(box)):

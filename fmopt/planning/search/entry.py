@@ -293,7 +293,6 @@ def start_spread(moving: Part, start_box: Array) -> float:
     """How far the start errors displace the tip's corners sideways at most, about: half-widths and swing, m.
 
     Args:
-        moving: in its body frame.
         start_box: half-widths (6,), m and rad.
     """
     return float(start_box[:2].max()) + swung_by(leading_corners(moving), start_box)
