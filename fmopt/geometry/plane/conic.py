@@ -148,11 +148,6 @@ class ConicArc(Value):
         # The numerator of p′·d is a quadratic in Bernstein form; here it stands in powers of t.
         return unit_roots((a, c - 2.0 * a, a - c + e), 0.0)
 
-    def support(self, direction: ArrayLike) -> float:
-        """max p · direction (2,) over the points p of the curve, in m for a unit direction."""
-        d = np.asarray(direction, dtype=np.float64)
-        return float(np.max(self.point([0.0, 1.0, *self.extremum(d)]) @ d))
-
     def nearest(self, points: ArrayLike) -> Array:
         """Parameters (n,) of the nearest points of the curve to `points` (n, 2).
 

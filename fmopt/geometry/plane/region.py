@@ -69,7 +69,8 @@ class Region(Value):
         Raises:
             GeometryError: the region is empty.
         """
-        self._require_points("bounding box")
+        if self.empty:
+            raise GeometryError("an empty region has no bounding box", "test Region.empty first")
         boxes = boxes_of(self.curves)
         return boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
 
@@ -125,15 +126,6 @@ class Region(Value):
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         return np.where(self.contains(points), 1.0, -1.0) * self.boundary_distance(points)
 
-    def support(self, direction: ArrayLike) -> float:
-        """max p · direction (2,) over the points p of the region, in m for a unit direction.
-
-        Raises:
-            GeometryError: the region is empty.
-        """
-        self._require_points("support")
-        return max(curve.support(direction) for curve in self.curves)
-
     def crossings(self, curve: Curve) -> Array:
         """Parameters (k,) in [0, 1], ascending, at which `curve` meets the boundary; ends of common pieces included."""
         lower, upper = curve.box
@@ -177,10 +169,6 @@ class Region(Value):
             shapes = unary_union([Polygon(ring) for _, ring in alike])
             solid = solid.union(shapes) if filled else solid.difference(shapes)
         return MultiPolygon([part for part in get_parts(solid) if isinstance(part, Polygon) and not part.is_empty])
-
-    def _require_points(self, what: str) -> None:
-        if self.empty:
-            raise GeometryError(f"an empty region has no {what}", "test Region.empty first")
 
 
 def polygon_region(*rings: ArrayLike) -> Region:

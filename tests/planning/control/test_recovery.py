@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fmopt.geometry.convex_pieces import pieces, polyhedron
-from fmopt.geometry.csg import Box, Difference, Hull, Placed, Prism, Solid, Union, frustum
+from fmopt.geometry.csg import Box, Difference, Hull, Placed, Prism, Solid, Union
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.plan import parsed
 from fmopt.plan.export.cautions import failing_words
@@ -26,6 +26,7 @@ from fmopt.verify.parts.solids import Shape
 from fmopt.verify.reading.document import Body
 from tests.shared.executions.geometry import Convex, gaps, rotations
 from tests.shared.lies.mutations import changed
+from tests.shared.solids import frustum
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Plan = dict[str, Any]
