@@ -277,11 +277,7 @@ def made_form(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveC
 
 @remembered(_MEMORY)
 def made_scale(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveContact, ...], rho: float) -> float:
-    """What makes a margin of `made_form`, m: 1 for a distance; a direction's angle counts on an arm of ρ.
-
-    Args:
-        rho: ρ, m.
-    """
+    """What makes a margin of `made_form`, m: 1 for a distance; a direction's angle counts on an arm of ρ."""
     found = made_form(assembly, made, held).at(Pose(np.zeros(3), np.eye(3)))
     # Rows that no translation moves are of an angle; all others are distances.
     return rho / float(found.forms.lever[0]) if not found.forms.bilinear.any() and not found.N[0, :3].any() else 1.0

@@ -29,7 +29,7 @@ from fmopt.certificate.error_set import UNCOUPLED, ErrorSet
 from fmopt.certificate.kernels_rows import Bending, Turned, differing, products
 from fmopt.certificate.row_bounds import Motion, over
 from fmopt.certificate.rows import Forms, Mask, Rows
-from fmopt.certificate.tube import left, powers, varied
+from fmopt.certificate.tube import powers, varied
 from fmopt.runtime.compiled import compiled
 from fmopt.spatial.kernels import halves, size
 from fmopt.spatial.se3 import Pose, length, lengths
@@ -99,14 +99,6 @@ class Curvature:
         (table, turned, twist), (more, ends, _) = one.bending, other.bending
         w, b, y = (np.concatenate(both, axis=1) for both in zip(turned, ends, strict=True))
         return Curvature(Bending(np.concatenate([table, more]), Turned(w, b, y), twist))
-
-    def bound(self, half: Array) -> Array:
-        """Bound (k,) of |f − (linear in the error, interpolated between the ends)|, m, errors in one frame.
-
-        Args:
-            half: half-widths (6,) of a box around the errors.
-        """
-        return left(self.bending, half, UNCOUPLED)
 
     def power(self) -> Array:
         """How N·V, V the twist, changes with the error at the start, to first order: rows (k, 6)."""

@@ -137,7 +137,6 @@ def _way(
 
     Args:
         making: the contact being made and the share φ of what is left of its move; None without.
-        rho: characteristic length, m.
     """
     (start, goal), (contacts, twists) = ends, basis
     V = start.local(goal)

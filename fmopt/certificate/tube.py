@@ -289,9 +289,6 @@ def carried(
 ) -> tuple[int, Array, Array, float, Array, Array, Array, Array]:
     """Carries an error set through a piece of motion; see `segment`.
 
-    Args:
-        rho: ρ, m.
-
     Returns:
         how it ends; half-widths (6,) of a box around the errors all along; thickness of the contacts at the goal (r,);
         overtravel; and generators (k + r, 6), roots of both drifts (6, …) and of the shape (6, s′) at the goal.

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from rich.console import Console
 from rich.table import Table
@@ -19,31 +18,35 @@ if TYPE_CHECKING:
 _WIDE = 120  # columns that the whole table of moves needs
 
 
-class Stages:
+class _Progress:
+    """What a terminal shows while a command runs, from when it is entered until it is left."""
+
+    _bar: Any  # of rich; None where nothing is shown
+
+    def __enter__(self) -> Self:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+class Stages(_Progress):
     """Progress of a long command: one changing line, on a terminal only."""
 
     def __init__(self, silent: bool) -> None:
         self._console = Console(stderr=True)
-        self._status = None if silent or not self._console.is_terminal else self._console.status("")
-
-    def __enter__(self) -> Stages:
-        if self._status is not None:
-            self._status.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._status is not None:
-            self._status.stop()
+        self._bar = None if silent or not self._console.is_terminal else self._console.status("")
 
     def __call__(self, doing: str) -> None:
         """Says what is being done."""
-        if self._status is not None:
-            self._status.update(_shown(doing))
+        if self._bar is not None:
+            self._bar.update(_shown(doing))
 
 
-class Runs:
+class Runs(_Progress):
     """Progress of a study: one bar with rate and time left, on a terminal only."""
 
     def __init__(self, title: str, silent: bool) -> None:
@@ -54,17 +57,6 @@ class Runs:
         columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.fields[words]}"))
         self._bar = None if silent or not console.is_terminal else Progress(*columns, console=console)
         self._task = None if self._bar is None else self._bar.add_task(one_line(title), total=None, words="")
-
-    def __enter__(self) -> Runs:
-        if self._bar is not None:
-            self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
 
     def __call__(self, tally: Any) -> None:
         """Shows how far a study is."""
@@ -83,7 +75,7 @@ def duration(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
-class Trials:
+class Trials(_Progress):
     """Progress of trials: a bar on a terminal."""
 
     def __init__(self, total: int, silent: bool) -> None:
@@ -92,15 +84,6 @@ class Trials:
         console = Console(stderr=True)
         self._bar = Progress(console=console, disable=silent or not console.is_terminal)
         self._task = self._bar.add_task("trials", total=total)
-
-    def __enter__(self) -> Trials:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
 
     def advance(self, done: int) -> None:
         """So many more trials are done."""

@@ -67,8 +67,6 @@ class Surfaces(Value):
 
         Args:
             contacts: in the order of the answers.
-            moving: in its body frame.
-            fixed: in the B-frame.
         """
         return _surfaces(moving, fixed, tuple(contacts))
 
@@ -122,8 +120,6 @@ def values_and_rows(
 
     Args:
         contacts: in the order of the answers.
-        moving: in its body frame.
-        fixed: in the B-frame.
         pose: of the moving part in the B-frame.
     """
     return Surfaces.of(contacts, moving, fixed).values_and_rows(pose)
@@ -209,12 +205,7 @@ def definition(kind: Kind) -> Definition:
 
 @remembered(_NUMBERS)
 def parameters(moving: Polyhedron, fixed: Polyhedron, contact: PrimitiveContact) -> Array:
-    """The numbers (n,) of a contact's C-surface function, in the order of its definition.
-
-    Args:
-        moving: in its body frame.
-        fixed: in the B-frame.
-    """
+    """The numbers (n,) of a contact's C-surface function, in the order of its definition."""
     match contact.kind:
         case Kind.VERTEX_FACE:
             face = fixed.faces[contact.fixed_feature]
@@ -276,8 +267,6 @@ def contact_point(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedr
     """The point (3,) of the moving part's feature, in m, at which the fixed part pushes (at a pose in contact).
 
     Args:
-        moving: in its body frame.
-        fixed: in the B-frame.
         pose: of the moving part in the B-frame; the contact touches there.
 
     Raises:

@@ -48,7 +48,6 @@ def bounds(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pos
     (a reflex edge) is not bounded: the wall's own contacts stop it.
 
     Args:
-        moving: the moving part in its body frame.
         pose: a pose near the contact; it tells the sides of the edges' ends apart.
     """
     return BoundTable.of((contact,), moving, fixed, pose).clauses[0]
@@ -77,8 +76,6 @@ class BoundTable(Value):
 
         Args:
             contacts: in the order of the table.
-            moving: in its body frame.
-            fixed: in the B-frame.
             pose: of the moving part in the B-frame; tells which way edges cross.
         """
         crossings = Crossings.of(contacts, moving, fixed)
@@ -132,8 +129,6 @@ def touching(
     """Those of the contacts that touch at a pose: f = 0 to 1e-9 m, and more than `within` (m) inside their bounds.
 
     Args:
-        moving: in its body frame.
-        fixed: in the B-frame.
         pose: of the moving part in the B-frame.
         within: m; less than 0 admits what lies outside its bounds by so much.
     """
@@ -154,7 +149,6 @@ def cell(
     pose violates is none: in a notch, a face told edge by edge seems to go on over the notch.
 
     Args:
-        moving: the moving part in its body frame.
         within: bounds further away than this (m) are left out; they are not reached.
 
     Returns:
@@ -332,12 +326,7 @@ class Crossings:
 
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron) -> Crossings:
-        """Those of the contacts between these parts.
-
-        Args:
-            moving: in its body frame.
-            fixed: in the B-frame.
-        """
+        """Those of the contacts between these parts."""
         return _crossings(moving, fixed, tuple(contacts))
 
     def sides(self, pose: Pose) -> bytes:

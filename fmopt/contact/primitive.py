@@ -252,8 +252,6 @@ def feature_distances(contacts: Sequence[PrimitiveContact], moving: Polyhedron, 
     Bounds do not say that, as there are none where a face or an edge ends at a wall, or at the next one in its plane.
 
     Args:
-        moving: in its body frame.
-        fixed: in the B-frame.
         pose: of the moving part in the B-frame.
     """
     pairs = np.array([_pair(contact) for contact in contacts], dtype=np.intp).reshape(-1, 5)

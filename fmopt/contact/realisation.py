@@ -135,12 +135,7 @@ class Neighbourhood(Value):
 
     @staticmethod
     def of(space: LocalSpace, moving: Polyhedron, fixed: Polyhedron) -> Neighbourhood:
-        """The functions of a local space's contacts between these parts.
-
-        Args:
-            moving: in its body frame.
-            fixed: in the B-frame.
-        """
+        """The functions of a local space's contacts between these parts."""
         return Neighbourhood(space, BoundTable.of(space.contacts, moving, fixed, space.pose), (moving, fixed))
 
     def measured(self, on: Bits, poses: Poses) -> Measures:

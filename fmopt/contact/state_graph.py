@@ -15,7 +15,6 @@ from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from fmopt.contact.c_surface import values_and_rows
 from fmopt.contact.face_lattice import Bits, Numbers, covers, held
@@ -91,19 +90,6 @@ class ContactGraph(Value):
         """The state with exactly these active contacts, if there is one."""
         return next((i for i, state in enumerate(self.states) if frozenset(state.contacts) == contacts), None)
 
-    def obstacles(self, state: int, goal: int, start: int | None = None) -> tuple[str, ...]:
-        """Contacts a segment in `state` that comes from `start` and ends in `goal` has to stay clear of.
-
-        The contacts of the state's sons, minus those of the state, its goal and its start.
-
-        Args:
-            start: index of the state before; None at the first segment.
-        """
-        # What the segment itself touches is no obstacle, neither on the way nor at its ends.
-        own = {c for i in (state, goal, start) if i is not None for c in self.states[i].contacts}
-        near = {c for son in self.sons[state] for c in self.states[son].contacts}
-        return tuple(contact.id for contact in self.space.contacts if contact.id in near - own)
-
     def count(self) -> dict[int, int]:
         """Number of states by dimension."""
         dimensions = [state.dimension for state in self.states]
@@ -168,10 +154,6 @@ class LocalSpace(Value):
         limits = self.limits
         return np.vstack([self.normals, limits[:, :6]]), np.append(self.offsets, limits[:, 6])
 
-    def poses(self, points: ArrayLike) -> tuple[Pose, ...]:
-        """The poses of scaled points (n, 6)."""
-        return tuple(self.pose.moved(self.scale * x) for x in np.atleast_2d(np.asarray(points, dtype=np.float64)))
-
 
 @dataclass(frozen=True, eq=False)
 class Scale:
@@ -225,7 +207,6 @@ def local_space(
     """The contacts' half-spaces N·X ≥ D around a pose, in scaled units with unit rows.
 
     Args:
-        moving: the moving part in its body frame.
         pose: the reference pose X = 0.
         scale: units of lengths and angles.
     """

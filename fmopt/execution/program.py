@@ -77,7 +77,6 @@ class Program(Value):
     """Steps, from the first on.
 
     Args:
-        rho: characteristic length, m.
         speed: m/s, to which the shares of the velocity error refer.
         steps: in order.
         limits: greatest force (N) and torque (N·m) of the servo.

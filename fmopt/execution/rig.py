@@ -337,11 +337,6 @@ class Rig:
         state.p[bodies] = self.qpos[bodies, :3] + back[:, :3]
         state.q[bodies] = product(quaternions(back[:, 3:]), self.qpos[bodies, 3:])
 
-    @property
-    def failed(self) -> Bools:
-        """Which bodies' programs ended without success."""
-        return np.asarray(self.state.step == FAILED)
-
 
 def _adjoint(R: Array, r: Array) -> Array:
     """(n, 6, 6): twists about the reference points in axes of B to those of frames turned by R at offsets r."""

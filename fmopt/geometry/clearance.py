@@ -141,8 +141,6 @@ def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
     are taken at both ends and the middle of each stretch between vertex levels.
 
     Args:
-        moving: in its body frame.
-        fixed: in the B-frame.
         depth: insertion depth, m.
 
     Raises:
@@ -183,8 +181,6 @@ def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:
     shortest shift that takes the pair apart, so that parts which only touch have depth 0.
 
     Args:
-        moving: in its body frame.
-        fixed: in the B-frame.
         pose: of the moving part in the B-frame.
     """
     bodies = [placed(body, pose) for body in moving.bodies]

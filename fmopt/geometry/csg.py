@@ -8,18 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from itertools import product
 from typing import TypeAlias, assert_never
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, remembered
 
-_PROBE = 1e-9  # m, how far a point on a boundary looks for interior
 _MAX_SIDES, _MAX_MERIDIANS = 1998, 62  # with more a part has more than `facets.MAX_FACES` faces
 
 
@@ -186,12 +183,6 @@ def chamfered_box(size: tuple[float, float, float], chamfer: float) -> Prism:
     return Prism(upper + tuple((-a, -b) for a, b in upper), size[2])
 
 
-def frustum(bottom: tuple[float, float], top: tuple[float, float], height: float) -> Hull:
-    """A rectangular frustum, `bottom` (x, y) in m at z = 0 and `top` (x, y) at z = height: the tool of a chamfer."""
-    rims = ((bottom, 0.0), (top, height))
-    return Hull(tuple((0.5 * i * x, 0.5 * j * y, z) for (x, y), z in rims for i, j in product((-1.0, 1.0), repeat=2)))
-
-
 def corners(primitive: Primitive) -> Array:
     """The points (n, 3) in m whose convex hull the primitive is."""
     match primitive:
@@ -270,49 +261,6 @@ def sagitta(solid: Solid) -> float:
             return max(sagitta(part) for part in (base, *tools))
         case _:
             assert_never(solid)
-
-
-def depth(solid: Solid, points: ArrayLike) -> Array:
-    """Positive inside, negative outside, zero on boundaries (also on inner ones of a union); shape (n,), m.
-
-    For a primitive the distance to the nearest face plane, then max for unions, min with the opposite for differences.
-
-    Args:
-        points: (n, 3), m, in its frame.
-    """
-    points = np.asarray(points, dtype=np.float64)
-    match solid:
-        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
-            hull = convex_polyhedron(solid, Pose.identity())
-            return np.asarray(np.min(hull.offsets - points @ hull.normals.T, axis=1))
-        case Placed(inner, pose):
-            return depth(inner, exact_pose(pose).inverse().apply(points))
-        case Union(parts):
-            return np.asarray(np.max([depth(part, points) for part in parts], axis=0))
-        case Difference(base, tools):
-            return np.asarray(np.min([depth(base, points), *(-depth(tool, points) for tool in tools)], axis=0))
-        case _:
-            assert_never(solid)
-
-
-def contains(solid: Solid, points: ArrayLike) -> NDArray[np.bool_]:
-    """Regularised membership (n,): inside, or on the boundary with interior next to it.
-
-    Points within 1e-12 m of a boundary look 1e-9 m around in 26 directions for interior, so that neither the seam of a
-    union is missed nor a wall of no thickness kept.
-
-    Args:
-        points: (n, 3), m, in its frame.
-    """
-    points = np.asarray(points, dtype=np.float64)
-    value = depth(solid, points)
-    inside = value > 1e-12
-    doubtful = np.flatnonzero(np.abs(value) <= 1e-12)
-    if doubtful.size:
-        around = _PROBE * np.array([step for step in product((-1.0, 0.0, 1.0), repeat=3) if any(step)])
-        probes = (points[doubtful, None, :] + around).reshape(-1, 3)
-        inside[doubtful] = np.any(depth(solid, probes).reshape(doubtful.size, -1) > 1e-12, axis=1)
-    return inside
 
 
 def _loft(lower: Array, upper: Array, height: float) -> Array:

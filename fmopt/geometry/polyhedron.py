@@ -107,11 +107,6 @@ class Polyhedron(Value):
         """Largest distance between two vertices, m."""
         return diameter(self.vertices)
 
-    @property
-    def is_convex(self) -> bool:
-        """Whether every vertex lies behind every face plane, to 1e-9 of the diameter."""
-        return bool(np.max(self.vertices @ self.normals.T - self.offsets) <= 1e-9 * self.diameter)
-
 
 def diameter(points: Array) -> float:
     """Largest distance between two of the points (n, d)."""

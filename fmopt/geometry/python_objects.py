@@ -15,10 +15,9 @@ import numpy as np
 from fmopt.errors import GeometryError
 from fmopt.geometry.mesh.mesh_import import Imported, Unit, mesh_polyhedron
 from fmopt.geometry.mesh.round_planes import chord_error
-from fmopt.geometry.part import Part, mesh_part
 from fmopt.geometry.polyhedron import from_faces
 from fmopt.geometry.section import require_plausible
-from fmopt.geometry.step.step_import import DEVIATION, load_step
+from fmopt.geometry.step.step_import import load_step
 from fmopt.spatial.values import Array
 
 _METRES: dict[str, float] = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
@@ -33,26 +32,7 @@ _ADVICE = (
 )
 
 
-def part_of(thing: object, name: str = "part", unit: Unit | None = None, deviation: float = DEVIATION) -> Part:
-    """The part that an object stands for, its mating features found; the same as from a file of it.
-
-    >>> square = [(0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0)]
-    >>> part = part_of((square, 30.0), "bar", unit="mm")
-    >>> [(feature.name, feature.kind, round(feature.length, 9)) for feature in part.features]
-    [('peg', 'solid', 0.03)]
-
-    Args:
-        name: the part's name.
-        unit: length unit of its numbers; mm for solids of CAD libraries if not given, what a trimesh says itself.
-        deviation: how far facets may lie from curved faces of a CAD solid, m, positive.
-
-    Raises:
-        GeometryError: as of `imported_of`, or it has nothing to mate with.
-    """
-    return mesh_part(name, imported_of(thing, unit, deviation))
-
-
-def imported_of(thing: object, unit: Unit | None = None, deviation: float = DEVIATION) -> Imported:
+def imported_of(thing: object, unit: Unit | None = None) -> Imported:
     """The polyhedron of an object, m.
 
     Args:
@@ -60,7 +40,6 @@ def imported_of(thing: object, unit: Unit | None = None, deviation: float = DEVI
             one solid; a Trimesh; a Manifold; or a pair of an outline and a height: corners (n, 2) of a polygon, or
             several such loops, the outer one first, then its holes, in the plane of x and y, the height along z.
         unit: length unit of its numbers.
-        deviation: how far facets may lie from curved faces of a CAD solid, m, positive.
 
     Raises:
         GeometryError: no such object, no unit where one is needed, or no solid.
@@ -70,7 +49,7 @@ def imported_of(thing: object, unit: Unit | None = None, deviation: float = DEVI
     # By all classes that it derives from, as a user's own may derive from one of a library.
     library = next((found for found in map(_library, type(thing).__mro__) if found in _READERS), "")
     if library in ("cadquery", "build123d", "OCP"):
-        return _of_shape(thing, unit or "mm", deviation)
+        return _of_shape(thing, unit or "mm")
     if library == "trimesh":
         return _of_trimesh(thing, unit)
     if library == "manifold3d":
@@ -94,7 +73,7 @@ def _factor(unit: str | None, what: str) -> float:
     return _METRES[unit]
 
 
-def _of_shape(thing: object, unit: Unit, deviation: float) -> Imported:
+def _of_shape(thing: object, unit: Unit) -> Imported:
     """A solid by way of a STEP file of it, which its own library's kernel writes."""
     from fmopt.geometry.step.step_file import write
 
@@ -106,7 +85,7 @@ def _of_shape(thing: object, unit: Unit, deviation: float) -> Imported:
         path = Path(folder, f"{type(thing).__name__}.step")
         write(path, shapes, scale)
         try:
-            return load_step(path, deviation)
+            return load_step(path)
         except GeometryError as error:
             message = error.message.replace(str(path), f"the {type(thing).__name__}")
             advice = "give one of its solids" if "bodies: " in message else error.advice

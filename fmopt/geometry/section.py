@@ -178,8 +178,7 @@ def lowest_point(moving: Part, pose: Pose) -> float:
     """How high the lowest point of the moving part is above the mouth, m.
 
     Args:
-        moving: in its body frame.
-        pose: of it in the B-frame, whose z = 0 is the mouth.
+        pose: of the moving part in the B-frame, whose z = 0 is the mouth.
     """
     return float((pose.apply(moving.polyhedron.vertices)[:, 2] - moving.polyhedron.radii).min())
 
@@ -245,8 +244,7 @@ def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tupl
     is told by the longest side, of an outline so slender that two opposite sides are left by its width, or nothing is.
 
     Args:
-        moving: in its body frame.
-        corner: (3,), m, in that frame, of its leading face.
+        corner: (3,), m, in the body frame, of its leading face.
     """
     vertices = moving.polyhedron.vertices
     at = int(np.argmin(np.linalg.norm(vertices - corner, axis=1)))
@@ -303,11 +301,7 @@ class Walls:
 
 @remembered(1)
 def walls_around(moving: Part) -> Walls:
-    """The sides of the part's walls around its tip that its hull has, too.
-
-    Args:
-        moving: in its body frame.
-    """
+    """The sides of the part's walls around its tip that its hull has, too."""
     body, tip = moving.polyhedron, leading_corners(moving)
     loop, along = outline(tip)[:, :2], _sides(tip)
     lengths = np.linalg.norm(along, axis=1)
@@ -324,8 +318,7 @@ def reaching_below(moving: Part, pose: Pose) -> Array:
     """Where (n, 2) the moving part is below the mouth at most, x and y in the B-frame, m.
 
     Args:
-        moving: in its body frame.
-        pose: of it in the B-frame, whose z = 0 is the mouth.
+        pose: of the moving part in the B-frame, whose z = 0 is the mouth.
     """
     points = pose.apply(moving.polyhedron.vertices)
     return np.vstack([points[points[:, 2] < 0.0, :2], _crossings(moving.polyhedron, points)])
@@ -337,8 +330,7 @@ def far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
     Of two that meet there, the one that runs more along x.
 
     Args:
-        moving: in its body frame.
-        corner: (3,), m, in that frame.
+        corner: (3,), m, in the body frame.
     """
     loop = outline(leading_face(moving))
     after = np.roll(loop, -1, axis=0)

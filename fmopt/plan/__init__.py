@@ -27,7 +27,6 @@ from fmopt.verify.reading.document import (
     Part,
     Recovery,
     Segment,
-    UnplannedContact,
 )
 from fmopt.verify.reading.parse import parse
 from fmopt.verify.reading.reader import (
@@ -55,7 +54,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FORMAT", "FRAMES", "NOT_COVERED", "NOT_COVERED_OFF_FORM", "NOT_COVERED_PRESSES", "STDIO", "UNITS", "Body",
     "Contact", "Hybrid", "JamFree", "MoveRecovery", "Numbers", "Part", "Plan", "Recovery", "Segment",
-    "UnplannedContact", "canonical", "clean", "digest", "line", "parsed", "read", "read_document", "rounded_down",
+    "canonical", "clean", "digest", "line", "parsed", "read", "read_document", "rounded_down",
     "sealed", "write",
 ]  # fmt: skip
 
@@ -191,6 +190,9 @@ def parsed(document: Any, name: str = "") -> Plan:
     try:
         judged = parse(document)
         description = Description.parsed(document.get("description", {}))
+        for one in () if description.diagnostics is None else description.diagnostics.unplanned:
+            if max(one.moving) >= len(judged.moving.body.vertices) or max(one.fixed) >= len(judged.fixed.body.vertices):
+                raise PlanError("description.diagnostics.unplanned", "names a vertex that its part does not have")
         presses, trials = None, None
         if judged.presses:
             from fmopt.plan.evidence import evidence_of

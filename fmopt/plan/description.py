@@ -32,7 +32,6 @@ from fmopt.plan.field_types import (
     one_of,
     validated,
 )
-from fmopt.verify.reading.reader import Numbers
 
 _SAME = 1e-12  # s: two statements of one moment
 
@@ -86,11 +85,6 @@ class PositionForce(Interval):
             if any(at[axis] != 0.0 for at in positions):
                 raise ValueError(f"entry {axis} of {'pn' if s == 0 else 'pa'} must be 0, as s = {s}")
         return self
-
-    @property
-    def applied(self) -> Numbers:
-        """Wrench (6,) that a controller applies to the moving part, −Fₐ."""
-        return tuple(0.0 - x for x in self.fa)
 
     @property
     def either_sign(self) -> tuple[int, ...]:

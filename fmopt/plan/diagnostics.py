@@ -331,6 +331,31 @@ class Planar:
 
 
 @dataclass(frozen=True, config=FORM)
+class UnplannedContact:
+    """A contact that larger errors would make first, in a move by number.
+
+    Attributes:
+        kind, moving, fixed: the contact, by vertex indices of the parts.
+        factor: of the start errors, with which it is made.
+        axis, axis_factor: the degree whose start error makes it alone, and by which factor; empty and None for none.
+        wrench: of a unit reaction, (6,).
+        angle: to the wrench of the contact wanted, rad; None where none is.
+        told: whether it can be told from the contact wanted.
+    """
+
+    move: Index
+    kind: Label
+    moving: Annotated[Many[Index], Field(min_length=1)]
+    fixed: Annotated[Many[Index], Field(min_length=1)]
+    factor: NonNegative
+    wrench: Six
+    told: Flag
+    axis: Annotated[str, one_of("x", "y", "z", "rx", "ry", "rz", "")] = ""
+    axis_factor: NonNegative | None = None
+    angle: NonNegative | None = None
+
+
+@dataclass(frozen=True, config=FORM)
 class Diagnostics:
     """How a plan was found.
 
@@ -347,6 +372,7 @@ class Diagnostics:
         tolerated: how much error the motion tolerates, where that was asked for.
         reduced: that the plan is for smaller errors than the problem states.
         planar: sets of possible contact, of a planar problem.
+        unplanned: contacts that moves do not plan and larger errors would make, in the order of the moves.
     """
 
     graphs: Many[Graph]
@@ -361,3 +387,4 @@ class Diagnostics:
     tolerated: ErrorTolerance | None = None
     reduced: Reduced | None = None
     planar: Planar | None = None
+    unplanned: Many[UnplannedContact] = ()

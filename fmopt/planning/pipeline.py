@@ -311,9 +311,6 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
     """T-C mapping: the nominal trajectory, its critical poses, and S(t) for the start errors or the given trapezoid.
 
     P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
-
-    Args:
-        rho: ρ, m.
     """
     return _nominal_motion(problem, answer(*task_command(problem)), errors, rho)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import abc
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -156,15 +156,15 @@ def plan_document(problem: Problem, told: Described, motion: ControlledMotion) -
     """The plan file of a finished placement, its verdict still open."""
     proof, done = _proof(problem, motion), motion.motion
     claims, segments, states = done.claims, proof["segments"], told.states
+    recovery, unplanned = recovery_record(
+        done.assembly, claims, segments, problem.start_box, problem.specification, done.tolerance.rho
+    )
     described = Description(
         search=_search(done.found),
         **({} if told.nominal is None else _nominal(problem, told.nominal, done.tolerance.rho)),
         critical_points=() if states is None else states.critical_points(),
         places=() if states is None else tuple(states.space_of(k) for k in range(len(segments))),
-        diagnostics=_diagnostics(problem, told, motion, segments),
-    )
-    recovery = recovery_record(
-        done.assembly, claims, segments, problem.start_box, problem.specification, done.tolerance.rho
+        diagnostics=replace(_diagnostics(problem, told, motion, segments), unplanned=unplanned),
     )
     return dict(plan.clean({**proof, "recovery": recovery, "description": described.record()}))
 

@@ -105,7 +105,6 @@ class Failure:
         late: whether the time limit ended it.
         lack: what the closest attempt lacks; None where no motion could begin.
         box: half-widths (6,) of the start error that was asked for, m and rad.
-        rho: characteristic length, m.
         nearest: the nearest problem that does work; None where none was found.
     """
 

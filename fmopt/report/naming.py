@@ -9,7 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from fmopt.plan import Body, Contact, Part, Plan, UnplannedContact
+from fmopt.plan import Body, Contact, Part, Plan
+from fmopt.plan.diagnostics import UnplannedContact
 from fmopt.plan.position_force import AXES
 from fmopt.spatial.values import Array
 

@@ -86,7 +86,9 @@ def recovery_chapter(plan: Plan) -> str:
 
 def _rows(plan: Plan, move: MoveRecovery) -> list[tuple[str, ...]]:
     number = str(move.move + 1)
-    if not move.first:
+    found = () if plan.diagnostics is None else plan.diagnostics.unplanned
+    mine = [one for one in found if one.move == move.move]
+    if not mine:
         return [(number, "none found", "–", "–", "–", "–")]
     return [
         (
@@ -97,7 +99,7 @@ def _rows(plan: Plan, move: MoveRecovery) -> list[tuple[str, ...]]:
             "–" if first.angle is None else f"{math.degrees(first.angle):.1f}°",
             "yes" if first.told else "no",
         )
-        for first in move.first
+        for first in mine
     ]
 
 

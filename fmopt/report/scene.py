@@ -69,8 +69,6 @@ def seating(moving: Part, fixed: Part, nodes: Sequence[Numbers]) -> str:
     """A viewer of two parts on a nominal way, straight from node to node, as a fragment of HTML.
 
     Args:
-        moving: in its body frame.
-        fixed: in the B-frame.
         nodes: (6,) each, m and rotation vector in rad, of the moving part in the B-frame.
     """
     legs = [Leg(k, a, b) for k, (a, b) in enumerate(pairwise(nodes))]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fmopt.certificate.error_set import UNCOUPLED
 from fmopt.certificate.remainder import Curvature, Extent
 from fmopt.certificate.rows import (
     Forms,
@@ -12,6 +13,7 @@ from fmopt.certificate.rows import (
     records,
     stacked,
 )
+from fmopt.certificate.tube import left
 from fmopt.contact import definitions
 from fmopt.contact.algebra import Body, Definition, Matrix, Scalar, Vector, dot, row
 from fmopt.spatial.se3 import Pose, exp, turns
@@ -56,7 +58,7 @@ def test_edge_rows_are_the_distance_to_the_plane_along_both_edges() -> None:
 
 def remainders(start: Rows, goal: Rows, extent: Extent) -> Array:
     """What the linear picture of rows (k) leaves over a piece of motion."""
-    return Curvature.of(start, goal, extent.twist).bound(extent.half)
+    return left(Curvature.of(start, goal, extent.twist).bending, extent.half, UNCOUPLED)
 
 
 def excesses(kind: str, turn: float, half: Array, seed: int) -> Array:

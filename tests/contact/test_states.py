@@ -67,14 +67,6 @@ def test_the_graph_is_graded(graph: ContactGraph) -> None:
     assert all(len(graph.fathers[i]) == 2 for i, state in enumerate(graph.states) if state.dimension == 4)
 
 
-def test_obstacles_are_the_sons_contacts_without_the_segments_own(graph: ContactGraph) -> None:
-    one = graph.sons[0][0]
-    goal = graph.sons[one][0]
-    obstacles = graph.obstacles(0, one)
-    assert set(obstacles) == {c.id for c in graph.space.contacts} - set(graph.states[one].contacts)
-    assert not set(graph.obstacles(one, goal, start=0)) & set(graph.states[goal].contacts)
-
-
 def test_a_graph_pickles(graph: ContactGraph) -> None:
     again = pickle.loads(pickle.dumps(graph))
     assert not again.states[5].point.flags.writeable

@@ -11,7 +11,7 @@ import pytest
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import mating_clearance
-from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Prism, Solid, Union, frustum
+from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Prism, Solid, Union
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_import import Imported, load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
@@ -19,6 +19,7 @@ from fmopt.spatial.se3 import Pose, exp
 from fmopt.verify.problem.meshes import triangles
 from fmopt.verify.problem.packages import NoMesh
 from tests.shared.files.mesh_files import at, plate, ply_text, rounded, stl_text, triangles_of
+from tests.shared.solids import frustum
 
 ROD = rounded((0.012, 0.008), 0.03, 0.0005)
 PLATE = plate((0.0123, 0.0083))

@@ -13,7 +13,7 @@ import pytest
 from fmopt.errors import GeometryError, InterferenceError, ResourceError
 from fmopt.geometry.clearance import checked_clearance, interference, mating_clearance
 from fmopt.geometry.convex_pieces import _chain, pieces, polyhedron
-from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge, chamfered_box, frustum
+from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge, chamfered_box
 from fmopt.geometry.inverse_csg import solid_of
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_import import Imported, load_mesh
@@ -21,6 +21,7 @@ from fmopt.geometry.part import Part, in_order, mesh_part, part_of, rebased
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, triangulated
 from fmopt.geometry.section import section, section_limit
 from fmopt.spatial.se3 import Pose
+from tests.shared.solids import frustum
 
 
 def at(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Pose:

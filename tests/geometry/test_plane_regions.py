@@ -13,12 +13,13 @@ from scipy.sparse.csgraph import connected_components
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.arrangement import linked
 from fmopt.geometry.plane.boolean import difference, intersection, positive, union
-from fmopt.geometry.plane.conic import ConicArc, ellipse_arcs
+from fmopt.geometry.plane.conic import ConicArc
 from fmopt.geometry.plane.convolution import components
 from fmopt.geometry.plane.curve import Arc, Curve, Segment
 from fmopt.geometry.plane.meet import meet
 from fmopt.geometry.plane.region import Region, polygon_region
 from fmopt.spatial.values import Array
+from tests.shared.plane_shapes import ellipse_arcs, polygon
 
 TOLERANCE = 1e-12
 
@@ -33,7 +34,7 @@ def box(x: float, y: float, width: float, height: float) -> Region:
 
 def ellipse(x: float, y: float, a: float, b: float, turn: float = 0.0) -> Region:
     major, minor = np.array([math.cos(turn), math.sin(turn)]), np.array([-math.sin(turn), math.cos(turn)])
-    return Region((tuple(ellipse_arcs((x, y), a * major, b * minor, 0.0, math.tau)),))
+    return Region((ellipse_arcs((x, y), a * major, b * minor),))
 
 
 def star(rng: np.random.Generator) -> Region:
@@ -133,7 +134,7 @@ def test_what_lies_in_a_hole_is_a_part_of_the_polygon() -> None:
     rings = [box(-k, -k, 2.0 * k, 2.0 * k).loops[0] for k in (4.0, 3.0, 2.0, 1.0)]
     nested = difference(union([Region((rings[0],))]), Region((rings[1],)))
     nested = union([nested, difference(Region((rings[2],)), Region((rings[3],)))])
-    assert nested.polygon(1e-6).area == pytest.approx(nested.area) == pytest.approx(64.0 - 36.0 + 16.0 - 4.0)
+    assert polygon(nested, 1e-6).area == pytest.approx(nested.area) == pytest.approx(64.0 - 36.0 + 16.0 - 4.0)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -153,7 +154,7 @@ def test_membership_follows_the_operators(seed: int) -> None:
 def test_polygons_agree_with_shapely(seed: int) -> None:
     rng = np.random.default_rng(3000 + seed)
     a, b = star(rng), star(rng)
-    p, q = a.polygon(1e-9), b.polygon(1e-9)
+    p, q = polygon(a, 1e-9), polygon(b, 1e-9)
     for found, wanted in (
         (union([a, b]), p.union(q)),
         (intersection(a, b), p.intersection(q)),
@@ -161,7 +162,7 @@ def test_polygons_agree_with_shapely(seed: int) -> None:
     ):
         assert found.area == pytest.approx(wanted.area, rel=1e-12, abs=1e-14)
         if not found.empty:
-            assert found.polygon(1e-9).hausdorff_distance(wanted) <= 1e-10
+            assert polygon(found, 1e-9).hausdorff_distance(wanted) <= 1e-10
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -25,15 +25,13 @@ from fmopt.geometry.csg import (
     Union,
     Wedge,
     chamfered_box,
-    contains,
     corners,
-    depth,
-    frustum,
     ring,
     sagitta,
 )
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, from_triangles, placed
 from fmopt.spatial.se3 import Pose
+from tests.shared.solids import contains, depth, frustum
 
 
 def raised(solid: Solid, z: float) -> Placed:
@@ -81,7 +79,7 @@ def test_de_morgan(name: str) -> None:
 def test_pieces_are_convex_and_cover_exactly_the_solid(name: str) -> None:
     solid, points = SOLIDS[name], cloud(2)
     made = pieces(solid)
-    assert all(piece.is_convex and all(edge.convex for edge in piece.edges) for piece in made)
+    assert all(edge.convex for piece in made for edge in piece.edges)
     clear = np.abs(depth(solid, points)) > 1e-9
     assert np.array_equal(inside(made, points)[clear], contains(solid, points)[clear])
 
@@ -96,18 +94,10 @@ def test_boundary_volume_agrees_with_sampled_pieces(name: str) -> None:
     assert body.volume == pytest.approx(share * np.prod(high - low), rel=0.02)
 
 
-def test_regularised_membership_on_boundaries() -> None:
-    stacked = Union((Box((1.0, 1.0, 1.0)), raised(Box((1.0, 1.0, 1.0)), 1.0)))
-    assert contains(stacked, [[0.1, 0.2, 1.0], [0.5, 0.5, 2.0]]).all()
-    wall = Difference(Box((1.0, 1.0, 1.0)), (raised(Box((1.0, 1.0, 0.5)), 0.5),))
-    assert contains(wall, [[0.2, 0.1, 0.5], [0.2, 0.1, 0.75], [0.5, 0.1, 0.75]]).tolist() == [True, False, False]
-
-
 def test_box_peg() -> None:
     body = polyhedron(Box((0.02, 0.02, 0.05)))
     assert (len(body.vertices), len(body.faces), len(body.edges)) == (8, 6, 12)
     assert all(edge.convex for edge in body.edges)
-    assert body.is_convex
     assert body.volume == pytest.approx(2e-5, rel=1e-12)
     assert body.diameter == pytest.approx(np.sqrt(0.02**2 + 0.02**2 + 0.05**2), rel=1e-12)
     assert all(len(faces) == 3 for faces in body.vertex_faces)
@@ -188,7 +178,7 @@ def test_clip_splits_volume(seed: int) -> None:
     below, above = clip(body, normal, offset), clip(body, -normal, -offset)
     assert below is not None
     assert above is not None
-    assert below.is_convex
+    assert all(edge.convex for edge in below.edges)
     assert below.volume + above.volume == pytest.approx(body.volume, rel=1e-9)
 
 

@@ -22,7 +22,7 @@ from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.geometry.part import part_of as part_of_solid
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.geometry.python_objects import imported_of, part_of
+from fmopt.geometry.python_objects import imported_of
 from fmopt.geometry.step.facets import facets_of
 from fmopt.geometry.step.step_import import bodies, load_step
 from fmopt.spatial.se3 import Pose, exp
@@ -240,14 +240,15 @@ def test_objects_of_python_become_the_same_part() -> None:
     mesh.apply_translation((0.0, 0.0, 0.5 * z))
     solid = manifold3d.Manifold.cube((x, y, z), True).translate((0.0, 0.0, 0.5 * z))
     mesh.units = "mm"
-    made = [
-        part_of(box(x, y, z)),
-        part_of(box(0.1 * x, 0.1 * y, 0.1 * z), unit="cm"),
-        part_of(mesh),
-        part_of(solid, unit="mm"),
-        part_of((corners, z), unit="mm"),
-        part_of((1e-3 * corners[::-1], 1e-3 * z), unit="m"),
+    read = [
+        imported_of(box(x, y, z)),
+        imported_of(box(0.1 * x, 0.1 * y, 0.1 * z), "cm"),
+        imported_of(mesh),
+        imported_of(solid, "mm"),
+        imported_of((corners, z), "mm"),
+        imported_of((1e-3 * corners[::-1], 1e-3 * z), "m"),
     ]
+    made = [mesh_part("part", one) for one in read]
     expected = 5e-4 * np.array([x, y, 2.0 * z])
     for one in made:
         np.testing.assert_allclose(one.polyhedron.vertices.max(axis=0), expected, atol=EXACT)
@@ -276,7 +277,7 @@ def test_objects_that_are_no_part_say_why(thing: object, unit: Any, words: str) 
 
 OWN_FILES = """
 import cadquery as cq, build123d as bd, mujoco, trimesh
-from fmopt.geometry.python_objects import part_of
+from fmopt.geometry.python_objects import imported_of
 from fmopt.geometry.step.step_import import bodies, load_step
 from pathlib import Path
 dowel = cq.Workplane().circle(5).extrude(30).faces("<Z").chamfer(1)
@@ -292,8 +293,8 @@ near(cq.importers.importStep("cq.step").val().Volume(), true)
 near(bd.import_step("bd.step").volume, 2400)
 near(trimesh.load_mesh("tm.stl").volume, 6)
 assert mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>").ngeom == 1
-for part, volume in ((part_of(dowel), true), (part_of(dowel.val()), true), (part_of(bar), 2400)):
-    near(1e9 * part.polyhedron.volume, volume)
+for thing, volume in ((dowel, true), (dowel.val(), true), (bar, 2400)):
+    near(1e9 * imported_of(thing).body.volume, volume)
 near(1e9 * load_step(Path("cq.step")).body.volume, true)
 near(1e9 * load_step(Path("bd.step")).body.volume, 2400)
 named = bodies(Path("both.step"))

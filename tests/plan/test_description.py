@@ -71,6 +71,7 @@ CHANGES: dict[str, tuple[Callable[[Plan], Any], str]] = {
     "free force": (lambda p: _rows(p)[0]["fa"].__setitem__(2, 5.0), r"position_force\[0\]: entry 2 of fa"),
     "position": (lambda p: _rows(p)[-1]["pa_end"].__setitem__(0, 1e-3), r"position_force\[\d\]: entry 0 of pa"),
     "critical point": (lambda p: _last(p["description"]["places"], 99), "a critical point is named beyond the"),
+    "vertex": (lambda p: p["description"]["diagnostics"]["unplanned"][0].update(fixed=[999]), "names a vertex"),
     "sons": (lambda p: p["description"]["diagnostics"]["graphs"][0]["sons"].pop(), r"graphs\[0\]: each state"),
 }
 

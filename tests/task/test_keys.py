@@ -10,7 +10,7 @@ import pytest
 
 from fmopt.errors import InputError
 from fmopt.geometry.convex_pieces import polyhedron
-from fmopt.geometry.csg import Cylinder, Placed, Sphere, contains
+from fmopt.geometry.csg import Cylinder, Placed, Sphere
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.model import load_model
 from fmopt.task.object_model.command import answer
@@ -21,6 +21,7 @@ from fmopt.task.task_command import is_round, task_command
 from fmopt.task.toml.source import Place
 from tests.shared.files.shipped import shipped, swapped
 from tests.shared.parts.workcells import close
+from tests.shared.solids import contains
 
 NOSED = """
 name = "nosed"

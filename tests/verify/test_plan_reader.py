@@ -75,7 +75,6 @@ def test_the_whole_plan_is_read_and_judged(document: dict[str, Any]) -> None:
     found = parse(document)
     assert found.digest_holds
     assert found.recovery is not None
-    assert found.recovery.moves[0].first[1].axis_factor is None
     assert found.segments[0].hybrid.impact == (0.5, 1.0)
     assert found.parts["fixed"].name == "table"
     assert isinstance(verify(document), Verdict)

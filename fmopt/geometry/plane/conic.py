@@ -148,11 +148,6 @@ class ConicArc(Value):
         # The numerator of p′·d is a quadratic in Bernstein form; here it stands in powers of t.
         return unit_roots((a, c - 2.0 * a, a - c + e), 0.0)
 
-    def support(self, direction: ArrayLike) -> float:
-        """max p · direction (2,) over the points p of the curve, in m for a unit direction."""
-        d = np.asarray(direction, dtype=np.float64)
-        return float(np.max(self.point([0.0, 1.0, *self.extremum(d)]) @ d))
-
     def nearest(self, points: ArrayLike) -> Array:
         """Parameters (n,) of the nearest points of the curve to `points` (n, 2).
 
@@ -218,27 +213,6 @@ class ConicArc(Value):
         # Rows of the inverse take (x, y, 1) to τ₀, τ₁, τ₂, its barycentric coordinates in the control triangle.
         a, b, c = inverse
         return np.asarray(2.0 * self.weight**2 * (np.outer(a, c) + np.outer(c, a)) - np.outer(b, b))
-
-
-def ellipse_arcs(centre: ArrayLike, major: ArrayLike, minor: ArrayLike, start: float, sweep: float) -> list[ConicArc]:
-    """The arc centre + cos φ major + sin φ minor, φ from `start` through `sweep` (rad), in pieces of at most 90°.
-
-    Args:
-        centre: of the ellipse (2,), in m.
-        major: conjugate half diameter at φ = 0, (2,).
-        minor: conjugate half diameter at φ = 90°, (2,).
-        start: first φ in rad.
-    """
-    centre = np.asarray(centre, dtype=np.float64)
-    axes = np.stack([np.asarray(major, dtype=np.float64), np.asarray(minor, dtype=np.float64)])
-    # Less 1e-9, so that a quarter turn with its rounding stays one piece.
-    count = max(math.ceil(abs(sweep) / (0.5 * math.pi) - 1e-9), 1)
-    # The shoulder lies on the two end tangents: farther out by 1 / cos of half the opening.
-    half = 0.5 * sweep / count
-    angles = start + half * np.arange(2 * count + 1)
-    radii = np.where(np.arange(2 * count + 1) % 2 == 1, 1.0 / math.cos(half), 1.0)
-    points = centre + (radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)) @ axes
-    return [ConicArc(points[k], points[k + 1], points[k + 2], math.cos(half)) for k in range(0, 2 * count, 2)]
 
 
 def _pairs(arc: ConicArc) -> tuple[tuple[Array, Array], tuple[Array, Array], tuple[Array, Array]]:

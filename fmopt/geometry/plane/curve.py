@@ -43,10 +43,6 @@ class Segment(Value):
         length = float(np.hypot(*along))
         return np.broadcast_to(along / length if length > 0.0 else along, (*np.shape(t), 2))
 
-    def curvature(self, t: ArrayLike) -> Array:
-        """Signed curvature (…,) in 1/m, positive when turning left."""
-        return np.zeros(np.shape(t))
-
     def reversed(self) -> Segment:
         """The same points run through the other way."""
         return Segment(self.end, self.start)
@@ -82,11 +78,6 @@ class Segment(Value):
     def moment(self) -> float:
         """½ ∫ (x dy − y dx) in m²: what the curve adds to the area that a closed loop encloses."""
         return 0.5 * float(self.start[0] * self.end[1] - self.start[1] * self.end[0])
-
-    def support(self, direction: ArrayLike) -> float:
-        """max p · direction (2,) over the points p of the curve, in m for a unit direction."""
-        direction = np.asarray(direction, dtype=np.float64)
-        return float(max(self.start @ direction, self.end @ direction))
 
     def nearest(self, points: ArrayLike) -> Array:
         """Parameters (n,) of the nearest points of the curve to `points` (n, 2)."""
@@ -155,10 +146,6 @@ class Arc(Value):
         angle = self.start + np.asarray(t, dtype=np.float64) * self.sweep
         return math.copysign(1.0, self.sweep) * np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
 
-    def curvature(self, t: ArrayLike) -> Array:
-        """Signed curvature (…,) in 1/m, positive when turning left."""
-        return np.full(np.shape(t), math.copysign(1.0 / self.radius if self.radius > 0.0 else math.inf, self.sweep))
-
     def reversed(self) -> Arc:
         """The same points run through the other way."""
         return Arc(self.centre, self.radius, self.start + self.sweep, -self.sweep)
@@ -185,16 +172,6 @@ class Arc(Value):
         # Green's theorem about the centre: the sector ½ r² sweep, and the triangle that moving the centre adds.
         step = self.last - self.first
         return 0.5 * float(self.centre[0] * step[1] - self.centre[1] * step[0] + self.radius**2 * self.sweep)
-
-    def support(self, direction: ArrayLike) -> float:
-        """max p · direction (2,) over the points p of the curve, in m for a unit direction."""
-        d = np.asarray(direction, dtype=np.float64)
-        size = float(np.hypot(*d))
-        if size == 0.0:
-            return 0.0
-        if self.share(math.atan2(d[1], d[0])) is not None:
-            return float(self.centre @ d) + self.radius * size
-        return float(max(self.first @ d, self.last @ d))
 
     def share(self, angle: float, slack: float = 0.0) -> float | None:
         """The parameter at which the arc passes the polar `angle` (rad) of its circle, None when it does not.

@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.arrangement import Table, simple
-from fmopt.geometry.plane.curve import Curve, Segment, Side, boxes_of
+from fmopt.geometry.plane.curve import Curve, Segment, boxes_of
 from fmopt.geometry.plane.meet import meet
 from fmopt.spatial.values import Array, Value
-
-if TYPE_CHECKING:
-    from shapely import MultiPolygon
-    from shapely.geometry.base import BaseGeometry
 
 _CLOSED = 1e-8  # of the size: shared ends agree to rounding
 
@@ -69,7 +63,8 @@ class Region(Value):
         Raises:
             GeometryError: the region is empty.
         """
-        self._require_points("bounding box")
+        if self.empty:
+            raise GeometryError("an empty region has no bounding box", "test Region.empty first")
         boxes = boxes_of(self.curves)
         return boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
 
@@ -125,15 +120,6 @@ class Region(Value):
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         return np.where(self.contains(points), 1.0, -1.0) * self.boundary_distance(points)
 
-    def support(self, direction: ArrayLike) -> float:
-        """max p · direction (2,) over the points p of the region, in m for a unit direction.
-
-        Raises:
-            GeometryError: the region is empty.
-        """
-        self._require_points("support")
-        return max(curve.support(direction) for curve in self.curves)
-
     def crossings(self, curve: Curve) -> Array:
         """Parameters (k,) in [0, 1], ascending, at which `curve` meets the boundary; ends of common pieces included."""
         lower, upper = curve.box
@@ -158,29 +144,6 @@ class Region(Value):
             # Run backward as well, the interior is on the left again.
             loops = tuple(tuple(curve.reversed() for curve in reversed(loop)) for loop in loops)
         return Region(loops)
-
-    def polygon(self, tolerance: float, side: Side = "on") -> MultiPolygon:
-        """The region with curves replaced by polylines within `tolerance` (m); empty when the region is.
-
-        Args:
-            tolerance: in m.
-        """
-        from shapely import MultiPolygon, Polygon, get_parts, unary_union
-
-        rings = [np.vstack([curve.polyline(tolerance, side)[:-1] for curve in loop]) for loop in self.loops]
-        # Orientation tells holes from outlines, as polylines may touch where curves do not.
-        turning = [sum(curve.moment() for curve in loop) for loop in self.loops]
-        solid: BaseGeometry = Polygon()
-        # The largest first: what lies within another one is smaller, also an outline within a hole.
-        inwards = sorted(zip(turning, rings, strict=True), key=lambda pair: -abs(pair[0]))
-        for filled, alike in groupby(inwards, lambda pair: pair[0] > 0.0):
-            shapes = unary_union([Polygon(ring) for _, ring in alike])
-            solid = solid.union(shapes) if filled else solid.difference(shapes)
-        return MultiPolygon([part for part in get_parts(solid) if isinstance(part, Polygon) and not part.is_empty])
-
-    def _require_points(self, what: str) -> None:
-        if self.empty:
-            raise GeometryError(f"an empty region has no {what}", "test Region.empty first")
 
 
 def polygon_region(*rings: ArrayLike) -> Region:

@@ -57,18 +57,15 @@ class Body(Value):
     pose: Pose
 
 
-def bodies(path: Path, deviation: float = DEVIATION) -> tuple[Body, ...]:
+def bodies(path: Path) -> tuple[Body, ...]:
     """All bodies of a STEP file, of an assembly each in its place; lengths in m, the file says its unit itself.
 
     The pose of one part relative to another, as the file has them, is `one.pose.inverse().compose(other.pose)`.
 
-    Args:
-        deviation: how far facets may lie from curved faces, m, positive.
-
     Raises:
         ResourceError, SizeError, GeometryError: as of `load_step`; the message names the body at fault.
     """
-    found = _read(path, deviation, "*")
+    found = _read(path, DEVIATION, "*")
     return tuple(
         Body(one["name"], number, _imported(path, one, _called(one, number, len(found))), _place(one))
         for number, one in enumerate(found, 1)

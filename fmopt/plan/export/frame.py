@@ -39,9 +39,6 @@ def task_frame(move: Move, rho: float) -> TaskFrame:
     It is set where the segment starts, with the wrench that holds the contacts there: at the goal of a long way their
     arms are others, and what is right for a part that is all the way in tips one that is not.
 
-    Args:
-        rho: characteristic length, m.
-
     Raises:
         PlanFormatError: its force axes are not orthogonal in any one frame.
     """

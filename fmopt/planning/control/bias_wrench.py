@@ -148,7 +148,6 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
 
     Args:
         V: unit twist (6,) in the metric of ρ.
-        rho: characteristic length, m.
 
     Raises:
         InfeasibleError: the move does not approach its contact, or the greatest t is not positive.
@@ -211,9 +210,6 @@ def firmness(move: GuardedMove, rho: float, specification: Specification) -> flo
     All held contacts rub the same way then, and until what resists has told how much, nothing but these forces keeps
     friction from turning the part off them. Of moves that turn, hold nothing or meet nothing it is 1, and 0 where no
     bias holds all contacts.
-
-    Args:
-        rho: ρ, m.
     """
     return 1.0 if turns(move.direction(rho), rho) else _pressed(move, rho, specification)
 
@@ -262,7 +258,6 @@ def turns(displacement: Array, rho: float) -> bool:
 
     Args:
         displacement: (6,), m and rad.
-        rho: ρ, m.
     """
     return rho * length(displacement[3:]) > _TURNING * length(displacement * twist_scale(rho))
 

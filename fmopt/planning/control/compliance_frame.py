@@ -49,7 +49,6 @@ def row_space(wrenches: Array, rho: float) -> Array:
 
     Args:
         wrenches: (m, 6), N and N·m, of any size.
-        rho: ρ, m.
     """
     rows = wrenches / twist_scale(rho)
     if not len(rows):
@@ -74,7 +73,6 @@ def axes(wrenches: Array, rho: float) -> Axes:
 
     Args:
         wrenches: contact wrenches (m, 6) in the frame's coordinates, N and N·m per N.
-        rho: characteristic length, m.
     """
     basis = row_space(wrenches, rho)
     projector = basis.T @ basis
@@ -96,7 +94,6 @@ def compliance_frame(wrenches: Array, points: Array, reference: Pose, rho: float
     Args:
         wrenches: held contact wrenches (m, 6) about the reference point, axes of the B-frame.
         points: contact points (m, 3) in the B-frame, m, and other places through which contacts push.
-        rho: characteristic length, m.
     """
     orientations = np.array(list(_orientations(wrenches, reference.R)))
     best, most = Pose(reference.p, np.eye(3)), -1

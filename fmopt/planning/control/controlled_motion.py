@@ -56,7 +56,6 @@ def bounded(claims: Sequence[Claim], rho: float) -> Iterator[tuple[Claim, float]
 
     Args:
         claims: of one motion, in order.
-        rho: ρ, m.
     """
     late = 0.0
     for claim in claims:
@@ -287,8 +286,6 @@ class Meeting(Value):
         """The meeting of a primitive contact of two parts at a pose.
 
         Args:
-            moving: in its body frame.
-            fixed: in the B-frame.
             pose: of the moving part in the B-frame.
         """
         arms = moving.vertices[list(contact.moving)] @ pose.R.T
@@ -318,7 +315,6 @@ def approach_speed(
         V: unit twist (6,) in the metric of ρ.
         theta: by how much the part may be turned from its goal when they are, rad.
         velocity_error: shares of the speed in translation, and in rotation on the arm ρ.
-        rho: characteristic length, m.
     """
     v, w = V[:3], V[3:]
     found = [0.0]

@@ -177,7 +177,6 @@ class FrictionCones(Value):
     Args:
         normal: (m, 6), normal velocity at a contact point, positive where the contact opens.
         tangent: (m, 2, 6), its sliding velocity times the coefficient of friction.
-        rho: characteristic length, m.
     """
 
     normal: Array
@@ -195,7 +194,6 @@ class FrictionCones(Value):
         Args:
             wrenches: (m, 6), of unit force.
             arms: (m, 3), from the reference point, m.
-            rho: ρ, m.
         """
         sides = np.array([plane_basis(n).T for n in wrenches[:, :3]]).reshape(-1, 2, 3)
         rows = friction * np.concatenate([sides, cross(arms[:, None], sides)], axis=2)

@@ -149,11 +149,7 @@ class MoveDerivatives:
 def hold_derivatives(
     move: GuardedMove, found: Balance, changing: MoveDerivatives, rho: float, specification: Specification
 ) -> Array:
-    """The derivatives (n,) of the share of the contact force that presses a move's least pressed contact.
-
-    Args:
-        rho: characteristic length, m.
-    """
+    """The derivatives (n,) of the share of the contact force that presses a move's least pressed contact."""
     slopes = _Change.of(move, changing, rho, specification).of_force(found)
     return slopes / specification.contact_force
 

@@ -116,9 +116,6 @@ class HybridStrategy(Value):
 def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification) -> HybridStrategy:
     """The strategy of a move.
 
-    Args:
-        rho: characteristic length, m.
-
     Raises:
         ValueError: the move has no length.
         InfeasibleError: the move does not approach its contact, or no bias within the forces holds all contacts.
@@ -183,9 +180,6 @@ class JamFree(Value):
 
 def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specification: Specification) -> JamFree | None:
     """The jam-free range of a strategy's applied wrench; None where nothing is held, or nothing can be pushed.
-
-    Args:
-        rho: characteristic length, m.
 
     Raises:
         SolverError: the forces of the contacts do not settle.

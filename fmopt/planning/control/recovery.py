@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 from typing import Any
@@ -27,7 +26,7 @@ from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.claim import Claim
 from fmopt.certificate.contact_implications import Assembly
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.plan import rounded_down
+from fmopt.plan import diagnostics, rounded_down
 from fmopt.plan.guarded_moves import NOISE
 from fmopt.planning.robustness.unplanned_contacts import UnplannedContact, images_of, unplanned_contacts
 from fmopt.spatial.se3 import Pose, cross, log
@@ -49,25 +48,6 @@ _LONGEST_TURN = 0.5 * math.pi  # rad
 _SURE = 3.0  # standard deviations of the force signal
 
 
-@dataclass(frozen=True)
-class Lift:
-    """How a part backs off.
-
-    Args:
-        above: m in B; nothing new is touched while the part's lowest point lies above this.
-        clear: m in B; height of the lowest point from which the part is turned and carried to a start.
-        turn: rad; the furthest that it is turned then.
-    """
-
-    above: float
-    clear: float
-    turn: float
-
-    def record(self) -> dict[str, Any]:
-        """As the plan file holds it."""
-        return {"direction": [0.0, 0.0, 1.0], "above": self.above, "clear": self.clear, "turn": self.turn}
-
-
 def recovery_record(
     assembly: Assembly,
     claims: Sequence[Claim],
@@ -75,13 +55,12 @@ def recovery_record(
     box: Array,
     specification: Specification,
     rho: float,
-) -> dict[str, Any]:
-    """What a plan says of recovery, as its file holds it.
+) -> tuple[dict[str, Any], tuple[diagnostics.UnplannedContact, ...]]:
+    """What a plan says of recovery, as its file holds it, and the contacts that larger errors would make first.
 
     Args:
         claims: of the plan's pieces.
         box: half-widths (6,) of the start error.
-        rho: characteristic length, m.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     above = underside(fixed)
@@ -89,39 +68,43 @@ def recovery_record(
     rooms = [min(lowest(body, segments[k], rho) for k in run) - above - _SLACK for run in runs]
     first = Pose.from_vector(segments[0]["start"])
     turn = _furthest_turn(segments) + _OVERTURN
-    lift, why = None, ""
+    lift: dict[str, Any] | None = None
+    why = ""
     if max(rooms) <= 0.0:
         why = "a face of the fixed part looks down above the part's lowest point in every move: it could not be lifted"
     elif turn > _LONGEST_TURN:
         why = "the part is turned by more than a right angle from its start"
     else:
-        lift = Lift(above, _clear(body, fixed, first, box, turn), turn)
+        # Nothing new is touched while the lowest point is above; from where it is clear the part is turned and carried.
+        clear = _clear(body, fixed, first, box, turn)
+        lift = {"direction": [0.0, 0.0, 1.0], "above": above, "clear": clear, "turn": turn}
     retries = offsets(box)
     if lift is not None and _begun(body, first, box) <= _top(fixed) + _SLACK:
         why, retries = "with some start errors the part begins below the top, where it cannot be carried to", []
     if lift is None:
         retries = []
-    moves = []
+    moves, unplanned = [], list[diagnostics.UnplannedContact]()
     for number, (run, room) in enumerate(zip(runs, rooms, strict=True)):
         of_move = [claims[k] for k in run]
         found = unplanned_contacts(assembly, of_move, box, specification.friction, rho)
+        unplanned += [one.described(number, told_apart(one, specification, rho)) for one in found]
         moves.append(
             {
                 "move": number,
                 "back_off": lift is not None and room > 0.0,
                 "room": None if lift is None else rounded_down(room),
-                "first": [one.record(told_apart(one, specification, rho)) for one in found],
                 "order": order(assembly, of_move, found, box, retries),
             }
         )
-    return {
-        "lift": None if lift is None else lift.record(),
+    said = {
+        "lift": lift,
         "why": why,
         "retries": retries,
         "covers": covered(box) if retries else box,
         "moves": moves,
         "not_covered": list(NOT_COVERED),
     }
+    return said, tuple(unplanned)
 
 
 def underside(fixed: Polyhedron) -> float:
@@ -142,9 +125,6 @@ def lowest(body: Polyhedron, segment: Mapping[str, Any], rho: float) -> float:
 
     Heights are followed from start to goal, and on from there at the rates that they have there; then the segment's
     errors are taken off.
-
-    Args:
-        rho: ρ, m.
     """
     start, goal = Pose.from_vector(segment["start"]), Pose.from_vector(segment["goal"])
     local = start.local(goal)
@@ -221,11 +201,7 @@ def covered(box: Array) -> list[float]:
 
 
 def told_apart(found: UnplannedContact, specification: Specification, rho: float) -> bool:
-    """Whether noise of the force signal leaves a contact apart from the wanted one: by its angle, or without one.
-
-    Args:
-        rho: ρ, m.
-    """
+    """Whether noise of the force signal leaves a contact apart from the wanted one: by its angle, or without one."""
     if found.angle is None:
         return True
     noise = _SURE * math.hypot(NOISE[0], NOISE[1] / rho) / max(specification.termination_force, 1e-9)

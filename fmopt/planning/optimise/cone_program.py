@@ -233,8 +233,6 @@ class Solution(Value):
     Attributes:
         x: the point (n,), original units.
         value: c·x.
-        equality_residual: largest |A x − b|, scaled.
-        worst_row: smallest slack of all rows and bounds, scaled; at least −FEASIBLE.
         bound: no feasible point is better than this; inf when no multipliers were given.
         gap: bound − value, in units of the objective.
         duals: the multipliers that prove the bound, or None.
@@ -242,8 +240,6 @@ class Solution(Value):
 
     x: Array
     value: float
-    equality_residual: float
-    worst_row: float
     bound: float
     gap: float
     duals: Duals | None
@@ -290,8 +286,7 @@ def certify(program: ConeProgram, x: ArrayLike, duals: Duals | None = None, tol:
             raise SolverError(
                 f"the proposed multipliers leave a gap of {gap:.3g} and a dual residual of {residual:.3g} (scaled)"
             )
-    worst_row = min(float(slacks.min(initial=np.inf)), float(box.min(initial=np.inf)))
-    return Solution(frozen(x), value, float(equality.max(initial=0.0)), worst_row, bound, bound - value, duals)
+    return Solution(frozen(x), value, bound, bound - value, duals)
 
 
 def _finite(x: ArrayLike, n: int) -> Array:

@@ -127,8 +127,7 @@ def certify_on_surfaces(problem: SurfacePlacement, X: ArrayLike) -> Solution:
             i = int(worst.argmin())
             raise SolverError(f"the proposed pose misses {what} {i} by {-worst[i]:.3g} clearances")
     t = min(problem.cap, float(per_weight(slacks, problem.weights).min(initial=np.inf)))
-    worst_row = min(float(hard.min(initial=np.inf)), float(box.min()))
-    return Solution(frozen([*X, t]), t, float(off.max(initial=0.0)), worst_row, float("inf"), float("inf"), None)
+    return Solution(frozen([*X, t]), t, float("inf"), float("inf"), None)
 
 
 def project(problem: SurfacePlacement, X: ArrayLike) -> Array:

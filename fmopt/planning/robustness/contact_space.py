@@ -236,11 +236,7 @@ class Confirmation(Value):
 
 
 def confirm(graph: ContactGraph, moving: Polyhedron, fixed: Polyhedron) -> tuple[Confirmation, ...]:
-    """Every state of the graph taken to its true C-surfaces.
-
-    Args:
-        moving: the moving part in its body frame.
-    """
+    """Every state of the graph taken to its true C-surfaces."""
     near = Neighbourhood.of(graph.space, moving, fixed)
     on = _contacts(graph)
     points = np.array([state.point for state in graph.states])

@@ -58,11 +58,6 @@ class Visited:
     spaces: tuple[Space, ...]
     visits: tuple[Visit, ...]
 
-    @property
-    def explained(self) -> bool:
-        """Whether every state is a confirmed node, and every change an edge or the passing of a rim."""
-        return all(visit.spaces and visit.change != "unexplained" for visit in self.visits)
-
     def space_of(self, claim: int) -> int:
         """The contact space in which a claim runs: one that holds the state at its start, the last of them if several.
 

@@ -15,7 +15,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice, product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ from fmopt.contact.c_surface import (
 )
 from fmopt.contact.facet_bounds import bounds
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
+from fmopt.plan import diagnostics
+from fmopt.plan.field_types import numbers
 from fmopt.plan.position_force import AXES
 from fmopt.planning.optimise.solvers import least_vertex
 from fmopt.planning.search.guarded_move import implied, modulo
@@ -75,13 +77,20 @@ class UnplannedContact(Value):
         for name in ("row", "wrench"):
             object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
 
-    def record(self, told: bool) -> dict[str, Any]:
-        """As the plan file holds it, with whether the robot can tell it from the contact that is wanted."""
-        alone = {"axis": self.axis, "axis_factor": self.axis_factor if self.axis else None}
-        where = {side: {"vertices": getattr(self.contact, side)} for side in ("moving", "fixed")}
-        kind = str(self.contact.kind)
-        factor = {"factor": self.factor, **alone}
-        return {"kind": kind, **where, **factor, "wrench": self.wrench, "angle": self.angle, "told": told}
+    def described(self, move: int, told: bool) -> diagnostics.UnplannedContact:
+        """As a plan describes it, with whether the robot can tell it from the contact that is wanted."""
+        return diagnostics.UnplannedContact(
+            move,
+            str(self.contact.kind),
+            self.contact.moving,
+            self.contact.fixed,
+            self.factor,
+            numbers(self.wrench),
+            told,
+            self.axis,
+            self.axis_factor if self.axis else None,
+            self.angle,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +137,6 @@ def unplanned_contacts(
 
     Args:
         box: half-widths (6,) of the start error.
-        rho: characteristic length, m.
     """
     best: dict[PrimitiveContact, _Met] = {}
     for claim, place in _places(claims, np.flatnonzero(box)):

@@ -4,6 +4,10 @@ How deep the corner goes in is uncertain by the start errors, those of rotation 
 against a wall may be in by little: its other side has to pass the mouth on the far side. The corner may touch the top
 beside the mouth first. Then its height is known but for what errors of velocity add on the way into the mouth. So are
 the part's tilts where it is laid flat on the top.
+
+Everywhere `start_box` has half-widths (6,) of the start error, m and rad; `approach` is the height of the lowest point
+above the mouth at the start, m; `play` the free travel (x, y) of the upright part between the walls, m; `max_tilt` the
+greatest tilt, rad; `tip` corners (n, 3) in the body frame, m.
 """
 
 from __future__ import annotations
@@ -139,8 +143,6 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
     """The entry of a shape.
 
     Args:
-        play: free travel (x, y) of the upright part between the walls, m.
-        approach: height of the lowest point above the mouth at the start, m.
         shape: tilts, turn, depth, room, and where the corner touches first.
     """
     tip, axes = leading_corners(moving), turned_axes(shape.heading)
@@ -201,11 +203,6 @@ def planar_entries(
     The corner goes in below a level of the fixed part, such as the end of a chamfer, by a few times what its height is
     uncertain by, the lowest level first: the deeper, the better the side of the part turns about that level, the nearer
     the other side comes. It goes in near the middle, from where it can reach either wall.
-
-    Args:
-        start_box: half-widths (6,) of the start error, m and rad.
-        approach: height of the lowest point above the mouth at the start, m.
-        max_tilt: greatest tilt, rad.
     """
     tip = leading_corners(moving)
     end = np.array([float(tip[:, 0].min()), 0.0, 0.0])
@@ -251,13 +248,7 @@ def _levels(fixed: Part, reach: float) -> list[float]:
 
 
 def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, approach: float) -> tuple[Entry, ...]:
-    """The entry of an upright part on the axis, where the start errors leave room for it in the mouth; none otherwise.
-
-    Args:
-        play: free travel (x, y) of the upright part between the walls, m.
-        start_box: half-widths (6,) of the start error, m and rad.
-        approach: height of the lowest point above the mouth at the start, m.
-    """
+    """The entry of an upright part on the axis, where the start errors leave room for it in the mouth; else none."""
     slack = 0.5 * min(play)
     if start_spread(moving, start_box) >= slack:
         return ()
@@ -272,10 +263,6 @@ def hovering_entries(moving: Part, start_box: Array, approach: float) -> Iterato
 
     A ball has no corner that could go in first: where walls go on above the mouth it touches them there, from a few
     times away what the errors displace it.
-
-    Args:
-        start_box: half-widths (6,) of the start error, m and rad.
-        approach: height of the lowest point above the mouth at the start, m.
     """
     spread = start_spread(moving, start_box)
     corner = moving.polyhedron.vertices[moving.polyhedron.balls[0][0]]
@@ -290,22 +277,12 @@ def hovering_entries(moving: Part, start_box: Array, approach: float) -> Iterato
 
 
 def start_spread(moving: Part, start_box: Array) -> float:
-    """How far the start errors displace the tip's corners sideways at most, about: half-widths and swing, m.
-
-    Args:
-        moving: in its body frame.
-        start_box: half-widths (6,), m and rad.
-    """
+    """How far the start errors displace the tip's corners sideways at most, about: half-widths and swing, m."""
     return float(start_box[:2].max()) + swung_by(leading_corners(moving), start_box)
 
 
 def swung_by(tip: Array, start_box: Array) -> float:
-    """How far rotation errors move the tip's outermost corner, m.
-
-    Args:
-        tip: corners (n, 3), body frame, m.
-        start_box: half-widths (6,), m and rad.
-    """
+    """How far rotation errors move the tip's outermost corner, m."""
     return float(np.linalg.norm(tip[:, :2], axis=1).max()) * float(np.linalg.norm(start_box[3:]))
 
 
@@ -357,7 +334,6 @@ def lowest(tip: Array, shape: Shape) -> Array:
     """The corner (3,) that the tilts of a shape make the lowest, of those next to the walls at −x and −y.
 
     Args:
-        tip: corners (n, 3), body frame, m.
         shape: tilts and heading.
     """
     x, y, _ = turned_axes(shape.heading).T @ tip.T

@@ -1,4 +1,8 @@
-"""Which tilted ways to begin are tried, and in which order: shapes of entries for the errors of a problem."""
+"""Which tilted ways to begin are tried, and in which order: shapes of entries for the errors of a problem.
+
+Everywhere `start_box` has half-widths (6,) of the start error, m and rad; `per_side` is the clearance a side, m; `play`
+the free travel (x, y) of the upright part between the walls, m; `max_tilt` the greatest tilt about each axis, rad.
+"""
 
 from __future__ import annotations
 
@@ -58,8 +62,6 @@ def room(assembly: Assembly, per_side: float, start_box: Array, drift: Array) ->
     They are those with which the part comes to the mouth: what it drifts by until then counts, too.
 
     Args:
-        per_side: clearance a side, m.
-        start_box: half-widths (6,) of the start error, m and rad.
         drift: how far velocity errors carry the part at most until it is at the mouth (6,), m and rad.
     """
     met = start_box + _DRIFTED * (drift * assembly.freedoms)
@@ -70,10 +72,6 @@ def roomy_errors(moving: Part, per_side: float, start_box: Array) -> Array:
     """Half-widths (6,) of errors to leave room for: the start errors, widened where they are next to nothing.
 
     A part that enters tilted goes through contacts a few clearances apart, however small its errors are.
-
-    Args:
-        per_side: clearance a side, m.
-        start_box: half-widths (6,) of the start error, m and rad.
     """
     tip, least = leading_corners(moving), _ROOMY * per_side
     part, spread = _EACH * least, start_spread(moving, start_box)
@@ -95,10 +93,6 @@ def ample(moving: Part, per_side: float, start_box: Array) -> Array:
 
     A motion that takes them takes the smaller ones. Ways to begin that leave room for these alone may lead nowhere:
     sides that are askew turn one lateral error into the other, contacts and drift turn lateral errors into angles.
-
-    Args:
-        per_side: clearance a side, m.
-        start_box: half-widths (6,) of the start error, m and rad.
     """
     wider = start_box * max(1.0, _AMPLE * per_side / start_spread(moving, start_box))
     lateral, tip = float(wider[:2].max()), leading_corners(moving)
@@ -119,7 +113,6 @@ def likely_shapes(
 
     Args:
         start_box: half-widths (6,) of the errors to leave room for, such as `roomy_errors`, m and rad.
-        max_tilt: greatest tilt about each axis, rad.
     """
     if max_tilt <= 0.0:
         return iter(())
@@ -228,9 +221,6 @@ def tilted_shapes(
     in, the less the part is tilted, so that as much of its edges is inside.
 
     Args:
-        play: free travel (x, y) of the upright part between the walls, m.
-        start_box: half-widths (6,) of the start error, m and rad.
-        max_tilt: greatest tilt about each axis, rad.
         funnel: how deep below the mouth the walls begin, m; the corner goes in below that.
         heading: turn about z of the axes that all this is about, rad.
     """
@@ -265,7 +255,6 @@ def touching_shapes(
     """The same shapes with the top beside the mouth touched first, so that the corner need not go in as deep.
 
     Args:
-        start_box: half-widths (6,) of the start error, m and rad.
         width: how far outside the walls the top begins, m.
     """
     tip = leading_corners(moving)
@@ -293,9 +282,6 @@ def obtuse_shapes(
     and goes in less deep than the next one along the wall is above it.
 
     Args:
-        play: free travel (x, y) of the upright part between the walls, m.
-        start_box: half-widths (6,) of the start error, m and rad.
-        max_tilt: greatest tilt about each axis, rad.
         funnel: how deep below the mouth the walls begin, and how far outside them the top does, m.
         way: the heading of the axes that all this is about, and which wall the part is to be flush with first.
     """
@@ -325,8 +311,6 @@ def flat_shapes(
     """The same shapes with the part laid flat on the top first, which takes away what its height and tilts are off by.
 
     Args:
-        play: free travel (x, y) of the upright part between the walls, m.
-        start_box: half-widths (6,) of the start error, m and rad.
         funnel: how deep below the mouth the walls begin, and how far outside them the top does, m.
     """
     tip = leading_corners(moving)

@@ -144,6 +144,15 @@ def _labelled(view: View, axes: Axes, across: Varied, up: Varied) -> None:
             put(places, ticks(places))
 
 
+def _across(view: View, axes: Axes, axis: Varied) -> None:
+    """Labels the axis of x."""
+    if axis.log:
+        axes.set_xscale("log")
+    if axis.unit == "word":
+        axes.set_xticks(range(len(view.words(axis))), view.words(axis))
+    axes.set_xlabel(axis_label(axis))
+
+
 def _curve(view: View, name: str, figure: Figure) -> None:
     axes = figure.subplots()
     axis = view.free[0]
@@ -160,11 +169,7 @@ def _curve(view: View, name: str, figure: Figure) -> None:
         axes.axvline(place, color=RUST, linewidth=0.8, linestyle=DASHES[1])
     if np.nanmin(y) < 0.0 < np.nanmax(y):
         axes.axhline(0.0, color=INK, linewidth=0.8)
-    if axis.log:
-        axes.set_xscale("log")
-    axes.set_xlabel(axis_label(axis))
-    if axis.unit == "word":
-        axes.set_xticks(range(len(view.words(axis))), view.words(axis))
+    _across(view, axes, axis)
     axes.set_ylabel(answer_label(name))
     axes.legend()
     axes.set_title(title(view, name, "", "; dashed: no value"))
@@ -195,11 +200,7 @@ def _shares(view: View, figure: Figure) -> None:
             axes.plot([group.low, group.high], [found.value, found.value], color=BLUE)
             axes.plot([middle], [found.value], "o", color=BLUE)
         axes.set_ylim(-0.03, 1.03)
-        if axis.log:
-            axes.set_xscale("log")
-        if axis.unit == "word":
-            axes.set_xticks(range(len(view.words(axis))), view.words(axis))
-        axes.set_xlabel(axis_label(axis))
+        _across(view, axes, axis)
     for axes in panels[len(view.free) :]:
         axes.set_axis_off()
     panels[0].set_ylabel(view.goodness)
@@ -239,11 +240,7 @@ def _strip(view: View, figure: Figure) -> None:
         axes.plot(view.axis(axis)[mine], np.full(int(mine.sum()), row), "o", color=_GOOD.get(kind, RUST))
     axes.set_yticks(range(len(kinds)), kinds)
     axes.set_ylim(-0.6, len(kinds) - 0.4)
-    if axis.log:
-        axes.set_xscale("log")
-    if axis.unit == "word":
-        axes.set_xticks(range(len(view.words(axis))), view.words(axis))
-    axes.set_xlabel(axis_label(axis))
+    _across(view, axes, axis)
     axes.set_title("what became of the runs")
 
 

@@ -36,15 +36,12 @@ class Claim:
     terms: tuple[str, ...] = ()
 
 
-def object_tree(
-    name: str, terms: Chain, mating: Sequence[MatingFeature], claims: Mapping[str, Claim], frame: Pose | None = None
-) -> ObjectTree:
-    """The tree of an object.
+def object_tree(name: str, terms: Chain, mating: Sequence[MatingFeature], claims: Mapping[str, Claim]) -> ObjectTree:
+    """The tree of an object, its frame the global reference frame.
 
     Args:
         terms: its solids as a chain, in the object's frame.
         mating: its mating features, in the object's frame.
-        frame: of the object in the global reference frame; the identity when not given.
 
     Raises:
         TaskError: a mating feature that no term makes up, or that does not own one it names.
@@ -69,7 +66,7 @@ def object_tree(
     nodes = [made[id(term)] if id(term) in made else _bulk(term, used) for term in left]
     groups = dict.fromkeys(group for group, _ in nodes)
     classes = tuple(FeatureClass(name, tuple(f for group, f in nodes if group == name)) for name in groups)
-    return ObjectTree(name, frame or Pose.identity(), classes, tuple(feature.name for _, feature in nodes))
+    return ObjectTree(name, Pose.identity(), classes, tuple(feature.name for _, feature in nodes))
 
 
 def _named(left: Sequence[Term], names: Sequence[str], feature: str, sign: Sign) -> list[Term]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Literal, TypeAlias
 
@@ -152,11 +152,6 @@ class Instance(Value):
     def key(self) -> str:
         """Key name of the primitive solid."""
         return type(self.primitive).__name__.lower()
-
-    @property
-    def parameters(self) -> tuple[object, ...]:
-        """The tuple of specified parameters, in the order of the primitive's fields."""
-        return astuple(self.primitive)
 
 
 def instances(body: Solid) -> tuple[Instance, ...]:

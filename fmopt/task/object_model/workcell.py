@@ -104,20 +104,6 @@ class Workcell(Value):
         kept = tuple(old for old in self.links if {old.one, old.other} != {link.one, link.other})
         return replace(self, links=(*kept, link))
 
-    def disconnect(self, one: str, other: str) -> Workcell:
-        """The workcell without the links between two objects.
-
-        Args:
-            one, other: names of objects, in either order.
-
-        Raises:
-            TaskError: there are none.
-        """
-        kept = tuple(link for link in self.links if not link.joins(one, other))
-        if len(kept) == len(self.links):
-            raise TaskError(f"{one!r} and {other!r} are not linked", one, "only what is linked is taken apart")
-        return replace(self, links=kept)
-
     def add(self, tree: ObjectTree) -> Workcell:
         """The workcell with one more object."""
         return replace(self, objects=(*self.objects, tree))
@@ -145,14 +131,6 @@ class Workcell(Value):
                 if reached in ends and not link.joins(name, apart_from):
                     found += [end for end in ends if end not in found]
         return tuple(found)
-
-    def neighbours(self, ref: Ref) -> tuple[Ref, ...]:
-        """The nodes directly connected with a feature: those of its object that it touches, and those linked to it.
-
-        A feature counts as linked where its object is.
-        """
-        own = _touching(self.object(ref.object), ref.feature)
-        return own + tuple(self._across(ref))
 
     def _across(self, ref: Ref) -> list[Ref]:
         found = []

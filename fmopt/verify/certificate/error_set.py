@@ -345,7 +345,6 @@ def measure(v: Row, rho: int) -> int:
 
     Args:
         v: twist (e, ε), m and rad.
-        rho: ρ, m.
     """
     return root(sum([times(w, times(x, x)) for w, x in zip(metric(rho), v, strict=True)]))
 

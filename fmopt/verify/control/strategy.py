@@ -56,11 +56,7 @@ _ROUNDING = 1e-9  # relative
 def check_strategy(
     assembly: Assembly, stage: Stage, rho: float, error: Numbers, asked: Specification, notes: Notes
 ) -> None:
-    """Judges the strategy of a segment.
-
-    Args:
-        rho: characteristic length, m.
-    """
+    """Judges the strategy of a segment."""
     hybrid = stage.segment.hybrid
     held = _listed(assembly, stage, "normal_forces", [name for name, _ in hybrid.pressed], stage.state, notes)
     new = [t for t in stage.goal_state if t.id not in stage.segment.state]
@@ -235,7 +231,6 @@ class Arrival(NamedTuple):
     Args:
         twist: V (6,), a unit twist.
         theta: by how much the part may be turned from there, rad.
-        rho: characteristic length, m.
     """
 
     goal: Pose

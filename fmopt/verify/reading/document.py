@@ -296,31 +296,6 @@ class Lift:
 
 
 @dataclass(frozen=True)
-class UnplannedContact:
-    """A contact that larger errors would make first.
-
-    Attributes:
-        kind, moving, fixed: the contact, by vertex indices of the parts.
-        factor: of the start errors, with which it is made.
-        axis: the degree that makes it alone, empty where none does.
-        axis_factor: of the start error of that degree alone; None where none does.
-        wrench: of a unit reaction, (6,).
-        angle: to the wrench of the contact wanted, rad; None where none is.
-        told: whether it can be told from the contact wanted.
-    """
-
-    kind: str
-    moving: tuple[int, ...]
-    fixed: tuple[int, ...]
-    factor: float
-    axis: str
-    axis_factor: float | None
-    wrench: Numbers
-    angle: float | None
-    told: bool
-
-
-@dataclass(frozen=True)
 class MoveRecovery:
     """What to do when a move fails.
 
@@ -328,14 +303,12 @@ class MoveRecovery:
         move: its number.
         back_off: whether the part may be lifted from anywhere in it.
         room: by how much its lowest point stays above what it could be lifted into, m; None without a lift.
-        first: contacts that it does not plan and larger errors would make.
         early, late: retries in order, after something was felt that was not wanted, and after nothing was.
     """
 
     move: int
     back_off: bool
     room: float | None
-    first: tuple[UnplannedContact, ...]
     early: tuple[int, ...]
     late: tuple[int, ...]
 

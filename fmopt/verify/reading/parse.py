@@ -11,7 +11,6 @@ from fmopt.verify.reading.document import Body, Contact, Evidence, Found, Part, 
 from fmopt.verify.reading.parse_segments import (
     RECOVERY_FIELDS,
     SEGMENT_FIELDS,
-    feature_pair,
     pose,
     read_recovery,
     read_segment,
@@ -36,6 +35,12 @@ LARGEST_NUMBER_OF_PIECES = 400
 LARGEST_NUMBER_OF_BALLS = 16
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-6, 4.0  # m
 LARGEST_FORM = 1e-3  # m
+_SIZES = {
+    "vertex-face": (1, 3),
+    "face-vertex": (3, 1),
+    "edge-edge": (2, 2),
+    "ball-face": (1, 3),
+}  # vertices; 3 or more of a face
 _FRACTION = re.compile(r"(-?[0-9]+)(?:/([1-9][0-9]*))?", re.ASCII)
 _LONGEST_FRACTION = 800
 _VERSION = re.compile(r"[0-9A-Za-z][0-9A-Za-z.+-]{0,39}", re.ASCII)
@@ -133,7 +138,7 @@ def parse(document: Any) -> Plan:
         goal=pose(top.at("goal")),
         touch=top.at("touch_tolerance").number(0.0, LARGEST_TOLERANCE),
         not_covered=tuple(item.text() for item in top.at("not_covered").items(most=64)),
-        recovery=None if recovery is None else read_recovery(recovery, moving, fixed),
+        recovery=None if recovery is None else read_recovery(recovery),
         presses=presses,
         evidence=None if evidence is None else _evidence(evidence),
         subject=digest({key: document.get(key) for key in SUBJECT}) if presses else "",
@@ -296,7 +301,15 @@ def _fraction(place: Reader) -> tuple[int, int]:
 
 def _contact(place: Reader, moving: Part, fixed: Part) -> Contact:
     place.only(_CONTACT)
-    kind, own, other = feature_pair(place, _SIDE, moving, fixed)
+    kind = place.at("kind").text(_SIZES)
+    own = place.at("moving").only(_SIDE).at("vertices").indices(len(moving.body.vertices), 1)
+    other = place.at("fixed").only(_SIDE).at("vertices").indices(len(fixed.body.vertices), 1)
+    for indices, size in zip((own, other), _SIZES[kind], strict=True):
+        if len(indices) < size or (size < 3 and len(indices) != size):
+            raise place.fail(f"a {kind} contact has other numbers of vertices")
+    centres = {vertex for vertex, _ in moving.body.balls}
+    if kind in ("vertex-face", "ball-face") and (own[0] in centres) != (kind == "ball-face"):
+        raise place.fail(f"a {kind} contact is one of a {'point' if own[0] in centres else 'ball'} of the moving part")
     return Contact(place.at("id").label(), kind, own, other)
 
 

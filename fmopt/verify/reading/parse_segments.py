@@ -16,7 +16,6 @@ from fmopt.verify.reading.document import (
     Segment,
     Separation,
     Tube,
-    UnplannedContact,
     Witness,
 )
 from fmopt.verify.reading.reader import Fields, Numbers, Reader, fields
@@ -52,26 +51,15 @@ _IMPACT = fields("segments[].hybrid.impact", proved="approach force")
 SEGMENT_FIELDS: tuple[Fields, ...] = (
     _SEGMENT, _BASIS, _TUBE, _SEPARATION, _WITNESS, _CLAIM, _HYBRID, _FORCE, _TERMINATION, _JAM_FREE, _PLANE, _IMPACT,
 )  # fmt: skip
-_SIZES = {
-    "vertex-face": (1, 3),
-    "face-vertex": (3, 1),
-    "edge-edge": (2, 2),
-    "ball-face": (1, 3),
-}  # vertices; 3 or more of a face
 _MANY = 256  # twists that prove a range
 _WITNESSES = ("fixed-face", "moving-face", "edges", "plane")
 
 LARGEST_NUMBER_OF_RETRIES = 64
-AXES = ("x", "y", "z", "rx", "ry", "rz")
 _RECOVERY = fields("recovery", proved="retries covers", commentary="why not_covered", objects="lift moves")
 _LIFT = fields("recovery.lift", proved="direction above clear turn")
-_MOVE = fields("recovery.moves[]", proved="move back_off room", objects="first order")
+_MOVE = fields("recovery.moves[]", proved="move back_off room", objects="order")
 _ORDER = fields("recovery.moves[].order", commentary="early late")
-_FIRST = fields(
-    "recovery.moves[].first[]", commentary="kind factor axis axis_factor wrench angle told", objects="moving fixed"
-)
-_TOUCHED = fields("recovery.moves[].first[].*", commentary="vertices")
-RECOVERY_FIELDS: tuple[Fields, ...] = (_RECOVERY, _LIFT, _MOVE, _ORDER, _FIRST, _TOUCHED)
+RECOVERY_FIELDS: tuple[Fields, ...] = (_RECOVERY, _LIFT, _MOVE, _ORDER)
 
 
 def pose(place: Reader) -> Numbers:
@@ -80,22 +68,6 @@ def pose(place: Reader) -> Numbers:
     if math.hypot(*found[3:]) > 6.5:  # a little over 2π, and less than the 8 rad of `exponential`
         raise place.fail("a rotation vector must not be longer than a full turn")
     return found
-
-
-def feature_pair(
-    place: Reader, side: Fields, moving: Part, fixed: Part
-) -> tuple[str, tuple[int, ...], tuple[int, ...]]:
-    """The kind of a primitive contact, and the vertices of its features."""
-    kind = place.at("kind").text(_SIZES)
-    own = place.at("moving").only(side).at("vertices").indices(len(moving.body.vertices), 1)
-    other = place.at("fixed").only(side).at("vertices").indices(len(fixed.body.vertices), 1)
-    for indices, size in zip((own, other), _SIZES[kind], strict=True):
-        if len(indices) < size or (size < 3 and len(indices) != size):
-            raise place.fail(f"a {kind} contact has other numbers of vertices")
-    centres = {vertex for vertex, _ in moving.body.balls}
-    if kind in ("vertex-face", "ball-face") and (own[0] in centres) != (kind == "ball-face"):
-        raise place.fail(f"a {kind} contact is one of a {'point' if own[0] in centres else 'ball'} of the moving part")
-    return kind, own, other
 
 
 def _ids(place: Reader, known: Iterable[str]) -> tuple[str, ...]:
@@ -230,8 +202,8 @@ def _jam_free(place: Reader) -> JamFree:
     )
 
 
-def read_recovery(place: Reader, moving: Part, fixed: Part) -> Recovery:
-    """Backing off and trying again, with the parts whose contacts it names."""
+def read_recovery(place: Reader) -> Recovery:
+    """Backing off and trying again."""
     place.only(_RECOVERY)
     lift = place.filled("lift")
     retries = tuple(item.numbers(6, -4.0, 4.0) for item in place.at("retries").items(most=LARGEST_NUMBER_OF_RETRIES))
@@ -240,7 +212,7 @@ def read_recovery(place: Reader, moving: Part, fixed: Part) -> Recovery:
         place.at("why").text(),
         retries,
         place.at("covers").numbers(6, 0.0, 8.0),
-        tuple(_move(item, len(retries), moving, fixed) for item in place.at("moves").items()),
+        tuple(_move(item, len(retries)) for item in place.at("moves").items()),
         tuple(item.text() for item in place.at("not_covered").items(most=64)),
     )
 
@@ -253,7 +225,7 @@ def _lift(place: Reader) -> Lift:
     return Lift(place.at("above").number(-4.0, 4.0), place.at("clear").number(-8.0, 8.0), turn)
 
 
-def _move(place: Reader, retries: int, moving: Part, fixed: Part) -> MoveRecovery:
+def _move(place: Reader, retries: int) -> MoveRecovery:
     place.only(_MOVE)
     order = place.at("order").only(_ORDER)
     early, late = (order.at(key).indices(max(retries, 1)) for key in ("early", "late"))
@@ -265,27 +237,6 @@ def _move(place: Reader, retries: int, moving: Part, fixed: Part) -> MoveRecover
         place.at("move").integer(),
         place.at("back_off").flag(),
         None if room is None else room.number(),
-        tuple(_unplanned(item, moving, fixed) for item in place.at("first").items()),
         early,
         late,
-    )
-
-
-def _unplanned(place: Reader, moving: Part, fixed: Part) -> UnplannedContact:
-    place.only(_FIRST)
-    kind, own, other = feature_pair(place, _TOUCHED, moving, fixed)
-    axis_factor, angle = place.filled("axis_factor"), place.filled("angle")
-    axis = place.at("axis").text((*AXES, ""))
-    if (axis_factor is None) != (axis == ""):
-        raise place.at("axis_factor").fail("must be there where one axis makes the contact, and only there")
-    return UnplannedContact(
-        kind,
-        own,
-        other,
-        place.at("factor").number(0.0),
-        axis,
-        None if axis_factor is None else axis_factor.number(0.0),
-        place.at("wrench").numbers(6),
-        None if angle is None else angle.number(0.0, math.pi),
-        place.at("told").flag(),
     )

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Union, chamfered_box, frustum
+from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Union, chamfered_box
 from fmopt.geometry.part import part_of
 from fmopt.papers.lee_huang.nominal_trajectory import critical_poses, insertion
 from fmopt.spatial.se3 import Pose
+from tests.shared.solids import frustum
 
 REACH = 5e-4
 SPEED = 0.02

@@ -27,6 +27,7 @@ from fmopt.geometry.section import section
 from fmopt.papers.lee_huang.cut_diagram import cut_diagram
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array
+from tests.shared.plane_shapes import polygon
 
 HEXAGON = tuple((math.cos(k * math.pi / 3.0), math.sin(k * math.pi / 3.0)) for k in range(6))
 
@@ -77,7 +78,7 @@ def test_polyhedral_trees_have_the_sections_of_their_pieces(seed: int) -> None:
         region, wanted = cut_diagram(solid, plane), section(pieces, plane)
         assert region.area == pytest.approx(wanted.area, rel=1e-9, abs=1e-12)
         if not region.empty:
-            assert region.polygon(1e-9).hausdorff_distance(wanted) <= 1e-9
+            assert polygon(region, 1e-9).hausdorff_distance(wanted) <= 1e-9
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -62,7 +62,6 @@ def test_figure_two_is_free_until_t1_and_then_servoed_in_z_and_q_z_alone():
         else:
             assert np.array_equal(np.abs(row.fa), forces * [1, 1, 0, 1, 1, 0])
             assert row.either_sign == (0, 1, 3, 4)
-            assert np.array_equal(row.applied, np.negative(row.fa))
             assert not any(row.pa_end[axis] for axis in row.either_sign)
         assert np.allclose(np.add(row.pa_start, row.pn_start), made.path.at(row.start))
         assert len(Decomposition(row.s).natural) + len(Decomposition(row.s).artificial) == 6

@@ -64,7 +64,6 @@ def test_figure_two_of_the_paper():
     assert Decomposition(rows[0].s).written["C_ap"] == "(p_x, p_y, p_z, q_x, q_y, q_z)"
     assert np.array_equal(rows[1].pa_end, [0, 0, -0.03, 0, 0, 0])
     assert np.array_equal(rows[1].fa, [F[0], F[1], 0, F[3], F[4], 0])
-    assert np.array_equal(rows[1].applied, np.negative(rows[1].fa))
 
 
 def test_rows_split_where_the_trajectory_bends_so_that_each_is_straight():
@@ -87,7 +86,6 @@ def test_an_interval_of_no_length_at_the_goal_is_one_row():
 def test_rows_give_what_a_controller_applies():
     (row,) = position_force(PATH, [Interval(1.0, 1.2, (2, 0, -1, 1, 0, 2))], F)
     assert row.either_sign == (0, 5)
-    assert np.array_equal(row.applied, np.negative(row.fa))
     assert np.array_equal(np.add(row.pa_start, row.pn_start), PATH.at(1.0))
     assert row.fa == (5, 0, 5, -F[3], 0, F[5])
 

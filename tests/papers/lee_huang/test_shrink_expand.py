@@ -11,11 +11,11 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.plane.boolean import difference, intersection, union
-from fmopt.geometry.plane.conic import ellipse_arcs
 from fmopt.geometry.plane.curve import Arc
 from fmopt.geometry.plane.region import Region, polygon_region
 from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_turning, turn_swept, turned
 from fmopt.spatial.values import Array
+from tests.shared.plane_shapes import ellipse_arcs, polygon
 
 
 def disc(x: float, y: float, radius: float) -> Region:
@@ -27,7 +27,7 @@ def box(x: float, y: float, width: float, height: float) -> Region:
 
 
 def ellipse(x: float, y: float, a: float, b: float) -> Region:
-    return Region((tuple(ellipse_arcs((x, y), (a, 0.0), (0.0, b), 0.0, math.tau)),))
+    return Region((ellipse_arcs((x, y), (a, 0.0), (0.0, b)),))
 
 
 def round_tree(rng: np.random.Generator) -> Region:
@@ -64,7 +64,7 @@ def random_tree(rng: np.random.Generator, depth: int) -> Region:
 
 def triangles(region: Region) -> list[Array]:
     """Corners (3, 2) of triangles that make up a polygonal region."""
-    cut = shapely.constrained_delaunay_triangles(region.polygon(1e-9))
+    cut = shapely.constrained_delaunay_triangles(polygon(region, 1e-9))
     return [np.asarray(one.exterior.coords)[:3] for one in cut.geoms]
 
 
@@ -84,7 +84,7 @@ def test_expansions_of_polygons_are_minkowski_sums(seed: int) -> None:
     section = box(-0.3, -0.1, 0.4, 0.2) if section.empty else section
     wanted, found = minkowski(G, section), expanded(G, [section])
     assert found.area == pytest.approx(wanted.area, rel=1e-9)
-    assert found.polygon(1e-9).hausdorff_distance(wanted) <= 1e-9
+    assert polygon(found, 1e-9).hausdorff_distance(wanted) <= 1e-9
 
 
 def test_a_square_grown_by_a_disc() -> None:

@@ -9,6 +9,7 @@ from shapely import LineString
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.region import polygon_region
 from fmopt.papers.lee_huang.visibility import Sight, bends, position_nodes
+from tests.shared.plane_shapes import polygon
 
 C = 1e-4  # clearance of the expanded hole
 SQUARE = [(-0.04, -0.04), (0.04, -0.04), (0.04, 0.04), (-0.04, 0.04)]
@@ -55,7 +56,7 @@ def test_a_wall_between_start_and_mouth_is_passed_by_a_shortest_path():
     place = sight(wall)
     for a, b in pairwise(found):
         assert place.between(a, b) is None
-        assert not LineString([a[[0, 2]], b[[0, 2]]]).intersects(wall.polygon(1e-9).buffer(-1e-7))
+        assert not LineString([a[[0, 2]], b[[0, 2]]]).intersects(polygon(wall, 1e-9).buffer(-1e-7))
     # By hand: over both upper corners of the wall, down to the middle of the mouth, and in along the axis.
     best = np.hypot(0.01, 0.005) + 0.005 + np.hypot(0.005, 0.015) + 0.03
     assert length(found) == pytest.approx(best, abs=2e-6)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fmopt.geometry.convex_pieces import pieces, polyhedron
-from fmopt.geometry.csg import Box, Difference, Hull, Placed, Prism, Solid, Union, frustum
+from fmopt.geometry.csg import Box, Difference, Hull, Placed, Prism, Solid, Union
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.plan import parsed
 from fmopt.plan.export.cautions import failing_words
@@ -26,6 +26,7 @@ from fmopt.verify.parts.solids import Shape
 from fmopt.verify.reading.document import Body
 from tests.shared.executions.geometry import Convex, gaps, rotations
 from tests.shared.lies.mutations import changed
+from tests.shared.solids import frustum
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Plan = dict[str, Any]
@@ -285,7 +286,8 @@ def test_people_are_told_what_to_do(square_peg_plan: Plan) -> None:
     assert lifted == "When a move fails the part can be lifted straight out of the hole in moves 1 to 7."
     assert again == "Tried again from 8 starts aside, the plan holds for start errors of x ±0.9 mm, y ±0.9 mm."
     page = recovery_chapter(plan)
-    firsts = [first for move in said.moves for first in move.first]
+    assert plan.diagnostics is not None
+    firsts = plan.diagnostics.unplanned
     assert page.count(" touches ") == len(firsts) > 5
     assert all(f"{first.factor:.3g}" in page for first in firsts)
     moves = tuple(replace(move, back_off=k not in (2, 6)) for k, move in enumerate(said.moves))

@@ -10,7 +10,6 @@ import pytest
 
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.planning.optimise import solvers
-from fmopt.planning.optimise.solvers import LinearSolver
 from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement, lexicographic, max_min_clearance
 from fmopt.planning.placement.nonlinear_program import place_on_surfaces
 from tests.shared.placement_instances import (
@@ -30,11 +29,10 @@ def close(one: float, other: float, unit: float = CLEARANCE) -> bool:
 
 @pytest.mark.parametrize("contacts", [3, 4, 5])
 @pytest.mark.parametrize("seed", range(6))
-def test_socp_lp_nlp_and_brute_force_agree(seed: int, contacts: int) -> None:
+def test_socp_nlp_and_brute_force_agree(seed: int, contacts: int) -> None:
     problem = random_placement(seed, rows=8, contacts=contacts, spare=seed % 2)
     exact = vertex_enumeration(problem)
     assert close(max_min_clearance(problem).value, exact)
-    assert close(max_min_clearance(problem, LinearSolver()).value, exact)
     assert close(place_on_surfaces(linear_surfaces(problem)).value, exact)
 
 
@@ -186,17 +184,3 @@ def test_settings_that_make_no_sense_are_refused() -> None:
     with pytest.raises(ValueError, match="negative"):
         translations([[1, 0, 0]], [0], weights=[-1])
     assert isinstance(random_placement(0), Placement)
-
-
-def test_linear_solver_refuses_norms_and_proves_infeasibility() -> None:
-    with pytest.raises(ValueError, match="no linear program"):
-        LinearSolver().solve(random_placement(0, growth=0.1).program())
-    with pytest.raises(InfeasibleError, match="contradict") as caught:
-        max_min_clearance(translations([[1, 0, 0], [-1, 0, 0]], [2, -1], weights=[0, 0]), LinearSolver())
-    assert caught.value.shortfall == pytest.approx(0.5, abs=1e-7)
-
-
-def test_highs_takes_over_where_daqp_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = random_placement(5)
-    expected = max_min_clearance(problem).value
-    assert close(max_min_clearance(problem, LinearSolver(max_iterations=1)).value, expected)

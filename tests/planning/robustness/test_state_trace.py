@@ -42,7 +42,6 @@ def found(spaces: tuple[Space, ...]) -> Visited:
 
 
 def test_every_state_is_a_confirmed_node_and_every_change_an_edge(found: Visited) -> None:
-    assert found.explained
     assert [visit.change for visit in found.visits] == ["start", *["made"] * 4, "passed", "made", "made"]
     for before, visit in zip(found.visits, found.visits[1:], strict=False):
         assert before.claim <= visit.claim
@@ -96,7 +95,6 @@ def test_a_gap_in_the_motion_is_noticed(spaces: tuple[Space, ...]) -> None:
     jump = next(k for k, claim in enumerate(claims()) if claim.piece.last and len(claim.piece.goal_contacts) == 2)
     without = claims()[: jump - 7] + claims()[jump + 1 :]
     broken = visited(peg().assembly, without, spaces, SCALE)
-    assert not broken.explained
     assert any(visit.change == "unexplained" for visit in broken.visits)
 
 
@@ -106,7 +104,7 @@ def test_a_contact_that_is_not_listed_is_noticed(spaces: tuple[Space, ...]) -> N
     claim = claims()[k]
     piece = replace(claim.piece, goal_contacts=(*claim.piece.held, claim.piece.making[0]))
     forged: tuple[Claim, ...] = (*claims()[:k], replace(claim, piece=piece), *claims()[k + 1 :])
-    assert not visited(peg().assembly, forged, spaces, SCALE).explained
+    assert any(visit.change == "unexplained" for visit in visited(peg().assembly, forged, spaces, SCALE).visits)
 
 
 def test_descriptions_count_every_state_and_mark_the_way(found: Visited) -> None:

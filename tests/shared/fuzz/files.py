@@ -30,56 +30,14 @@ import numpy as np
 
 from fmopt.cli.entry import main
 from tests import ROOT
+from tests.shared.files import own
 from tests.shared.files.mesh_files import plate, ply_text, rounded, stl_text, triangles_of
 from tests.shared.fuzz.damage import damaged
 
 SECONDS = 30  # of the processor, for one file
 WAITED = 600  # s by the clock
 EXPECTED = {0, 1, 2, 3}
-OWN = """title = "Own rod into own plate"
-
-[units]
-length = "mm"
-angle = "deg"
-speed = "mm/s"
-
-[moving]
-model = "rod.toml"
-feature = "peg"
-
-[fixed]
-model = "plate.toml"
-feature = "hole"
-
-[goal]
-depth = "full"
-
-[clearance]
-x = 0.15
-y = 0.15
-
-[start]
-height = 1
-
-[uncertainty.start]
-x = 0.03
-y = 0.03
-z = 0
-rx = 0.05
-ry = 0.05
-rz = 0.05
-
-[uncertainty.velocity]
-translation = 0.001
-rotation = 0.001
-
-[specification]
-speed = 20
-contact_force = 20
-torque_limit = 1
-friction = 0.3
-termination_force = 2
-"""
+OWN = own.PROBLEM.partition("\n[settings]")[0].replace("x = 0.2\n", "x = 0.15\n")
 MODEL = 'name = "{name}"\n\n[units]\nlength = "mm"\nangle = "deg"\n\n[mesh]\nfile = "{name}.{kind}"\n{unit}'
 PROBLEMS = ("square_peg", "factory_rect_8mm_sources", "kite_prism", "mit_planar_slot", "square_peg_100um")
 STUDIES = ("square_peg_bias", "square_peg_clearance", "factory_rect_fits", "factory_rect_8mm_position")

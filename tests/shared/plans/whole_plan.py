@@ -20,9 +20,6 @@ def whole_plan() -> dict[str, Any]:
     """A plan that the reader takes and the check need not pass."""
     plan = table_plan()
     moves = sorted({segment["move"] for segment in plan["segments"]})
-    contact = {"kind": "vertex-face", "moving": {"vertices": [0]}, "fixed": {"vertices": [1, 5, 7, 3]}}
-    first = {**contact, "factor": 2.0, "axis": "x", "axis_factor": 3.0, "wrench": ZERO, "angle": 0.5, "told": True}
-    nowhere = {**first, "axis": "", "axis_factor": None, "angle": None}
     row = dict.fromkeys(("pa_start", "pa_end", "pn_start", "pn_end", "fa"), ZERO)
     span = {"start": 0.0, "end": 1.0, "s": [0, 0, 0, 0, 0, 0]}
     state = {"contacts": [], "freedoms": 0, "margin": 1e-4, "expanded": True}
@@ -57,10 +54,7 @@ def whole_plan() -> dict[str, Any]:
             "retries": [[1e-3, *ZERO[1:]]],
             "covers": plan["uncertainty"]["start_box"],
             "moves": [
-                {
-                    "move": move, "back_off": True, "room": 0.01, "first": [first, nowhere],
-                    "order": {"early": [0], "late": [0]},
-                }
+                {"move": move, "back_off": True, "room": 0.01, "order": {"early": [0], "late": [0]}}
                 for move in moves
             ],
             "not_covered": ["friction against the lift"],

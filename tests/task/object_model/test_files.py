@@ -10,7 +10,7 @@ import pytest
 
 from fmopt.errors import InputError, InterferenceError
 from fmopt.geometry.convex_pieces import polyhedron
-from fmopt.geometry.csg import Box, Cylinder, contains
+from fmopt.geometry.csg import Box, Cylinder
 from fmopt.papers.lee_huang.hand_position_force import hand_pose
 from fmopt.spatial.se3 import Pose
 from fmopt.task.assembly import Step, carried_out, load_assembly
@@ -21,6 +21,7 @@ from fmopt.task.problem import load
 from fmopt.task.task_command import is_round, task_command
 from tests import ROOT
 from tests.shared.same_solid import assert_same_volume
+from tests.shared.solids import contains
 
 ASSEMBLY = ROOT / "problems" / "assemblies" / "lee_huang_bush.toml"
 

@@ -9,10 +9,11 @@ import pytest
 from shapely import points as shapely_points
 
 from fmopt.errors import TaskError
-from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge, contains
+from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.object_model.frames import CENTRAL, INSIDE, MOUTH, across, check_frame, clipped, length, on_axis
 from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree, chain_of, moved
+from tests.shared.solids import contains
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 

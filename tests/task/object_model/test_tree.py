@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fmopt.errors import GeometryError, InputError, TaskError
 from fmopt.geometry.convex_pieces import polyhedron
-from fmopt.geometry.csg import Box, Difference, Hull, Placed, Solid, Union, contains, frustum
+from fmopt.geometry.csg import Box, Difference, Hull, Placed, Solid, Union
 from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
 from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.spatial.se3 import Pose
@@ -35,6 +35,7 @@ from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.toml.source import Place
 from tests import ROOT
 from tests.shared.same_solid import assert_same_volume
+from tests.shared.solids import contains, frustum
 
 MODELS = sorted((ROOT / "models").glob("*.toml"))
 HERE = Pose.identity()
@@ -149,7 +150,7 @@ def test_the_object_of_figure_1() -> None:
         "slots": [("-", "slot_b")],
     }
     assert [leaf.key for leaf in tree.feature("hole_c").instances] == ["cylinder", "cone"]
-    assert tree.feature("slot_b").instances[0].parameters == ((0.012, 0.062, 0.016),)
+    assert tree.feature("slot_b").instances[0].primitive == Box((0.012, 0.062, 0.016))
     inside = contains(tree.solid, [[-0.025, 0, 0.045], [-0.025, 0, 0.014], [-0.037, 0, 0.045], [0.012, 0.02, 0.02]])
     assert inside.tolist() == [False, True, True, False]
 
@@ -305,4 +306,4 @@ def test_faults_of_trees_have_their_place(tmp_path: Path, old: str, new: str, wo
 
 def test_a_hull_is_a_leaf_too() -> None:
     points = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    assert instances(Placed(Hull(points), at(1)))[0].parameters == (points,)
+    assert instances(Placed(Hull(points), at(1)))[0].primitive == Hull(points)
