@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,6 +19,9 @@ _HEIGHT = 0.05  # of the size, from the lowest point for every error to the mout
 _LOW = 0.02  # of the tilted height of the tip, by which vertices count as lowest
 _FAR = 1.1  # times its support that the tip keeps from walls that it is not pressed against
 _SURE = 1.05  # likewise from those that it is
+_TIPS = (
+    0.35  # of the height of the outline's middle over its lowest vertex, up to which others go into the mouth with it
+)
 _LEANING = 0.8  # likewise beyond what the part leans out by
 
 
@@ -74,32 +78,40 @@ def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, dist
         SearchError: the mouth leaves no place.
     """
     R = attitude(lean, tilt) @ task.goal.R
-    u = np.array([math.cos(corner.angle), math.sin(corner.angle)])
+    u, leaning = (np.array([math.cos(angle), math.sin(angle)]) for angle in (corner.angle, lean))
     tip = low_vertex(task, R, u)
-    seat = (task.goal.R @ tip + task.goal.p)[:2]
-    arm = R @ tip
     walls, offsets, wanted = [], [], []
+    for vertex in (tip, *task.tip):
+        high, aside = float((R @ (vertex - tip))[2]), (R @ (vertex - tip))[:2]
+        if high > _TIPS * 0.5 * task.size * math.sin(tilt):  # it may land on the rim
+            continue
+        seat = (task.goal.R @ vertex + task.goal.p)[:2]
+        for normal, offset in _walls(task, corner, tip, seat):
+            off = support(task, np.append(normal, 0.0), R @ vertex)
+            pressed = any(normal @ wall > 1.0 - 1e-6 for wall in corner.walls)
+            out = (below - max(high, 0.0)) * math.tan(tilt) * max(float(normal @ leaning), 0.0)
+            walls.append(normal)
+            offsets.append(offset - float(normal @ aside))
+            keeps = max(_SURE * off, out + _LEANING * off) if pressed else _FAR * off
+            wanted.append(max(keeps, distance) if pressed and vertex is tip else keeps)
+    place, share = _placed(np.array(walls), np.array(offsets), np.array(wanted))
+    height = lowest_height(task, R, tip)
+    p = np.append(place, height) - R @ tip
+    return Entry(Pose(p, R), height, share)
+
+
+def _walls(task: PressTask, corner: Corner, tip: Array, seat: Array) -> Iterator[tuple[Array, float]]:
+    """Outward normals (2,) and offsets of the walls around a seat (2,): a corner's first, as its tip meets them."""
+    own = (task.goal.R @ tip + task.goal.p)[:2]
     for normal in corner.walls:
-        walls.append(normal)
-        offsets.append(float(normal @ seat))
-        off = support(task, np.append(normal, 0.0), arm)
-        out = below * math.tan(tilt) * max(float(normal @ [math.cos(lean), math.sin(lean)]), 0.0)
-        wanted.append(max(distance, _SURE * off, out + _LEANING * off))
+        yield normal, float(normal @ own)
     ring = np.array(task.mouth.simplify(1e-6).exterior.coords)
     for a, b in pairwise(ring):
         along = (b - a) / np.linalg.norm(b - a)
-        normal = np.array([along[1], -along[0]])
-        if not task.mouth.exterior.is_ccw:
-            normal = -normal
+        normal = np.array([along[1], -along[0]]) * (1.0 if task.mouth.exterior.is_ccw else -1.0)
         # Walls that the seat is not inside of belong to other arms of the mouth.
         if normal @ seat <= normal @ a and not any(normal @ wall > 1.0 - 1e-6 for wall in corner.walls):
-            walls.append(normal)
-            offsets.append(float(normal @ a))
-            wanted.append(_FAR * support(task, np.append(normal, 0.0), arm))
-    place, share = _placed(np.array(walls), np.array(offsets), np.array(wanted))
-    height = lowest_height(task, R, tip)
-    p = np.append(place, height) - arm
-    return Entry(Pose(p, R), height, share)
+            yield normal, float(normal @ a)
 
 
 def lowest_height(task: PressTask, R: Array, tip: Array) -> float:
