@@ -22,6 +22,8 @@ _SURE = 1.05  # likewise from those that it is
 _TIPS = (
     0.35  # of the height of the outline's middle over its lowest vertex, up to which others go into the mouth with it
 )
+_AHEAD = 0.3  # cosine of the angle between the way to the corner and a wall's normal, from which going back makes room
+_NEAR = 0.1  # of the size, from a seat to the walls that are at it
 _LEANING = 0.8  # likewise beyond what the part leans out by
 
 
@@ -86,8 +88,11 @@ def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, dist
         if high > _TIPS * 0.5 * task.size * math.sin(tilt):  # it may land on the rim
             continue
         seat = (task.goal.R @ vertex + task.goal.p)[:2]
-        for normal, offset in _walls(task, corner, tip, seat):
+        for normal, offset, near in _walls(task, corner, tip, seat):
             off = support(task, np.append(normal, 0.0), R @ vertex)
+            # Beside a vertex that is not the tip no way back from the corner makes room, nor far from it.
+            if vertex is not tip and (normal @ u < _AHEAD or not near):
+                continue
             pressed = any(normal @ wall > 1.0 - 1e-6 for wall in corner.walls)
             out = (below - max(high, 0.0)) * math.tan(tilt) * max(float(normal @ leaning), 0.0)
             walls.append(normal)
@@ -100,18 +105,20 @@ def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, dist
     return Entry(Pose(p, R), height, share)
 
 
-def _walls(task: PressTask, corner: Corner, tip: Array, seat: Array) -> Iterator[tuple[Array, float]]:
-    """Outward normals (2,) and offsets of the walls around a seat (2,): a corner's first, as its tip meets them."""
+def _walls(task: PressTask, corner: Corner, tip: Array, seat: Array) -> Iterator[tuple[Array, float, bool]]:
+    """Outward normals (2,) and offsets of walls, a corner's first, as its tip meets them; whether a seat is at them."""
     own = (task.goal.R @ tip + task.goal.p)[:2]
     for normal in corner.walls:
-        yield normal, float(normal @ own)
+        yield normal, float(normal @ own), bool(normal @ seat < normal @ own + 1e-6)
     ring = np.array(task.mouth.simplify(1e-6).exterior.coords)
     for a, b in pairwise(ring):
-        along = (b - a) / np.linalg.norm(b - a)
+        length = float(np.linalg.norm(b - a))
+        along = (b - a) / length
         normal = np.array([along[1], -along[0]]) * (1.0 if task.mouth.exterior.is_ccw else -1.0)
         # Walls that the seat is not inside of belong to other arms of the mouth.
         if normal @ seat <= normal @ a and not any(normal @ wall > 1.0 - 1e-6 for wall in corner.walls):
-            yield normal, float(normal @ a)
+            gap = seat - a - np.clip((seat - a) @ along, 0.0, length) * along
+            yield normal, float(normal @ a), float(np.linalg.norm(gap)) < _NEAR * task.size
 
 
 def lowest_height(task: PressTask, R: Array, tip: Array) -> float:
