@@ -9,9 +9,9 @@ import numpy as np
 
 from fmopt.plan import Numbers
 from fmopt.plan.field_types import numbers as numbers_of
-from fmopt.plan.press import Attempt, End, Level, Point, Press, PressRobot, Rocking, Standstill, Time, Travel
+from fmopt.plan.press import Attempt, End, Level, Next, Point, Press, PressRobot, Rocking, Standstill, Time, Travel
 from fmopt.planning.press.entry import Entry, corner_entry
-from fmopt.planning.press.task import Corner, PressTask
+from fmopt.planning.press.task import Corner, PressTask, Shelf
 from fmopt.spatial.values import Array
 
 FORCE = 8.0  # N, lateral force of a press at strength 1
@@ -19,7 +19,13 @@ AXIAL = 20.0  # N, of the last press
 TURNING = 0.25  # rad/s, upright
 LATERAL_SPEED, AXIAL_SPEED, TURN_SPEED = 0.01, 0.012, 1.0  # m/s and rad/s, limits of axes that give way
 COME_DOWN = 4.0, 0.01  # N and m/s
-DATUM, SLIDE = (10.0, 2.0), (3.0, 4.0)  # N, lateral and axial
+DATUM, SLIDE = (10.0, 2.0), 4.0  # N: lateral and axial; axial
+_DROPPING, _SLIDING = 0.08, 0.005  # s for which a part that slides stays in its play, and m/s at most
+_FLUSH = 0.4  # of the size: the part stands flush against walls that are higher
+_BEYOND = 1.05  # times the way to the middle that it slides
+_DROP = 1.5e-4  # m by which it is off the shelf
+_BENT = 8e-4  # m by which friction holds the part back on its way, at most
+_ASIDE = 0.15  # lateral over axial force with which the part comes down to a shelf
 ROCK = Rocking(math.radians(3.0), 2.0, 2.0)
 ROCK_FORCE = 5.0  # N
 _LAST = (4.5e-4, 4e-4)  # m above the goal of a through hole where the last press begins, and its speed in m/s
@@ -176,7 +182,8 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
         end: lateral over axial force of the last press.
         rock: whether the part is rocked before.
     """
-    presses = [press for lever in task.shelves for press in shelf(task, u, lever)]
+    presses = [press_on(task, XYZ, six(_ASIDE * FORCE * u, -FORCE))] if task.shelves else []
+    presses += [press for one in task.shelves for press in at_shelf(task, u, one)]
     floor = levels(task)
     if rock:
         wrench = six(end * ROCK_FORCE * u, -ROCK_FORCE)
@@ -185,7 +192,7 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
     wrench = six(end * AXIAL * u, -AXIAL)
     reach = task.depth + 0.02, 1.0
     if not task.through:
-        ends = (replace(standstill(5e-5, 0.3), then="seated", below=deepest_known(task)), Time(6.0, "retry"))
+        ends = (*standing(task, "retry"), Time(6.0, "retry"))
         return (*presses, Press("go in", ALL, (0.0,) * 6, wrench, _SPEEDS, reach, ends))
     stuck = replace(standstill(5e-5, 0.3), then="retry")
     speed = _LAST[1]
@@ -198,27 +205,45 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
     return tuple(presses)
 
 
+def press_on(task: PressTask, gives: tuple[bool, bool, bool, bool, bool, bool], wrench: Numbers) -> Press:
+    """Down until the part stands, on the floor or on a shelf."""
+    ends = (*levels(task), *standing(task, "next"), Time(8.0, "next"))
+    return Press("press on", gives, (0.0,) * 6, wrench, _SPEEDS, (task.depth + 0.02, 1.0), ends)
+
+
+def standing(task: PressTask, short: Next) -> tuple[Standstill, ...]:
+    """Standstill at the depth of a blind hole; what follows where the part stands before."""
+    end = standstill(5e-5, 0.3)
+    return (replace(end, then="seated", below=deepest_known(task), else_then=short),)
+
+
 def deepest_known(task: PressTask) -> float:
     """Highest measured z of a part that is seated, m."""
     return -task.depth + task.clearance.per_side + float(task.box[2]) + 1e-4
 
 
-def shelf(task: PressTask, u: Array, lever: float) -> tuple[Press, Press]:
-    """Datum and slide: two walls and the shelf fix the part, then it goes away from the walls until it drops.
+def at_shelf(task: PressTask, u: Array, shelf: Shelf) -> tuple[Press, Press, Press]:
+    """Datum, slide, down: two walls and the shelf fix the part, then it is led to the middle, drops, and is pressed on.
+
+    The way is led, not pushed: an offset of the wrench would turn it aside.
 
     Args:
         task: the insertion.
         u: (3,) direction of the two walls.
-        lever: height over the tip of the walls that are engaged, m.
+        shelf: where the part stands.
     """
-    line: Point = (0.0, 0.0, lever)
+    line: Point = (0.0, 0.0, shelf.lever)
     floor = levels(task)
+    gives = ALL if shelf.height > _FLUSH * task.size else XYZ_YAW
     datum = Press(
-        "datum on the shelf", ALL, (0.0,) * 6, six(DATUM[0] * u, -DATUM[1]), _SPEEDS, (0.05, 1.0),
+        "datum on the shelf", gives, (0.0,) * 6, six(DATUM[0] * u, -DATUM[1]), _SPEEDS, (0.05, 1.0),
         (*floor, standstill(2e-5, 0.25), Time(4.0, "next")), line,
     )  # fmt: skip
+    speed = min(task.clearance.per_side / _DROPPING, _SLIDING)
+    x, y, _ = (-speed * u).tolist()
+    ends = (*floor, Travel(distance=_DROP), Time((_BEYOND * task.way_to_walls(shelf, u) + _BENT) / speed, "next"))
     slide = Press(
-        "slide off the shelf", XYZ, (0.0,) * 6, six(-SLIDE[0] * u, -SLIDE[1]), _SPEEDS, (task.depth + 0.02, 1.0),
-        (*floor, standstill(), Time(4.0, "next")),
+        "slide off the shelf", ONLY_Z, (x, y, 0.0, 0.0, 0.0, 0.0), six(0.0 * u, -SLIDE), _SPEEDS,
+        (task.depth + 0.02, 1.0), ends,
     )  # fmt: skip
-    return datum, slide
+    return datum, slide, press_on(task, ONLY_Z, six(0.0 * u, -FORCE))

@@ -28,6 +28,7 @@ _TIP = 1e-6  # m within which vertices belong to the leading face
 _STRAIGHT = 1e-6  # m by which corners of an outline may be off a straight side
 _PLAY_DROP = 0.6  # of the play above a shelf, below which the play is smaller there
 _MAX_SYMMETRY = 60
+_HALVINGS = 30  # of a way, from the size to less than 1 nm
 _ROUND = 0.1  # of the clearance, by which an outline that counts as round is off its circle
 
 
@@ -46,6 +47,20 @@ class Corner:
     walls: Array
     angle: float
     turn: float
+
+
+@dataclass(frozen=True)
+class Shelf:
+    """Where a step of the one part reaches a step of the other, and the play drops.
+
+    Attributes:
+        gone: how far the tip is below the mouth there, m.
+        lever, height: of the walls that are engaged, their middle over the tip and how high they are, m.
+    """
+
+    gone: float
+    lever: float
+    height: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,11 +173,8 @@ class PressTask:
         return tuple(sorted(found, key=lambda corner: (-round(corner.turn, 6), corner.angle)))
 
     @cached_property
-    def shelves(self) -> tuple[float, ...]:
-        """Height over the tip, m, of the walls engaged at each shelf, in the order that they are met.
-
-        At a shelf a step of the one part reaches a step of the other, and the play drops.
-        """
+    def shelves(self) -> tuple[Shelf, ...]:
+        """Shelves in the order that they are met."""
         met, depth, eps = [], self.depth, _LEVEL
         for own in (0.0, *(z for z in self._levels(self.moving) if eps < z < depth)):
             grows = own == 0.0 or self._outline(own + eps).area > 1.01 * self._outline(own - eps).area
@@ -174,8 +186,21 @@ class PressTask:
                 if self._play(own + eps, other - eps) < _PLAY_DROP * above:
                     engaged = np.linspace(eps, gone - eps, 40)
                     plays = np.array([self._play(h, h - gone) for h in engaged])
-                    met.append((gone, float(engaged[plays < 1.1 * plays.min() + 1e-7].mean())))
-        return tuple(lever for _, lever in sorted(met))
+                    walls = engaged[plays < 1.1 * plays.min() + 1e-7]
+                    met.append((gone, float(walls.mean()), float(np.ptp(walls))))
+        return tuple(Shelf(*one) for one in sorted(met))
+
+    def way_to_walls(self, shelf: Shelf, u: Array) -> float:
+        """How far the part that stands on a shelf goes in a direction (3,) from its middle to the walls, m."""
+        from shapely.affinity import translate
+
+        own, opening = self._outline(shelf.lever), self._opening(shelf.lever - shelf.gone)
+        low, high = 0.0, self.size
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            inside = opening.contains(translate(own, middle * u[0], middle * u[1]))
+            low, high = (middle, high) if inside else (low, middle)
+        return low
 
     @property
     def bodies(self) -> Bodies:

@@ -37,7 +37,11 @@ def test_shelves_are_where_the_play_drops(family: str, seed: int, tmp_path: Path
         expected = sum(below < 0.6 * above for below, above in pairwise(plays))
         assert expected
     assert len(task.shelves) == expected
-    assert all(0.0 < lever < 1e-3 * one.depth for lever in task.shelves)
+    assert all(0.0 < shelf.lever < shelf.gone < 1e-3 * one.depth for shelf in task.shelves)
+    first, corner = task.shelves[0], task.corners[0]
+    way = task.way_to_walls(first, np.array([cos(corner.angle), sin(corner.angle), 0.0]))
+    play = rings(one.peg)[0].exterior.distance(rings(one.hole)[-1].exterior)
+    assert way * cos(0.5 * corner.turn) == pytest.approx(1e-3 * play, abs=1e-6)  # as far as either wall
     assert task.through is one.through
     assert task.depth == pytest.approx(1e-3 * one.depth, abs=1e-9)
 
