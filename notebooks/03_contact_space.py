@@ -6,8 +6,6 @@
 # [DakinPopplestone1993] sections 2 and 3.
 
 # %%
-from itertools import pairwise
-
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -78,20 +76,6 @@ graph
 
 # %%
 graph.count()
-
-# %% [markdown]
-# From free space to the corner of the hole contacts can be made in many orders. The shortest route keeps half of the
-# room that each state has, and counts each change of state as one clearance of travel; no route costs less than the
-# bound.
-
-# %%
-deepest = max(graph.states, key=lambda state: len(state.contacts))
-route = fmopt.stages.state_route(graph, (), deepest.contacts)
-for before, state in pairwise(route.states):
-    made = [contact for contact in state.contacts if contact not in before.contacts]
-    print(f"{state.id:5} {state.dimension} freedoms left, makes", ", ".join(made))
-print(f"cost {route.cost:.2f} clearances, no route below {route.lower_bound:.2f}")
-assert route.gap < 0.1
 
 # %% [markdown]
 # ## What a state feels like

@@ -74,24 +74,6 @@ def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
     return Faces(cut.planes(active), dimensions + cut.lineality, points, cut.lineality)
 
 
-def enumerate_vertices(normals: ArrayLike, offsets: ArrayLike) -> tuple[Array, Bits, Bits]:
-    """Vertices of {x: normals·x ≥ offsets}, and the directions of its edges without end; of lines, one point stands.
-
-    Args:
-        normals: rows (k, n); none may be zero.
-        offsets: (k,).
-
-    Returns:
-        vertices and unit directions (m, n), which planes hold each (m, k), and which are directions (m,).
-
-    Raises:
-        InfeasibleError: the half-spaces have no common point.
-    """
-    cut = _Cut.of(normals, offsets)
-    corners, incidence, _ = cut.corners()
-    return corners, cut.planes(incidence[:, :-1]), incidence[:, -1]
-
-
 @dataclass(frozen=True, eq=False)
 class _Cut(Value):
     """A polyhedron cut down to a pointed, full-dimensional one around 0, orthogonal to its lines.

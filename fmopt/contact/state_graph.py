@@ -17,10 +17,10 @@ from typing import TypeVar
 import numpy as np
 
 from fmopt.contact.c_surface import values_and_rows
-from fmopt.contact.face_lattice import Bits, Numbers, covers, held
+from fmopt.contact.face_lattice import Numbers, covers, held
 from fmopt.contact.facet_bounds import Bound
 from fmopt.contact.half_spaces import first_equal
-from fmopt.contact.polytope import Faces, enumerate_faces, enumerate_vertices
+from fmopt.contact.polytope import Faces, enumerate_faces
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron
@@ -247,18 +247,3 @@ def faces(space: LocalSpace) -> Faces:
             advice="linearise at a pose that is not on the end of a face or an edge",
         )
     return Faces(found.active[open_, :k], found.dimensions[open_], found.points[open_], found.lineality)
-
-
-def vertices(space: LocalSpace) -> tuple[Array, Bits, Bits]:
-    """Vertices of the local contact space in scaled units, also on limits, and the directions in which it has no end.
-
-    Where parts may slide both ways without end, there is one vertex for all of the way.
-
-    Returns:
-        vertices and unit directions (m, 6), which contacts are active there (m, k), and which are directions (m,).
-
-    Raises:
-        InfeasibleError: the contacts violate each other.
-    """
-    points, on, endless = enumerate_vertices(*space.half_spaces)
-    return points, on[:, : len(space.contacts)], endless

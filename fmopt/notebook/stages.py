@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from fmopt.contact.state_graph import ContactGraph
     from fmopt.planning.plan_record import Nominal
     from fmopt.planning.robustness.error_tolerance import CertifiedMotion
-    from fmopt.planning.search.state_route import StateRoute
 
 
 Progress = Callable[[str], None]
@@ -94,23 +93,6 @@ def contact_graph(problem: Problem, pose: ArrayLike, reach: float | None = None)
     moving, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
     space = local_space(contacts, moving, fixed, at, Scale(clearance(problem).per_side, _rho(problem)))
     return graph(space, faces(space))
-
-
-def state_route(
-    graph: ContactGraph, start: Collection[str], goal: Collection[str], room: float = 0.5, change: float = 1.0
-) -> StateRoute:
-    """The shortest of the routes tried through the states of a graph, without errors, with a bound on all routes.
-
-    Args:
-        start: ids of the contacts of the state in which it begins; none for free space.
-        room: how far poses stay inside of their states: 0 for all of a state's facet, 1 for its point alone.
-
-    Raises:
-        InfeasibleError: there is no such state.
-    """
-    from fmopt.planning.search.state_route import state_route as route
-
-    return route(graph, start, goal, room, change)
 
 
 def motion(problem: Problem, progress: Progress = lambda _: None) -> CertifiedMotion:

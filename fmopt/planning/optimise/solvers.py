@@ -81,17 +81,6 @@ class ClarabelSolver:
         assert failure is not None
         raise failure
 
-    def proposed(self, program: ConeProgram) -> Array:
-        """Where the solver stops, unchecked, for who looks after the rows; equalities have to be independent.
-
-        Raises:
-            SolverError: that is no finite point.
-        """
-        x, _, status = self._run(program.scaled(), np.arange(len(program.b)))
-        if not np.isfinite(x).all():
-            raise SolverError(f"Clarabel stopped with {status} at no point", _ADVICE.get(status, ""))
-        return np.asarray(x * program.units)
-
     def _run(self, scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, str]:
         M, rhs, cones = standard_form(scaled, kept)
         q = np.append(-scaled.c, np.zeros(len(scaled.norms)))
