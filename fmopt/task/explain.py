@@ -256,6 +256,15 @@ def _settings(problem: Problem) -> Iterator[str]:
         f"tilted by up to about {_deg(settings.max_tilt)} deg about {about} at the start; "
         f"time limit {settings.time_limit:.6g} s"
     )
+    if settings.evidence == "certified":
+        yield "asked for: guarded moves, certified"
+        return
+    robot, (low, high) = problem.robot, problem.friction
+    yield (
+        f"asked for: presses, tested: a rate of {settings.min_rate:.4g} by {settings.draws} draws, seed {settings.seed}; "
+        f"friction {low:.4g} to {high:.4g}"
+    )
+    yield f"robot: {1e-3 * robot.stiffness:.6g} N/mm, {robot.turning:.6g} N m/rad where it holds, {robot.mass:.6g} kg"
 
 
 def assembly_facts(assembly: Assembly, steps: Sequence[Step]) -> dict[str, Any]:
