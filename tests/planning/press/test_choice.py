@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmopt.errors import SearchError
+from fmopt.errors import OverdueError, SearchError
 from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import Attempt, Force, Press, Time
 from fmopt.planning.press import choice
 from fmopt.planning.press.choice import Choosing, Trialled, halved, strength, with_retries
+from fmopt.runtime.compiled import clock, until
 from tests.shared.plans.press_plan import press_choosing, press_plan
 
 ZERO = (0.0, 0.0, 0.0)
@@ -71,6 +72,29 @@ def test_of_those_that_always_seat_the_quicker_leads_and_later_waves_are_not_loo
     assert [one.attempt.source for one in left[:2]] == ["3", "1"]
     assert {source for source, _ in carried.seen} == {str(k) for k in range(6)}
     assert max(number for _, number in carried.seen) == 15  # two that seat in all of sixteen draws are enough
+
+
+@pytest.mark.parametrize("rounds", [0, 1, 3])
+def test_a_choice_that_is_cut_off_ranks_what_was_carried_out(rounds: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    carried, calls = Carried([5] * 15, [5.0] * 15), list[int]()
+
+    def cut(self: Choosing, candidates: Sequence[Attempt], numbers: range) -> list[tuple[TrialOutcome, ...]]:
+        calls.append(len(numbers))
+        if len(calls) > rounds:
+            raise OverdueError("the time limit is used up")
+        return carried(candidates, numbers)
+
+    monkeypatch.setattr(Choosing, "carried_out", cut)
+    candidates = [candidate(str(k)) for k in range(15)]
+    with until(clock() + 1e3 if rounds else 0.0):
+        if not rounds:
+            with pytest.raises(OverdueError):
+                halved(press_choosing(), candidates, lambda _: None)
+            return
+        left = halved(press_choosing(), candidates, lambda _: None)
+    assert left
+    assert all(one.outcomes for one in left)
+    assert sum(len(one.outcomes) for one in left) <= len(carried.seen)
 
 
 def test_retries_seat_what_the_first_leaves() -> None:

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from fmopt.cli.console import print_solved
+from fmopt.errors import SearchError
+from fmopt.execution.confidence import lower_bound
 from fmopt.plan import Plan, canonical, parsed, write
+from fmopt.planning import pipeline
 from fmopt.planning.pipeline import synthesise
+from fmopt.planning.press.solve import PressSolution
 from fmopt.report.figures import figures
 from fmopt.report.page import report_page
+from fmopt.report.presses import carried_words, evidence_words
+from fmopt.verify import verify
 from tests.shared.commands import ended
 from tests.shared.plans.press_plan import DRAWS, MIN_RATE, press_plan_document, press_problem
 
@@ -50,6 +58,57 @@ def test_page_and_terminal_state_counts_and_bound_and_no_margin(capfd: pytest.Ca
     assert "TESTED" in printed
     assert "margin" not in printed
     assert "margin" not in page.split("<body", 1)[1].split("<script", 1)[0].replace("margin:", "").lower()
+
+
+class Presses:
+    """In place of the search for presses: a plan that stays below the rate asked for, or none."""
+
+    def __init__(self, level: str) -> None:
+        self.level = level
+
+    def __call__(self, *_: Any) -> PressSolution:
+        if self.level == "none":
+            raise SearchError("no press was found")
+        found = parsed(press_plan_document())
+        assert found.press_plan is not None
+        assert found.trials is not None
+        return PressSolution(found.press_plan, replace(found.trials, level="below", min_rate=0.9), ())
+
+
+@pytest.mark.parametrize(("level", "certified"), [("below", True), ("none", True), ("below", False), ("none", False)])
+def test_where_presses_stay_below_guarded_moves_are_looked_for(
+    level: str, certified: bool, square_peg_plan: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = press_problem()
+    monkeypatch.setattr("fmopt.planning.press.solve.press_solution", Presses(level))
+    monkeypatch.setattr(pipeline, "nearest", lambda *_: pipeline.Share(0.35, 1e-5, False, problem.velocity_error))
+    if certified:
+        answer = pipeline.Synthesis(square_peg_plan, verify(square_peg_plan), {})
+        monkeypatch.setattr(pipeline, "certified_motion", lambda *_: None)
+        monkeypatch.setattr(pipeline, "_completed", lambda *_: answer)
+        assert synthesise(problem) is answer
+        return
+    monkeypatch.setattr(pipeline, "certified_motion", Presses("none"))
+    if level == "none":
+        with pytest.raises(SearchError, match="no press was found"):
+            synthesise(problem)
+        return
+    found = synthesise(problem).plan
+    assert (found.verdict, found.description.certified_share) == ("NOT_PROVED", 0.35)
+    assert "Guarded moves are certified for 35% of the start errors." in evidence_words(found)
+
+
+def test_a_certified_plan_says_what_its_trials_came_to(square_peg_plan: dict[str, Any]) -> None:
+    made = pipeline.Synthesis(square_peg_plan, verify(square_peg_plan), {})
+    settings = press_problem().settings
+    assert made.carried_out(replace(settings, draws=0)) is made
+    assert carried_words(made.plan) == "not carried out"
+    found = made.carried_out(replace(settings, draws=2, min_rate=0.9))
+    assert str(verify(found.document).verdict) == "CERTIFIED"
+    carried = found.plan.description.carried_out
+    assert carried is not None
+    assert (carried.draws, carried.seated, carried.bound) == (2, 2, pytest.approx(lower_bound(2, 2)))
+    assert carried_words(found.plan).startswith("BUT 2 of 2 draws seat")  # two draws show no rate of 0.9
 
 
 @pytest.mark.parametrize("to", ["urscript", "ros2"])
