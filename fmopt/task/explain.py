@@ -261,8 +261,8 @@ def _settings(problem: Problem) -> Iterator[str]:
         return
     robot, (low, high) = problem.robot, problem.friction
     yield (
-        f"asked for: presses, tested: a rate of {settings.min_rate:.4g} by {settings.draws} draws, seed {settings.seed}; "
-        f"friction {low:.4g} to {high:.4g}"
+        f"asked for: presses, tested: a rate of {settings.min_rate:.4g} by {settings.draws} draws, "
+        f"seed {settings.seed}; friction {low:.4g} to {high:.4g}"
     )
     yield f"robot: {1e-3 * robot.stiffness:.6g} N/mm, {robot.turning:.6g} N m/rad where it holds, {robot.mass:.6g} kg"
 

@@ -159,12 +159,13 @@ def turn_upright(task: PressTask, tilt: float, lean: float, wrench: Numbers, yaw
     axis = np.array([-math.sin(lean), math.cos(lean), 0.0])
     rx, ry, _ = (-TURNING * axis).tolist()
     gives = XYZ_YAW if yaw else XYZ
+    reach = task.depth + 4.0 * task.lateral + 0.25 * task.size, 1.0  # a part that slips off the rim goes farther
     floor = levels(task)
     turn = Press(
-        "turn upright", gives, (0.0, 0.0, 0.0, rx, ry, 0.0), wrench, _SPEEDS, (0.05, 1.0),
+        "turn upright", gives, (0.0, 0.0, 0.0, rx, ry, 0.0), wrench, _SPEEDS, reach,
         (*floor, Travel(angle=tilt), Time(3.0 * tilt / TURNING + 1.0, "retry")),
     )  # fmt: skip
-    settle = Press("settle", gives, (0.0,) * 6, wrench, _SPEEDS, (0.05, 1.0), (*floor, standstill(), Time(6.0, "next")))
+    settle = Press("settle", gives, (0.0,) * 6, wrench, _SPEEDS, reach, (*floor, standstill(), Time(6.0, "next")))
     return turn, settle
 
 
