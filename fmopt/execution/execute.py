@@ -70,6 +70,7 @@ def compare(plans: Sequence[Plan], trials: int, seed: int, settled: Settled) -> 
         A row for each plan: its title, and for each method the success inside the certified set.
 
     Raises:
+        PlanFormatError: a plan has presses.
         FmoptError: as for `execute`.
     """
     ENGINES[Trials.engine].library()

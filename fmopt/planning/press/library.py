@@ -9,7 +9,7 @@ import numpy as np
 
 from fmopt.plan import Numbers
 from fmopt.plan.field_types import numbers as numbers_of
-from fmopt.plan.press import Attempt, End, Level, Next, Point, Press, PressRobot, Rocking, Standstill, Time, Travel
+from fmopt.plan.press import Attempt, End, Level, Point, Press, PressRobot, Rocking, Standstill, Time, Travel
 from fmopt.planning.press.entry import Entry, corner_entry
 from fmopt.planning.press.task import Corner, PressTask, Shelf
 from fmopt.spatial.values import Array
@@ -193,7 +193,7 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
     wrench = six(end * AXIAL * u, -AXIAL)
     reach = task.depth + 0.02, 1.0
     if not task.through:
-        ends = (*standing(task, "retry"), Time(6.0, "retry"))
+        ends = (replace(standstill(5e-5, 0.3), then="seated", below=deepest_known(task)), Time(6.0, "retry"))
         return (*presses, Press("go in", ALL, (0.0,) * 6, wrench, _SPEEDS, reach, ends))
     stuck = replace(standstill(5e-5, 0.3), then="retry")
     speed = _LAST[1]
@@ -208,14 +208,8 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
 
 def press_on(task: PressTask, gives: tuple[bool, bool, bool, bool, bool, bool], wrench: Numbers) -> Press:
     """Down until the part stands, on the floor or on a shelf."""
-    ends = (*levels(task), *standing(task, "next"), Time(8.0, "next"))
+    ends = (*levels(task), standstill(5e-5, 0.3), Time(8.0, "next"))
     return Press("press on", gives, (0.0,) * 6, wrench, _SPEEDS, (task.depth + 0.02, 1.0), ends)
-
-
-def standing(task: PressTask, short: Next) -> tuple[Standstill, ...]:
-    """Standstill at the depth of a blind hole; what follows where the part stands before."""
-    end = standstill(5e-5, 0.3)
-    return (replace(end, then="seated", below=deepest_known(task), else_then=short),)
 
 
 def deepest_known(task: PressTask) -> float:
