@@ -15,8 +15,8 @@ from tests import ROOT
 
 SOURCES = {".py", ".js", ".css", ".html"}
 NO_CODE = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
-# All lines; lines of Python without docstrings, comments and blanks. The code of the package may grow by 1500 once.
-CEILINGS = {"fmopt": (81520, 49881 + 1500), "tests": (45619, 35066)}
+# All lines; lines of Python without docstrings, comments and blanks.
+CEILINGS = {"fmopt": (80820, 51100), "tests": (45475, 34955)}
 
 
 def code_lines(text: str) -> int:
