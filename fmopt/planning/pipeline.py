@@ -65,9 +65,14 @@ class Synthesis:
         """Whether the plan is certified."""
         return _certified(self.verdict)
 
+    @property
+    def trials(self) -> CarriedOut | None:
+        """What trials of a certified plan came to; None where there were none."""
+        return self.plan.description.carried_out
+
     def carried_out(self, settings: Settings, progress: Progress = lambda _: None) -> Synthesis:
         """The same with trials of its guarded moves, as many as settings have draws, which change no verdict."""
-        if not (self.proved and settings.draws):
+        if not (self.proved and settings.draws) or self.trials is not None:
             return self
         from fmopt.execution.confidence import lower_bound
         from fmopt.execution.engines.mujoco_engine import MUJOCO
@@ -124,7 +129,7 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None, reserved: 
 
 
 def _tested(problem: Problem, stages: Stages) -> Synthesis:
-    """A plan of presses, carried out; where it stays below the rate asked for, guarded moves if they are certified.
+    """A plan of presses, carried out; where it stays below the rate asked for, guarded moves that reach it.
 
     Raises:
         SearchError, InfeasibleError, OverdueError: there are neither presses nor guarded moves.
@@ -148,9 +153,12 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
     if found.evidence is not None and found.evidence.level != "tested":
         stages.progress("guarded moves: for all of the errors, then for shares of them")
         whole = _certified_whole(problem, stages)
-        if whole is not None:
-            return whole
-        share = nearest(problem, max(deadline() - clock(), 0.0), stages.progress).share
+        if whole is None:
+            share = nearest(problem, max(deadline() - clock(), 0.0), stages.progress).share
+        else:
+            share, whole = 1.0, whole.carried_out(problem.settings, stages.progress)
+            if whole.trials is not None and whole.trials.bound >= problem.settings.min_rate:
+                return whole
         stages.ended("share")
     document, verdict = _checked(press_document(posed, found.plan, found.evidence, found.trace, share), TESTED)
     stages.ended("verify")
