@@ -14,6 +14,7 @@ from tests import ROOT
 
 # Of each option: whether a negative number, nought, and a huge one can be meant.
 MEANT = {
+    "solve --trials": (False, True, False),
     "export --rate": (False, False, False),
     "export --base": (True, True, False),
     "execute --trials": (False, True, False),

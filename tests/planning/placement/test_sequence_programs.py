@@ -45,8 +45,9 @@ def solves(name: str) -> tuple[tuple[tuple[ConeProgram, Solution], ...], int, in
         patch.setattr(ClarabelSolver, "solve", kept)
         patch.setattr(nlp, "formation_derivatives", counted)
         patch.setattr(goal_refinement, "place_on_surfaces", watched)
-        problem = load(PROBLEMS / f"{name}.toml").with_(settings_evidence="certified")
-        assert synthesise(problem).proved
+        problem = load(PROBLEMS / f"{name}.toml")
+        certified = replace(problem.settings, evidence="certified")
+        assert synthesise(replace(problem, settings=certified)).proved
     return tuple(found), len(placed), len(called)
 
 
