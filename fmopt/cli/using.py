@@ -166,6 +166,7 @@ def execute(
     from fmopt.execution.execute import execute as run
     from fmopt.execution.summary import lines
     from fmopt.execution.trials import METHODS, Trials
+    from fmopt.plan.evidence import MAX_EXAMINED
 
     if method not in METHODS:
         raise typer.BadParameter(f"{method!r} is none of {', '.join(METHODS)}", param_hint="--method")
@@ -180,8 +181,8 @@ def execute(
     folder = out if out is not None else (Path() if file == STDIO else file.parent) / "trials"
     plan, caution = _admitted(file, unverified)
     if seed is None and plan.trials is not None:
-        # Draws of the evidence are repeated one by one; a rate is that of new ones. Two seeds belong to a choice.
-        wanted = replace(wanted, seed=plan.trials.seed + (2 if again is None else 0))
+        # Draws of the evidence are repeated one by one; a rate is that of new ones, which no examined plan had.
+        wanted = replace(wanted, seed=plan.trials.seed + (MAX_EXAMINED if again is None else 0))
     if again is not None:
         _replay(plan, wanted, again, folder)
         return

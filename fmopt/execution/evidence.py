@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fmopt.execution.confidence import lower_bound
 from fmopt.execution.engines.engine import Bodies
-from fmopt.execution.engines.mujoco_engine import MUJOCO
+from fmopt.execution.engines.mujoco_engine import version
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors, vertex_errors
 from fmopt.plan.evidence import CONFIDENCE, MIN_VERTICES, VERTICES, Evidence, TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan
@@ -57,7 +57,7 @@ def examine(
         vertices_seated=at_vertices,
         examined=asked.examined,
         seed=asked.seed,
-        engine=f"mujoco {MUJOCO.library().__version__}",
+        engine=version(),
         conditions=conditions,
         subject=subject,
         outcomes=tuple(drawn),

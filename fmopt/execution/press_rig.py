@@ -17,7 +17,6 @@ from fmopt.execution.engines.engine import Engine
 from fmopt.execution.press_servo import (
     BACKING,
     DONE,
-    FAIL,
     HOLDING,
     NEXT,
     RETRY,
@@ -25,21 +24,20 @@ from fmopt.execution.press_servo import (
     SAMPLE,
     SEATED,
     Bodies,
-    Ends,
     Ints,
     Sensors,
     ended,
+    ends_of,
     sensed,
     servo,
 )
 from fmopt.execution.rotation import between, product, quaternions
 from fmopt.execution.summary import SHARE, Fit, reasons_at_rest
 from fmopt.plan.evidence import TrialOutcome
-from fmopt.plan.press import Force, Level, Next, Press, PressPlan, Standstill, Time, Travel
+from fmopt.plan.press import PressPlan
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.values import Array
 
-THEN: dict[Next, int] = {"next": NEXT, "seated": SEATED, "retry": RETRY, "fail": FAIL}
 _WINDOW = 0.4  # s, the longest window of a standstill
 _TRAIL = 0.02  # s between the poses that a part backs out along
 _REST = 0.2  # s for which a part is held before it is judged, and before it begins anew
@@ -74,34 +72,6 @@ class Errors:
     def of(self, which: Sequence[int] | NDArray[np.intp]) -> Errors:
         """Those of some trials."""
         return Errors(*(getattr(self, one.name)[which] for one in fields(self)))
-
-
-def _ends(presses: Sequence[Press]) -> Ends:
-    """Ends of presses as rows."""
-    count = len(presses)
-    still, still_then = np.full((count, 4), np.inf), np.zeros((count, 2), np.int64)
-    still[:, 0] = -1.0
-    at, thens = np.full((count, 5), np.inf), np.zeros((count, 5), np.int64)
-    at[:, 0] = -np.inf
-    for k, press in enumerate(presses):
-        for end in press.ends:
-            match end:
-                case Standstill():
-                    below = np.inf if end.below is None else end.below
-                    still[k] = end.displacement, end.window, end.armed, below
-                    still_then[k] = THEN[end.then], THEN[end.else_then]
-                case Level():
-                    at[k, 0], thens[k, 0] = end.z, THEN[end.then]
-                case Travel():
-                    at[k, 1] = np.inf if end.distance is None else end.distance
-                    at[k, 2] = np.inf if end.angle is None else end.angle
-                    thens[k, 1:3] = THEN[end.then]
-                case Force():
-                    at[k, 3], thens[k, 3] = end.force, THEN[end.then]
-                case Time():
-                    at[k, 4], thens[k, 4] = end.seconds, THEN[end.then]
-    turning = np.array([np.linalg.norm(press.twist[3:]) for press in presses])
-    return Ends(still, still_then, at, thens, turning, np.array([press.reach for press in presses]))
 
 
 @dataclass
@@ -162,8 +132,8 @@ class PressRig:
         self.presses = tuple(press for attempt in plan.attempts for press in attempt.presses)
         counts = [len(attempt.presses) for attempt in plan.attempts]
         self._first = [sum(counts[:k]) for k in range(len(counts))]  # press of each attempt
-        self._ends = _ends(self.presses)
-        self.n = n = len(engine.qpos)
+        self._ends = ends_of(self.presses)
+        n = len(engine.qpos)
         self.time, self.ticks, self._sample = 0.0, 0, 0
         self.bodies = [_Body() for _ in range(n)]
         K = np.repeat(robot.stiffness, 3) * errors.stiffness[:, None]
@@ -197,18 +167,16 @@ class PressRig:
             OverdueError: the time limit is used up.
         """
         while (active := np.flatnonzero(self.state.mode != DONE)).size:
-            if self.ticks % self._keep == 0:
-                heed()
             self._one(active)
             if self.look is not None:
                 self.look(self)
-        outcomes = [body.outcome for body in self.bodies]
-        return [outcome for outcome in outcomes if outcome is not None]
+        return [body.outcome for body in self.bodies if body.outcome is not None]
 
     def _one(self, active: Ints) -> None:
         """One period of the bodies that are not done."""
         robot, state, engine = self.plan.robot, self.state, self.engine
         if self.ticks % self._keep == 0:
+            heed()
             self._trail.append(np.array(engine.qpos))
         for k in active[state.mode[active] == BACKING]:
             state.p[k], state.q[k] = self._back(int(k)).at(float(state.time[k]))
@@ -217,12 +185,12 @@ class PressRig:
         engine.advance(self._wrench, robot.period, active)
         self.time += robot.period
         self.ticks += 1
-        reaction, noise = engine.reaction_over_period, self.noise()
         sensed(
-            state, self._sensors, active, engine.qpos, reaction, noise, self.ticks, robot.period, robot.cut_off
-        )  # fmt: skip
+            *(state, self._sensors, active, engine.qpos, engine.reaction_over_period, self.noise()),
+            *(self.ticks, robot.period, robot.cut_off),
+        )
         for k in active[engine.deepest[active] > SHARE * self.fit.clearance].tolist():
-            self._depth[k] = max(self._depth[k], self.penetration(engine.qpos[k]))
+            self._depth[k] = max(self._depth[k], self.penetration(engine.deepest_at[k]))
         due = self.ticks % self._every == 0
         self._sample += due
         sample = self._sample if due else -1

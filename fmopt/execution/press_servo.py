@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, pi, sin, sqrt
+from collections.abc import Sequence
+from math import cos, exp, pi, sin, sqrt
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.execution.kernels_rotation import between, product, rotated, row, turn
+from fmopt.plan.press import Force, Level, Next, Press, Standstill, Time, Travel
 from fmopt.runtime.compiled import compiled
 from fmopt.spatial.values import Array
 
 NEXT, SEATED, RETRY, FAIL, OVER = range(5)  # what follows; OVER is the end of a rest or of a way back
+_THEN: dict[Next, int] = {"next": NEXT, "seated": SEATED, "retry": RETRY, "fail": FAIL}
 RUNNING, HOLDING, BACKING, DONE = range(4)
+LEVEL, DISTANCE, ANGLE, FORCE, TIME = range(5)  # columns of ends but standstills
+DISPLACEMENT, WINDOW, ARMED, BELOW = range(4)  # columns of standstills
 SAMPLE = 0.01  # s between samples of the pose that a standstill is judged by
 _EASED = 0.015  # s in which damping passes from that of the press before: put on at once, it knocks parts into walls
 
 Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
-Vector: TypeAlias = tuple[float, float, float]
-Quaternion: TypeAlias = tuple[float, float, float, float]
 
 
 class Bodies(NamedTuple):
@@ -70,9 +74,9 @@ class Ends(NamedTuple):
     """Ends of all presses of a plan, a row each; those that a press does not have are infinite.
 
     Attributes:
-        still: displacement, window, armed, below.
+        still: a column for each number of a standstill.
         still_then: what follows at rest below the height, and above it.
-        at: z of a level, distance, angle, force, time; `thens` is what follows.
+        at, thens: a column for each other end, and what follows.
         turning: rad/s, of the twist.
         reach: m and rad.
     """
@@ -99,50 +103,32 @@ class Sensors(NamedTuple):
     measured: Array
 
 
-@compiled
-def _product(a: Quaternion, b: Quaternion) -> Quaternion:
-    return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + b[0] * a[1] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] + b[0] * a[2] + a[3] * b[1] - a[1] * b[3],
-        a[0] * b[3] + b[0] * a[3] + a[1] * b[2] - a[2] * b[1],
-    )
-
-
-@compiled
-def _turn(x: float, y: float, z: float) -> Quaternion:
-    """The quaternion of a rotation vector, rad."""
-    half = 0.5 * sqrt(x * x + y * y + z * z)
-    share = 0.5 * sin(half) / half if half > 1e-9 else 0.5
-    return cos(half), share * x, share * y, share * z
-
-
-@compiled
-def _between(a: Quaternion, b: Quaternion) -> Vector:
-    """The rotation vector, rad, that turns b into a, by at most π."""
-    w, x, y, z = _product(a, (b[0], -b[1], -b[2], -b[3]))
-    sine = sqrt(x * x + y * y + z * z)
-    share = 2.0 * atan2(sine, abs(w)) / sine if sine > 1e-9 else 2.0
-    share = -share if w < 0.0 else share
-    return share * x, share * y, share * z
-
-
-@compiled
-def _row(q: Array) -> Quaternion:
-    return q[0], q[1], q[2], q[3]
-
-
-@compiled
-def rotated(q: Array, v: Array, inverse: bool, out: Array) -> None:
-    """Vectors (n, 3) turned by quaternions (n, 4), or by their inverses, into `out`."""
-    for k in range(len(q)):
-        w, sign = q[k, 0], -1.0 if inverse else 1.0
-        x, y, z = sign * q[k, 1], sign * q[k, 2], sign * q[k, 3]
-        a, b, c = v[k, 0], v[k, 1], v[k, 2]
-        i, j, h = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-        out[k, 0] = a + w * i + y * h - z * j
-        out[k, 1] = b + w * j + z * i - x * h
-        out[k, 2] = c + w * h + x * j - y * i
+def ends_of(presses: Sequence[Press]) -> Ends:
+    """Ends of presses as rows."""
+    count = len(presses)
+    still, still_then = np.full((count, 4), np.inf), np.zeros((count, 2), np.int64)
+    still[:, DISPLACEMENT] = -1.0
+    at, thens = np.full((count, 5), np.inf), np.zeros((count, 5), np.int64)
+    at[:, LEVEL] = -np.inf
+    for k, press in enumerate(presses):
+        for end in press.ends:
+            match end:
+                case Standstill():
+                    below = np.inf if end.below is None else end.below
+                    still[k] = end.displacement, end.window, end.armed, below
+                    still_then[k] = _THEN[end.then], _THEN[end.else_then]
+                case Level():
+                    at[k, LEVEL], thens[k, LEVEL] = end.z, _THEN[end.then]
+                case Travel():
+                    at[k, DISTANCE] = np.inf if end.distance is None else end.distance
+                    at[k, ANGLE] = np.inf if end.angle is None else end.angle
+                    thens[k, [DISTANCE, ANGLE]] = _THEN[end.then]
+                case Force():
+                    at[k, FORCE], thens[k, FORCE] = end.force, _THEN[end.then]
+                case Time():
+                    at[k, TIME], thens[k, TIME] = end.seconds, _THEN[end.then]
+    turning = np.array([np.linalg.norm(press.twist[3:]) for press in presses])
+    return Ends(still, still_then, at, thens, turning, np.array([press.reach for press in presses]))
 
 
 @compiled
@@ -153,17 +139,17 @@ def servo(
     spin, lever = np.zeros((1, 3)), np.zeros((1, 3))
     lead, given = np.zeros(6), np.zeros(6)
     for k in active:
-        gives, q = bodies.gives[k], _row(qpos[k, 3:])
+        gives, q = bodies.gives[k], row(qpos[k, 3:])
         rotated(qpos[k : k + 1, 3:], qvel[k : k + 1, 3:], False, spin)
         rotated(qpos[k : k + 1, 3:], bodies.reference[k : k + 1], False, lever)
-        twist, time, led = bodies.twist[k], bodies.time[k], _row(bodies.q[k])
-        led = _product(_turn(twist[3] * period, twist[4] * period, twist[5] * period), led)
+        twist, time, led = bodies.twist[k], bodies.time[k], row(bodies.q[k])
+        led = product(turn(twist[3] * period, twist[4] * period, twist[5] * period), led)
         if bodies.rocking[k, 2] > 0.0:
             angle, rate, seconds = bodies.rocking[k]
             gone, phase = min(time / seconds, 1.0), 2.0 * pi * rate * time
             angle *= min(1.0, 4.0 * gone) * (1.0 - gone)
-            led = _product(_turn(angle * cos(phase), angle * sin(phase), 0.0), _row(bodies.begun[k, 3:]))
-        lead[3], lead[4], lead[5] = _between(led, q)
+            led = product(turn(angle * cos(phase), angle * sin(phase), 0.0), row(bodies.begun[k, 3:]))
+        lead[3], lead[4], lead[5] = between(led, q)
         share = min(time / bodies.ramp[k], 1.0)
         eased = min(time / _EASED, 1.0)
         for i in range(6):
@@ -177,7 +163,7 @@ def servo(
             following, last = (i + 1) % 3, (i + 2) % 3
             given[3 + i] += lever[0, following] * given[last] - lever[0, last] * given[following]
             given[3 + i] -= bodies.resist[k, 3 + i] * spin[0, i]
-        led = _product(_turn(lead[3], lead[4], lead[5]), q)
+        led = product(turn(lead[3], lead[4], lead[5]), q)
         bodies.q[k, 0], bodies.q[k, 1], bodies.q[k, 2], bodies.q[k, 3] = led
         for i in range(6):
             speed = qvel[k, i] if i < 3 else spin[0, i - 3]
@@ -215,7 +201,7 @@ def sensed(
         for i in range(3):
             sensors.measured[k, i] += noise[k, 6 + i] * sensors.noise[6 + i]
         x, y, z = noise[k, 9] * sensors.noise[9], noise[k, 10] * sensors.noise[10], noise[k, 11] * sensors.noise[11]
-        w, x, y, z = _product(_turn(x, y, z), _row(sensors.measured[k, 3:7]))
+        w, x, y, z = product(turn(x, y, z), row(sensors.measured[k, 3:7]))
         sensors.measured[k, 3], sensors.measured[k, 4], sensors.measured[k, 5], sensors.measured[k, 6] = w, x, y, z
 
 
@@ -241,7 +227,7 @@ def ended(
             some = some or follows[k] >= 0
             continue
         seen, at, thens, still = sensors.measured[k], ends.at[step], ends.thens[step], ends.still[step]
-        shift[3], shift[4], shift[5] = _between(_row(seen[3:7]), _row(bodies.begun[k, 3:]))
+        shift[3], shift[4], shift[5] = between(row(seen[3:7]), row(bodies.begun[k, 3:]))
         way = turned = pressed = 0.0
         for i in range(3):
             shift[i] = seen[i] - bodies.begun[k, i] if gives[i] else 0.0
@@ -249,22 +235,26 @@ def ended(
             way, turned = way + shift[i] ** 2, turned + shift[3 + i] ** 2
             pressed += 0.0 if gives[i] else (seen[7 + i] + bodies.offset[k, i]) ** 2
         code, z = -1, seen[2] - bodies.above[k]
-        if time >= at[4]:
-            code = thens[4]
-        if sqrt(pressed) >= at[3]:
-            code = thens[3]
-        if ends.turning[step] * time >= at[2]:
-            code = thens[2]
-        if sqrt(way) >= at[1]:
-            code = thens[1]
+        if time >= at[TIME]:
+            code = thens[TIME]
+        if sqrt(pressed) >= at[FORCE]:
+            code = thens[FORCE]
+        if ends.turning[step] * time >= at[ANGLE]:
+            code = thens[ANGLE]
+        if sqrt(way) >= at[DISTANCE]:
+            code = thens[DISTANCE]
         if sqrt(way) > ends.reach[step, 0] or sqrt(turned) > ends.reach[step, 1]:
             code = RETRY
         if sample >= 0:
             for i in range(6):
                 sensors.samples[sample % len(sensors.samples), k, i] = shift[i] * (1.0 if i < 3 else arm)
-            if still[0] > 0.0 and time >= still[1] + still[2] and _stands(sensors.samples, k, sample, still):
-                code = ends.still_then[step, 0 if z <= still[3] else 1]
-        follows[k] = thens[0] if z <= at[0] else code
+            if (
+                still[DISPLACEMENT] > 0.0
+                and time >= still[WINDOW] + still[ARMED]
+                and _stands(sensors.samples, k, sample, still)
+            ):
+                code = ends.still_then[step, 0 if z <= still[BELOW] else 1]
+        follows[k] = thens[LEVEL] if z <= at[LEVEL] else code
         some = some or follows[k] >= 0
     return some
 
@@ -272,11 +262,11 @@ def ended(
 @compiled
 def _stands(samples: Array, k: int, sample: int, still: Array) -> bool:
     """Whether body k has moved by less than the bound within the window."""
-    spread, count = 0.0, int(np.ceil(still[1] / SAMPLE - 1e-9)) + 1
+    spread, count = 0.0, int(np.ceil(still[WINDOW] / SAMPLE - 1e-9)) + 1
     for i in range(6):
         low, high = np.inf, -np.inf
         for back in range(count):
             value = samples[(sample - back) % len(samples), k, i]
             low, high = min(low, value), max(high, value)
         spread += (high - low) ** 2
-    return bool(spread < still[0] ** 2)
+    return bool(spread < still[DISPLACEMENT] ** 2)

@@ -71,14 +71,8 @@ def _drawn(conditions: Conditions, presses: int, random: np.random.Generator, co
     ball = random.normal(size=(presses, 2, 3))
     ball *= random.uniform(size=(presses, 2, 1)) ** (1.0 / 3.0) / np.linalg.norm(ball, axis=2, keepdims=True)
     drift = conditions.drift * ball.reshape(presses, 6).T
-    return (
-        share * np.array(conditions.start),
-        np.array(friction),
-        np.array(stiffness),
-        np.array(admittance),
-        offset,
-        drift,
-    )
+    start, scalars = share * np.array(conditions.start), np.array([friction, stiffness, admittance])
+    return start, *scalars, offset, drift
 
 
 def vertex_errors(conditions: Conditions, presses: int) -> Errors:
@@ -118,9 +112,6 @@ def carry_out(
     """Carries a plan out, once for each row of errors.
 
     Args:
-        bodies: both parts.
-        plan: of presses.
-        errors: of the trials.
         seed, numbers: of the streams of noise.
         courses: for each trial its attempts in order, by number; all of them if not given.
         engine: "mujoco" or "drake".
@@ -149,10 +140,8 @@ def press_records(
     """Carries a plan of presses out, one record a trial.
 
     Args:
-        plan: with presses and evidence.
         bodies: both parts, which need not be the plan's.
         trials: how they are drawn; with the seed of the plan's evidence as its draws, then its vertices.
-        numbers: of the trials.
         look: shown the rig in every period.
 
     Raises:

@@ -12,6 +12,7 @@ from fmopt.plan.press import Conditions
 
 _FORM = ConfigDict(extra="forbid", allow_inf_nan=False)
 CONFIDENCE = 0.975  # of the bound: two plans at most are examined, so that the answer holds at 0.95
+MAX_EXAMINED = 2  # plans for one problem
 MIN_VERTICES = 58  # of the 64 that have to seat
 VERTICES = 64
 
@@ -65,7 +66,7 @@ class Evidence:
     min_rate: Share
     vertices: Count
     vertices_seated: Count
-    examined: Annotated[int, Field(ge=1, le=2)]
+    examined: Annotated[int, Field(ge=1, le=MAX_EXAMINED)]
     seed: Annotated[int, Field(ge=0, lt=2**63)]
     engine: str
     conditions: Conditions

@@ -65,29 +65,22 @@ class Synthesis:
         """Whether the plan is certified."""
         return _certified(self.verdict)
 
-    @property
-    def trials(self) -> CarriedOut | None:
-        """What trials of a certified plan came to; None where there were none."""
-        return self.plan.description.carried_out
-
     def carried_out(self, settings: Settings, progress: Progress = lambda _: None) -> Synthesis:
         """The same with trials of its guarded moves, as many as settings have draws, which change no verdict."""
-        if not (self.proved and settings.draws) or self.trials is not None:
+        if not (self.proved and settings.draws) or self.plan.description.carried_out is not None:
             return self
         from fmopt.execution.confidence import lower_bound
-        from fmopt.execution.engines.mujoco_engine import MUJOCO
+        from fmopt.execution.engines.mujoco_engine import version
         from fmopt.execution.trials import Trials, run
         from fmopt.execution.workers import spread
 
         progress(f"trials: {settings.draws} draws")
         draws, workers, records = settings.draws, cores(), list[Any]()
-        chunks = [range(k, draws, workers) for k in range(workers)]
+        chunks = [range(k, draws, workers) for k in range(min(workers, draws))]
         spread(partial(run, self.plan, Trials(draws, seed=settings.seed)), chunks, workers, records.extend)
         seated = sum(record["success"] for record in records)
-        found = CarriedOut(
-            *(draws, seated, lower_bound(seated, draws), settings.min_rate, settings.seed),
-            f"mujoco {MUJOCO.library().__version__}",
-        )
+        bound = lower_bound(seated, draws)
+        found = CarriedOut(draws, seated, bound, settings.min_rate, settings.seed, version())
         described = replace(Description.parsed(self.document["description"]), carried_out=found)
         document = plan.sealed(plan.clean({**self.document, "description": described.record()}))
         return replace(self, document=document)
@@ -157,7 +150,8 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
             share = nearest(problem, max(deadline() - clock(), 0.0), stages.progress).share
         else:
             share, whole = 1.0, whole.carried_out(problem.settings, stages.progress)
-            if whole.trials is not None and whole.trials.bound >= problem.settings.min_rate:
+            carried = whole.plan.description.carried_out
+            if carried is not None and carried.bound >= problem.settings.min_rate:
                 return whole
         stages.ended("share")
     document, verdict = _checked(press_document(posed, found.plan, found.evidence, found.trace, share), TESTED)

@@ -60,8 +60,8 @@ class DrakeEngine:
         self._contexts = [self._plant.GetMyMutableContextFromRoot(root) for root in self._roots]
         port = self._plant.get_applied_generalized_force_input_port()
         self._applied = [port.FixValue(context, np.zeros(6)).GetMutableData() for context in self._contexts]
-        self._reaction, self.deepest = np.zeros((n, 6)), np.zeros(n)  # of the last time step
-        self._over_period = np.zeros((n, 6))
+        self._reaction, self._over_period = np.zeros((2, n, 6))
+        (self._last, self.deepest), self.deepest_at = np.zeros((2, n)), self.qpos.copy()
         self._results: list[Any] = [None] * n
 
     @property
@@ -100,6 +100,7 @@ class DrakeEngine:
             context = self._contexts[k]
             self._plant.SetPositionsAndVelocities(context, states[k])
             steps, self._over_period[k] = max(round(period / self._plant.time_step()), 1), 0.0
+            self.deepest[k] = 0.0
             for _ in range(steps):
                 damped = -self._damping[k] * self._plant.GetVelocities(context)[3:]
                 applied = np.concatenate([wrench[k, 3:], wrench[k, :3] + damped])
@@ -115,7 +116,9 @@ class DrakeEngine:
     def _step(self, k: int) -> None:
         """One time step of body k, with the contacts at its beginning."""
         context = self._contexts[k]
-        self._results[k], self.deepest[k] = self._looked_for(k)
+        self._results[k], self._last[k] = self._looked_for(k)
+        if self._last[k] > self.deepest[k]:
+            self.deepest[k], self.deepest_at[k] = self._last[k], np.roll(self._plant.GetPositions(context), 3)
         self.depth[k] = max(self.depth[k], self.deepest[k])
         self._reaction[k] = np.roll(self._pressed.Eval(context), 3)
         self._roots[k].SetDiscreteState(self._diagram.EvalUniquePeriodicDiscreteUpdate(self._roots[k]))
@@ -141,7 +144,7 @@ class DrakeEngine:
                 continue
             deepest = max((float(one.point_pair().depth) for one in _contacts(results)), default=0.0)
             # What is as deep at every one of the places is taken for true.
-            if deepest <= self.deepest[k] + THROWN:
+            if deepest <= self._last[k] + THROWN:
                 break
         if results is None:
             raise FmoptError(

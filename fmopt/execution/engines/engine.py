@@ -27,13 +27,15 @@ class Engine(Protocol):
     Attributes:
         qpos: poses (n, 7): position in B, m, and quaternion, w first.
         qvel: velocities (n, 6): of the reference point, axes of B, m/s, and of turning, axes of the part, rad/s.
-        depth, deepest: greatest penetrations (n,) so far, and last, m.
+        depth, deepest: greatest penetrations (n,) so far, and in the last period, m.
+        deepest_at: poses (n, 7) of the latter.
     """
 
     qpos: Array
     qvel: Array
     depth: Array
     deepest: Array
+    deepest_at: Array
 
     def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
         """Moves the bodies on.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fmopt.execution.engines.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.engines.physics import Physics
 from fmopt.execution.engines.scene import CONTACTS, compiled, engine, scene
-from fmopt.execution.press_servo import rotated
+from fmopt.execution.kernels_rotation import rotated
 from fmopt.spatial.values import Array
 
 _SHIFTS = (1e-9, -2e-9, 4e-9)  # m, by which a part is moved for a time step to be taken again
@@ -42,7 +42,8 @@ class MujocoEngine:
         self._time_step = float(model.opt.timestep)
         self._damping: Array | None = None
         self._pressed = np.zeros((n, 6))
-        self.depth, self.deepest = np.zeros(n), np.zeros(n)  # greatest penetration so far and now, m
+        self.depth, self.deepest, self._last = np.zeros((3, n))
+        self.deepest_at = np.array(self.qpos)
 
     @property
     def reaction(self) -> Array:
@@ -76,21 +77,25 @@ class MujocoEngine:
         rotated(self.qpos[:, 3:], wrench[:, 3:], True, self._applied[:, 3:])
         steps, every = max(round(period / self._time_step), 1), np.arange(len(wrench)) if bodies is None else bodies
         before = [field[every] for field in self._fields]
-        found = self._batch.rollout(steps, record=("qfrc_constraint", "sensordata"), ids=every)
-        deepest = _deepest(found["sensordata"])
-        last = np.concatenate([self.deepest[every, None], deepest[:, :-1]], axis=1)
+        found = self._batch.rollout(steps, record=("qpos", "qfrc_constraint", "sensordata"), ids=every)
+        # The sensor tells of the pose that a time step begins at.
+        deepest, poses = _deepest(found["sensordata"]), np.roll(found["qpos"], 1, axis=1)
+        poses[:, 0], last = before[0], np.roll(deepest, 1, axis=1)
+        last[:, 0] = self._last[every]
         thrown = np.flatnonzero((deepest > last + THROWN).any(axis=1))
         self._pressed[every] = found["qfrc_constraint"].mean(axis=1)
         if len(thrown):
-            again = every[thrown]
+            again, now = every[thrown], last[thrown, 0]
             for field, rows in zip(self._fields, before, strict=True):
                 field[again] = rows[thrown]
             self._pressed[again] = 0.0
             for step in range(steps):
-                deepest[thrown, step] = self._step(again, last[thrown, 0] if step == 0 else deepest[thrown, step - 1])
+                poses[thrown, step] = self.qpos[again]
+                deepest[thrown, step] = now = self._step(again, now)
                 self._pressed[again] += self._constraint[again] / steps
-        self.deepest[every] = deepest[:, -1]
-        self.depth[every] = np.maximum(self.depth[every], deepest.max(axis=1))
+        self._last[every], self.deepest[every] = deepest[:, -1], deepest.max(axis=1)
+        self.deepest_at[every] = poses[np.arange(len(every)), deepest.argmax(axis=1)]
+        self.depth[every] = np.maximum(self.depth[every], self.deepest[every])
 
     def damp(self, damping: Array) -> None:
         """As `Engine`; a free body has its translations along the axes of the world."""
@@ -128,3 +133,8 @@ def _put(setup: Setup) -> Put:
 
 
 MUJOCO = Maker(engine, _put)
+
+
+def version() -> str:
+    """The engine with the version of its library, as plans state it."""
+    return f"mujoco {MUJOCO.library().__version__}"

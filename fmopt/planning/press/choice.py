@@ -15,7 +15,7 @@ from fmopt.errors import OverdueError, SearchError
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.evidence import Examination, examine
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
-from fmopt.plan.evidence import VERTICES, Evidence, TrialOutcome
+from fmopt.plan.evidence import MAX_EXAMINED, VERTICES, Evidence, TrialOutcome
 from fmopt.plan.press import MAX_ATTEMPTS, Attempt, Conditions, PressPlan, PressRobot, Seat
 from fmopt.runtime.compiled import clock, deadline, heed
 from fmopt.runtime.process import cores
@@ -117,10 +117,6 @@ def halved(choosing: Choosing, candidates: Sequence[Attempt], progress: Callable
 
     They come in waves: where some of a wave seat in all draws, later ones are not looked at.
 
-    Args:
-        candidates: in the order of their generators.
-        progress: told in words.
-
     Raises:
         OverdueError: the time limit leaves no draw for any.
     """
@@ -200,17 +196,14 @@ def examined(
     """The first plan whose evidence reaches what is asked, of two at most; else the better one.
 
     Args:
-        choosing: how candidates were carried out.
         ranked: by their scores.
-        asked: of the evidence.
         subject_of: digest of what is carried out.
-        progress: told in words.
 
     Raises:
         OverdueError: the time limit cuts the first of them off.
     """
     best: tuple[PressPlan, Evidence] | None = None
-    for number in range(min(2, len(ranked))):
+    for number in range(min(MAX_EXAMINED, len(ranked))):
         plan = choosing.plan(with_retries(ranked, number))
         request = replace(asked, seed=asked.seed + number, examined=number + 1)
         try:

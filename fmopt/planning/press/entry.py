@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import linprog
@@ -19,12 +17,10 @@ _HEIGHT = 0.05  # of the size, from the lowest point for every error to the mout
 _LOW = 0.02  # of the tilted height of the tip, by which vertices count as lowest
 _FAR = 1.1  # times its support that the tip keeps from walls that it is not pressed against
 _SURE = 1.05  # likewise from those that it is
-_TIPS = (
-    0.35  # of the height of the outline's middle over its lowest vertex, up to which others go into the mouth with it
-)
+_LEANING = 0.8  # likewise beyond what the part leans out by
+_TIPS = 0.35  # of the height of the outline's middle over the tip, up to which vertices go into the mouth with it
 _AHEAD = 0.3  # cosine of the angle between the way to the corner and a wall's normal, from which going back makes room
 _NEAR = 0.1  # of the size, from a seat to the walls that are at it
-_LEANING = 0.8  # likewise beyond what the part leans out by
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,21 +75,31 @@ def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, dist
     Raises:
         SearchError: the mouth leaves no place.
     """
+    from shapely import LineString, Point
+
     R = attitude(lean, tilt) @ task.goal.R
     u, leaning = (np.array([math.cos(angle), math.sin(angle)]) for angle in (corner.angle, lean))
     tip = low_vertex(task, R, u)
+    own = (task.goal.R @ tip + task.goal.p)[:2]
+    edges = [edge for edge in task.edges if not any(edge[0] @ wall > 1.0 - 1e-6 for wall in corner.walls)]
     walls, offsets, wanted = [], [], []
-    for vertex in (tip, *task.tip):
+    for vertex in (tip, *task.tip[(task.tip != tip).any(axis=1)]):
         high, aside = float((R @ (vertex - tip))[2]), (R @ (vertex - tip))[:2]
         if high > _TIPS * 0.5 * task.size * math.sin(tilt):  # it may land on the rim
             continue
         seat = (task.goal.R @ vertex + task.goal.p)[:2]
-        for normal, offset, near in _walls(task, corner, tip, seat):
-            off = support(task, np.append(normal, 0.0), R @ vertex)
+        rows = [(n, float(n @ own), bool(n @ seat < n @ own + 1e-6), True) for n in corner.walls]
+        # Walls that the seat is not inside of belong to other arms of the mouth.
+        rows += [
+            (n, float(n @ a), LineString((a, b)).distance(Point(seat)) < _NEAR * task.size, False)
+            for n, a, b in edges
+            if n @ seat <= n @ a
+        ]
+        for normal, offset, near, pressed in rows:
             # Beside a vertex that is not the tip no way back from the corner makes room, nor far from it.
             if vertex is not tip and (normal @ u < _AHEAD or not near):
                 continue
-            pressed = any(normal @ wall > 1.0 - 1e-6 for wall in corner.walls)
+            off = support(task, np.append(normal, 0.0), R @ vertex)
             out = (below - max(high, 0.0)) * math.tan(tilt) * max(float(normal @ leaning), 0.0)
             walls.append(normal)
             offsets.append(offset - float(normal @ aside))
@@ -103,22 +109,6 @@ def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, dist
     height = lowest_height(task, R, tip)
     p = np.append(place, height) - R @ tip
     return Entry(Pose(p, R), height, share)
-
-
-def _walls(task: PressTask, corner: Corner, tip: Array, seat: Array) -> Iterator[tuple[Array, float, bool]]:
-    """Outward normals (2,) and offsets of walls, a corner's first, as its tip meets them; whether a seat is at them."""
-    own = (task.goal.R @ tip + task.goal.p)[:2]
-    for normal in corner.walls:
-        yield normal, float(normal @ own), bool(normal @ seat < normal @ own + 1e-6)
-    ring = np.array(task.mouth.simplify(1e-6).exterior.coords)
-    for a, b in pairwise(ring):
-        length = float(np.linalg.norm(b - a))
-        along = (b - a) / length
-        normal = np.array([along[1], -along[0]]) * (1.0 if task.mouth.exterior.is_ccw else -1.0)
-        # Walls that the seat is not inside of belong to other arms of the mouth.
-        if normal @ seat <= normal @ a and not any(normal @ wall > 1.0 - 1e-6 for wall in corner.walls):
-            gap = seat - a - np.clip((seat - a) @ along, 0.0, length) * along
-            yield normal, float(normal @ a), float(np.linalg.norm(gap)) < _NEAR * task.size
 
 
 def lowest_height(task: PressTask, R: Array, tip: Array) -> float:

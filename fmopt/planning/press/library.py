@@ -189,9 +189,9 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
     if rock:
         wrench = six(end * ROCK_FORCE * u, -ROCK_FORCE)
         ends = (*floor, Time(ROCK.seconds, "next"))
-        presses.append(Press("rock", XYZ, (0.0,) * 6, wrench, _SPEEDS, (task.depth + 0.02, 1.0), ends, rocking=ROCK))
+        presses.append(Press("rock", XYZ, (0.0,) * 6, wrench, _SPEEDS, down_and_more(task), ends, rocking=ROCK))
     wrench = six(end * AXIAL * u, -AXIAL)
-    reach = task.depth + 0.02, 1.0
+    reach = down_and_more(task)
     if not task.through:
         ends = (replace(standstill(5e-5, 0.3), then="seated", below=deepest_known(task)), Time(6.0, "retry"))
         return (*presses, Press("go in", ALL, (0.0,) * 6, wrench, _SPEEDS, reach, ends))
@@ -206,10 +206,15 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
     return tuple(presses)
 
 
+def down_and_more(task: PressTask) -> tuple[float, float]:
+    """The reach of presses that may go to the depth, m and rad."""
+    return task.depth + 0.02, 1.0
+
+
 def press_on(task: PressTask, gives: tuple[bool, bool, bool, bool, bool, bool], wrench: Numbers) -> Press:
     """Down until the part stands, on the floor or on a shelf."""
     ends = (*levels(task), standstill(5e-5, 0.3), Time(8.0, "next"))
-    return Press("press on", gives, (0.0,) * 6, wrench, _SPEEDS, (task.depth + 0.02, 1.0), ends)
+    return Press("press on", gives, (0.0,) * 6, wrench, _SPEEDS, down_and_more(task), ends)
 
 
 def deepest_known(task: PressTask) -> float:
@@ -239,6 +244,6 @@ def at_shelf(task: PressTask, u: Array, shelf: Shelf) -> tuple[Press, Press, Pre
     ends = (*floor, Travel(distance=_DROP), Time((_BEYOND * task.way_to_walls(shelf, u) + _BENT) / speed, "next"))
     slide = Press(
         "slide off the shelf", ONLY_Z, (x, y, 0.0, 0.0, 0.0, 0.0), six(0.0 * u, -SLIDE), _SPEEDS,
-        (task.depth + 0.02, 1.0), ends,
+        down_and_more(task), ends,
     )  # fmt: skip
     return datum, slide, press_on(task, ONLY_Z, six(0.0 * u, -FORCE))

@@ -40,9 +40,7 @@ def press_solution(
     """Propose sequences of presses, choose by trials, and examine the choice.
 
     Args:
-        posed: the problem with its parts measured.
         subject_of: digest of what is carried out.
-        progress: told in words.
 
     Raises:
         SearchError: no sequence comes down inside the mouth.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -156,20 +157,25 @@ class PressTask:
         return 1
 
     @cached_property
+    def edges(self) -> tuple[tuple[Array, Array, Array], ...]:
+        """Outward normal (2,) and both ends (2,), m, of each edge of the mouth, counter-clockwise."""
+        from shapely.geometry.polygon import orient
+
+        ring = np.array(orient(self.mouth.simplify(_STRAIGHT)).exterior.coords)
+        sides = [(b - a, a, b) for a, b in pairwise(ring)]
+        return tuple((np.array([v[1], -v[0]]) / np.linalg.norm(v), a, b) for v, a, b in sides)
+
+    @cached_property
     def corners(self) -> tuple[Corner, ...]:
         """Corners of the mouth on its convex hull, sharpest first."""
         from shapely import Point
-        from shapely.geometry.polygon import orient
 
-        ring = np.array(orient(self.mouth.simplify(_STRAIGHT)).exterior.coords)[:-1]
         hull, found = self.mouth.convex_hull.exterior, []
-        for i, at in enumerate(ring):
-            a, b = at - ring[i - 1], ring[(i + 1) % len(ring)] - at
-            walls = np.array([np.array([v[1], -v[0]]) / np.linalg.norm(v) for v in (a, b)])
-            if a[0] * b[1] - a[1] * b[0] > 0.0 and hull.distance(Point(at)) < _STRAIGHT:
-                mean = walls.sum(axis=0)
-                turn = math.acos(float(np.clip(walls[0] @ walls[1], -1.0, 1.0)))
-                found.append(Corner(at, walls, math.atan2(mean[1], mean[0]), turn))
+        for (before, _, at), (after, *_) in pairwise((self.edges[-1], *self.edges)):
+            if before[0] * after[1] - before[1] * after[0] > 0.0 and hull.distance(Point(at)) < _STRAIGHT:
+                mean = before + after
+                turn = math.acos(float(np.clip(before @ after, -1.0, 1.0)))
+                found.append(Corner(at, np.array([before, after]), math.atan2(mean[1], mean[0]), turn))
         return tuple(sorted(found, key=lambda corner: (-round(corner.turn, 6), corner.angle)))
 
     @cached_property
