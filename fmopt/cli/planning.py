@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
@@ -11,12 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import typer
 
 from fmopt.cli.entry import EXIT, Json, Quiet, app, compile_kernels, say
-from fmopt.errors import Fault, FmoptError, InfeasibleError, InputError, PlanFormatError, ResourceError, SearchError
+from fmopt.errors import FmoptError, InfeasibleError, PlanFormatError, ResourceError, SearchError
 from fmopt.plan import STDIO, Plan
 
 if TYPE_CHECKING:
     from fmopt.verify import Verdict
-    from fmopt.verify.problem import Given
     from fmopt.verify.reading import document as proof
 
 
@@ -181,7 +179,6 @@ def verify(
     """Check a plan's certificate from its own geometry, in exact arithmetic, without the planner."""
     from fmopt import plan
     from fmopt import verify as independent
-    from fmopt.verify.problem import ProblemError, held
     from fmopt.verify.reading.parse import parse
 
     if file != STDIO and not file.is_file():
@@ -192,11 +189,10 @@ def verify(
         read = parse(document)
         verdict = independent.judge(read)
         if problem is not None:
-            # The planner is loaded only where the check comes to a file that it cannot read by itself.
-            beside = held(read, problem, None, lambda: _given(problem))
-            verdict = verdict.unless(beside.differences, beside.remarks)
-    except ProblemError as error:  # the check has errors of its own: it shares nothing with the rest of the package
-        raise InputError(Fault(error.file, 1, 1, error.key, "problem", error.message)) from error
+            from fmopt.planning.same_problem import REMARK, differences
+            from fmopt.task.problem import load
+
+            verdict = verdict.unless(differences(read, load(problem)), (REMARK,))
     except independent.PlanError as error:
         raise PlanFormatError(f"{file}: {error}", "give a plan.json that fmopt solve wrote") from error
     if as_json:
@@ -206,14 +202,6 @@ def verify(
             say(line)
     enough = evidence == "tested" and str(verdict.verdict) == "TESTED"
     raise typer.Exit(0 if enough else EXIT[str(verdict.verdict)])
-
-
-def _given(problem: Path) -> Mapping[str, Given]:
-    """The parts of a problem as the planner reads them, for those that come as STEP files."""
-    from fmopt.notebook.checking import given
-    from fmopt.task.problem import load
-
-    return given(load(problem))
 
 
 @app.command(epilog='Example: fmopt init peg.step plate.step --error "1 mm, 1 deg"')

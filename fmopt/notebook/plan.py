@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from fmopt import plan as files
 from fmopt.errors import ChoiceError, InfeasibleError, PlanFormatError, ResourceError, SearchError
-from fmopt.notebook.checking import held_against
+from fmopt.planning.same_problem import REMARK, differences
 from fmopt.report.moves import Move, moves, smallest_margin
 from fmopt.report.moves import verdict as spoken
 from fmopt.runtime import output
@@ -164,8 +164,7 @@ class Plan:
             raise PlanFormatError(str(error), "solve the problem with this version") from error
         if problem is None:
             return found
-        beside = held_against(self.stated, problem)
-        return found.unless(beside.differences, beside.remarks)
+        return found.unless(differences(self.stated, problem), (REMARK,))
 
     def placement(self, problem: task.Problem, radius: float | None = None) -> Placing:
         """The cone program that places the goal poses of this plan, as a CVXPY problem to be changed and solved.
@@ -186,9 +185,8 @@ class Plan:
         """
         from fmopt.notebook.placing import placing
 
-        beside = held_against(self.stated, problem)
-        if beside.differences:
-            raise ChoiceError(beside.differences[0], "give the problem that the plan was made for")
+        if others := differences(self.stated, problem):
+            raise ChoiceError(others[0], "give the problem that the plan was made for")
         return placing(self.stated, problem, radius)
 
     def execute(

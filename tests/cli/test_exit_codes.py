@@ -16,7 +16,8 @@ import pytest
 
 from fmopt import __version__, plan
 from fmopt.cli import EXIT
-from fmopt.verify.problem import differences
+from fmopt.planning.same_problem import differences
+from fmopt.task.problem import load
 from fmopt.verify.reading.parse import parse
 from tests import ROOT
 from tests.shared.commands import ended
@@ -385,7 +386,7 @@ CHANGES: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
     (lambda p: p["uncertainty"].update(velocity_error=[0.001, 0.001]), "another velocity error"),
     (lambda p: p["goal"].__setitem__(2, -0.02), "another depth"),
     (lambda p: p["specification"].update(friction=0.0), "another specification"),
-    (lambda p: p["parts"]["moving"]["pieces"][0]["vertices"][0].__setitem__(0, 0.0), "another moving part"),
+    (lambda p: p["parts"]["moving"]["vertices"][0].__setitem__(0, 0.0), "another moving part"),
     (lambda p: p["parts"]["fixed"].update(declared_clearance=[1.0, 1.0]), "parts.fixed.declared_clearance"),
 ]
 
@@ -394,10 +395,10 @@ CHANGES: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
 def test_a_plan_is_held_against_its_problem_number_by_number(
     square_peg_plan: dict[str, Any], change: Callable[[dict[str, Any]], Any], words: str
 ) -> None:
-    assert differences(parse(square_peg_plan), ROOT / PROBLEM) == []
+    assert differences(parse(square_peg_plan), load(ROOT / PROBLEM)) == ()
     changed = copy.deepcopy(square_peg_plan)
     change(changed)
-    told = differences(parse(changed), ROOT / PROBLEM)
+    told = differences(parse(changed), load(ROOT / PROBLEM))
     assert words in told[0]
 
 

@@ -16,8 +16,6 @@ from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_import import Imported, load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.spatial.se3 import Pose, exp
-from fmopt.verify.problem.meshes import triangles
-from fmopt.verify.problem.packages import NoMesh
 from tests.shared.files.mesh_files import at, plate, ply_text, rounded, stl_text, triangles_of
 from tests.shared.solids import frustum
 
@@ -205,15 +203,11 @@ def test_a_corner_that_is_no_number_of_a_point_is_damage(tmp_path: Path, corner:
     (tmp_path / "a.ply").write_text(f"{header}0 0 0\n1 0 0\n0 1 0\n3 0 1 {corner}\n")
     with pytest.raises(GeometryError, match=r"a\.ply, line \d+: "):
         load_mesh(tmp_path / "a.ply", "mm")
-    with pytest.raises(NoMesh):
-        triangles((tmp_path / "a.ply").read_bytes(), "ply", 1.0)
     packed = header.replace("ascii", "binary_little_endian").encode() + struct.pack("<9f", *range(9))
     packed += struct.pack("<B3f", 3, 0.0, 1.0, math.inf if corner == "1e9999" else float(corner))
     (tmp_path / "b.ply").write_bytes(packed)
     with pytest.raises(GeometryError, match=r"b\.ply, "):
         load_mesh(tmp_path / "b.ply", "mm")
-    with pytest.raises(NoMesh):
-        triangles(packed, "ply", 1.0)
 
 
 def test_lines_keep_their_numbers_where_others_go_on(tmp_path: Path) -> None:
@@ -227,7 +221,6 @@ def test_lines_keep_their_numbers_where_others_go_on(tmp_path: Path) -> None:
     (tmp_path / "b.stl").write_text(stl_text(points, corners))
     one, other = (load_mesh(tmp_path / f"b.{kind}", "mm").body.volume for kind in ("obj", "stl"))
     assert one == pytest.approx(other, rel=1e-12)
-    assert len(triangles(text.encode(), "obj", 1e3)) == len(corners)
 
 
 @pytest.mark.parametrize("sides", [12, 24, 64])

@@ -26,13 +26,10 @@ from fmopt.planning import pipeline
 from fmopt.planning.robustness.contact_space import Scale, contact_spaces
 from fmopt.report.sections import asked
 from fmopt.spatial.se3 import Pose
-from fmopt.task.problem import Problem, load
+from fmopt.task.problem import load
 from fmopt.task.sizes import measured_clearance
-from fmopt.verify.problem.parts import Compared, part_beside_its_model
-from fmopt.verify.problem.problem import load_problem
 from tests import ROOT
 from tests.shared.parts import families
-from tests.shared.parts.stated import as_stated
 
 SEEDS = (0, 1, 2)
 U = ((0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (2.0, 3.0), (2.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0))
@@ -180,33 +177,6 @@ def test_a_stated_frame_off_the_line_is_refused_with_both_places(tmp_path: Path)
 def test_outlines_that_bound_no_solid_are_refused(sections: list[tuple[float, families.Outline]], words: str) -> None:
     with pytest.raises(GeometryError, match=re.escape(words)):
         stack(sections)
-
-
-@pytest.mark.parametrize("family", ["L", "keyed", "stepped", "tapered", "chamfered", "hollow"])
-def test_the_check_reads_the_same_parts_by_itself(family: str, tmp_path: Path) -> None:
-    pair = families.pair(family, 1)
-    path = families.write_toml(pair, tmp_path)
-    compared = beside(load(path), path)
-    assert [one.differences for one in compared] == [(), ()]
-    assert all("the planner's choice" in one.remarks[0] for one in compared)
-
-
-def test_the_check_tells_parts_of_other_outlines(tmp_path: Path) -> None:
-    pair = families.pair("L", 1)
-    problem = load(families.write_toml(pair, tmp_path))
-    longer = tuple(replace(one, at=1.01 * one.at) for one in pair.peg)
-    path = families.write_toml(replace(pair, peg=longer), tmp_path)
-    moving, fixed = beside(problem, path)
-    assert "the plan is for another moving part" in moving.differences[0]
-    assert fixed.differences == ()
-
-
-def beside(problem: Problem, path: Path) -> list[Compared]:
-    stated = load_problem(path)
-    return [
-        part_beside_its_model(as_stated(part), stated, side, None)
-        for side, part in (("moving", problem.moving), ("fixed", problem.fixed))
-    ]
 
 
 @pytest.mark.parametrize("n", range(3, 14))

@@ -16,7 +16,7 @@ from tests import ROOT
 SOURCES = {".py", ".js", ".css", ".html"}
 NO_CODE = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
 # All lines; lines of Python without docstrings, comments and blanks.
-CEILINGS = {"fmopt": (80820, 51100), "tests": (45475, 34955)}
+CEILINGS = {"fmopt": (77813, 49043), "tests": (45370, 34859)}
 
 
 def code_lines(text: str) -> int:

@@ -112,10 +112,8 @@ SOLVERS = {
 # Imports within functions from which a chain of imports leads back to the file. The table only gets shorter.
 CIRCLES: dict[str, set[str]] = {
     "fmopt.notebook.drawing": {"fmopt.notebook.views"},
-    "fmopt.notebook.plan": {f"fmopt.notebook.{name}" for name in ("drawing", "sheets", "trials")},
-    "fmopt.notebook.problem": {"fmopt.notebook.sheets"},
+    "fmopt.notebook.plan": {f"fmopt.notebook.{name}" for name in ("drawing", "sheets")},
     "fmopt.notebook.sheets": {"fmopt.notebook.drawing"},
-    "fmopt.notebook.trials": {"fmopt.notebook.checking"},
     "fmopt.notebook.views": {"fmopt.notebook.stages"},
     "fmopt.task.problem": {"fmopt.task.loading"},
 }

@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
+from fmopt.planning.same_problem import differences
+from fmopt.task.problem import load
 from fmopt.verify import CERTIFIED, PlanError, verify
-from fmopt.verify.problem import differences
 from fmopt.verify.reading.parse import parse
 from tests import PROBLEMS
 from tests.shared.executions.model import execute
@@ -33,7 +34,8 @@ def table() -> Plan:
 
 @pytest.fixture(scope="module")
 def square_peg_differences() -> Differences:
-    return lambda plan: differences(parse(plan), PROBLEMS / "square_peg.toml")
+    problem = load(PROBLEMS / "square_peg.toml")
+    return lambda plan: differences(parse(plan), problem)
 
 
 def _nothing(plan: Plan) -> None:

@@ -23,8 +23,9 @@ from pathlib import Path
 from unittest import mock
 
 from fmopt.cli import entry
+from fmopt.planning.same_problem import differences
+from fmopt.task.problem import load
 from fmopt.verify import PlanError
-from fmopt.verify.problem import differences
 from fmopt.verify.reading.parse import parse
 from tests.shared.lies.forger import LIES, Court, Differences, forged
 from tests.shared.lies.lie import SAMPLING, Document
@@ -161,7 +162,10 @@ def problem_of(plan: Path, problems: Path) -> Differences | None:
     """What a plan states otherwise than the problem of its name; None where there is none."""
     name = plan.parent.name if plan.name == "plan.json" else plan.stem
     files = sorted(problems.rglob(f"{name}.toml"))
-    return (lambda document: differences(parse(document), files[0])) if files else None
+    if not files:
+        return None
+    problem = load(files[0])
+    return lambda document: differences(parse(document), problem)
 
 
 def main() -> int:

@@ -1,0 +1,170 @@
+"""Whether a plan is of a problem as its files stand now: everything that its claims rest on, held against them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from fmopt.errors import FmoptError
+from fmopt.geometry.part import Part
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.spatial.se3 import Pose
+from fmopt.task.problem import Problem
+from fmopt.task.sizes import characteristic_length, measured_clearance
+from fmopt.verify.reading.document import Body, Plan
+from fmopt.verify.reading.document import Part as Stated
+
+REMARK = "the problem's files were read by the planner's own reader"
+_SAME = 1e-12  # m, rad: between numbers that went the same way
+_SEATED = 1e-6  # m, rad: walls of rounded numbers seat a part a little off the pose of its goal
+_STARTED = 1e-9  # m: between the lowest point at the start and the height that it has by the problem
+_IMPACT = ("impact_force", "apparent_mass", "contact_stiffness")
+
+
+def differences(plan: Plan, problem: Problem) -> tuple[str, ...]:
+    """What a plan states otherwise than a problem, in words with place and both values; none if they agree."""
+    own = (plan.moving, plan.fixed)
+    parts = [
+        line
+        for side, stated, part in zip(("moving", "fixed"), own, (problem.moving, problem.fixed), strict=True)
+        for line in _part(side, stated, part, problem, pieces=bool(plan.presses))
+    ]
+    found = [*_digest(plan, problem), *_task(plan, problem), *_errors(plan, problem), *parts]
+    # Other parts have another clearance, which is not told again.
+    return (*found, *(() if parts else _measured(plan, problem)))
+
+
+def _digest(plan: Plan, problem: Problem) -> Iterator[str]:
+    if plan.problem != problem.sha256:
+        yield (
+            "problem.sha256: the plan belongs to another problem, or the problem's files have changed since: "
+            f"{plan.problem[:12]}… stands where the files give {problem.sha256[:12]}…"
+        )
+
+
+def _part(side: str, stated: Stated, part: Part, problem: Problem, pieces: bool) -> Iterator[str]:
+    """A part of a plan beside that of its file: its surface, which the check holds its pieces against.
+
+    Args:
+        pieces: whether these are compared, too: the check does not look at those of presses.
+    """
+    declared = problem.declared_clearance
+    if not _same(stated.declared_clearance or (), declared or ()):
+        yield (
+            f"parts.{side}.declared_clearance: the plan states another declared clearance: "
+            f"{stated.declared_clearance} stands where the problem gives {declared}"
+        )
+    another = f"the plan is for another {side} part than {part.name!r}"
+    if (off := _off(stated.body, part.polyhedron)) is not None:
+        yield f"parts.{side}: {another}: {off}"
+    elif pieces and [_off(own, piece) for own, piece in zip(stated.pieces, part.pieces, strict=False)] != [None] * len(
+        part.pieces
+    ):
+        yield f"parts.{side}.pieces: {another}: its convex pieces are not those of the file"
+    if part.form > stated.form:
+        yield (
+            f"parts.{side}.form: the plan allows for {stated.form!r} m between its {side} part and the surface of its "
+            f"file, which lies up to {part.form!r} m off"
+        )
+
+
+def _off(own: Body, given: Polyhedron) -> str | None:
+    """How a body differs from that of a file, in words; None where it does not."""
+    if sorted(own.balls) != sorted(given.balls):
+        return "its balls are not those of the file"
+    vertices = np.array(own.vertices)
+    if vertices.shape == given.vertices.shape and own.faces == tuple(face.loops for face in given.faces):
+        most = float(np.abs(vertices - given.vertices).max(initial=0.0))
+        return None if most <= _SAME else f"its corners lie up to {1e3 * most:.6g} mm off those of the file"
+    counts = f"{len(vertices)} corners and {len(own.faces)} faces where the file has"
+    return f"{counts} {len(given.vertices)} and {len(given.faces)}"
+
+
+def _task(plan: Plan, problem: Problem) -> Iterator[str]:
+    """Goal, start and specification."""
+    # Not x and y, which are where walls seat the part.
+    depth = float(problem.goal[2])
+    if abs(plan.goal[2] - depth) > _SEATED:
+        yield f"goal: the plan ends at another depth: z is {plan.goal[2]!r} m, by the problem {depth!r} m"
+    if float(np.abs(np.array(plan.goal[3:]) - problem.goal[3:]).max()) > _SEATED:
+        yield (
+            f"goal: the plan ends in another orientation: {list(plan.goal[3:])} rad, by the problem "
+            f"{problem.goal[3:].tolist()}"
+        )
+    if plan.segments:  # presses begin where the planner chose: nothing of them is proved
+        begin, body = Pose.from_vector(plan.segments[0].start), problem.moving.polyhedron
+        lowest = float((begin.apply(body.vertices)[:, 2] - body.radii).min())
+        if abs(lowest - problem.approach) > _STARTED:
+            yield (
+                f"segments[0].start: the part's lowest point starts {lowest!r} m above the mouth, by the problem "
+                f"{problem.approach!r} m"
+            )
+    own, given = _specification(plan), problem.specification.record()
+    for name in dict.fromkeys((*given, *own)):
+        if not _same(*([value] if (value := of.get(name)) is not None else [] for of in (own, given))):
+            yield (
+                f"specification.{name}: the plan is for another specification: {own.get(name)!r} stands where the "
+                f"problem gives {given.get(name)!r}"
+            )
+
+
+def _specification(plan: Plan) -> dict[str, Any]:
+    own = plan.specification
+    names = ("speed", "contact_force", "torque_limit", "friction", "termination_force")
+    found = {name: getattr(own, name) for name in names}
+    return found if own.impact is None else found | dict(zip(_IMPACT, own.impact, strict=True))
+
+
+def _errors(plan: Plan, problem: Problem) -> Iterator[str]:
+    """Start errors, the frames that they are fixed in, and velocity errors."""
+    wanted, velocity = problem.start_box.tolist(), problem.velocity_error
+    if not _same(plan.start_box, wanted):
+        share = _share(plan.start_box, wanted)
+        part = "" if share is None else f", {share:.0%} of them"
+        yield (
+            f"uncertainty.start_box: the plan is for other start errors{part}: {list(plan.start_box)} stands where the "
+            f"problem gives {wanted}"
+        )
+    stated = dict(plan.sources) or {"world": plan.start_box}
+    for frame, box in zip(("hole", "hand", "world"), problem.framing.parts(problem.start_box), strict=True):
+        if not _same(stated.get(frame, (0.0,) * 6), box.tolist()):
+            yield (
+                f"uncertainty.sources: the plan takes other errors for fixed in the {frame}: "
+                f"{list(stated.get(frame, ()))} stands where the problem gives {box.tolist()}"
+            )
+    rates = velocity.translation, velocity.rotation
+    if not _same(plan.velocity_error, rates):
+        yield (
+            f"uncertainty.velocity_error: the plan is for another velocity error: {list(plan.velocity_error)} stands "
+            f"where the problem gives {list(rates)}"
+        )
+
+
+def _measured(plan: Plan, problem: Problem) -> Iterator[str]:
+    """What is measured on the parts: the clearance, and the length that weighs rotation."""
+    try:
+        clearance = measured_clearance(problem)
+    except FmoptError as error:
+        yield f"parts: the clearance of the problem's parts cannot be measured: {error.message}"
+        return
+    length = characteristic_length(problem, clearance)
+    if not _same([plan.rho], [length]):
+        yield (
+            f"uncertainty.rho: the plan weighs rotation by another length: {plan.rho!r} m stands where the problem "
+            f"gives {length!r} m"
+        )
+
+
+def _share(stated: Sequence[float], wanted: Sequence[float]) -> float | None:
+    """The share of the problem's errors that a plan states, where it is one and the same for all of them."""
+    shares = [a / b for a, b in zip(stated, wanted, strict=True) if b]
+    if not shares or any(a for a, b in zip(stated, wanted, strict=True) if not b):
+        return None
+    return shares[0] if max(shares) - min(shares) <= 1e-9 else None
+
+
+def _same(a: Sequence[float], b: Sequence[float]) -> bool:
+    return len(a) == len(b) and all(math.isclose(x, y, rel_tol=_SAME, abs_tol=_SAME) for x, y in zip(a, b, strict=True))

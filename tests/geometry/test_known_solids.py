@@ -1,0 +1,106 @@
+"""Readers held against solids whose volume, centre and inertia are known before they are written, by other writers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from fmopt.geometry.mesh.mesh_import import load_mesh
+from fmopt.geometry.step.step_import import load_step
+from fmopt.task.toml.units import UNITS, evaluate
+
+A, B, C = 0.012, 0.008, 0.03  # m, edges of a box
+TURN = trimesh.transformations.rotation_matrix(0.7, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0))
+TURN[:3, 3] = 0.01, -0.02, 0.03
+# An L of two boxes in mm: corners counter-clockwise, its area and centre by hand.
+L = np.array([(0.0, 0.0), (20.0, 0.0), (20.0, 8.0), (8.0, 8.0), (8.0, 20.0), (0.0, 20.0)])
+L_AREA, L_CENTRE, HEIGHT = 256.0, (160.0 * 10.0 + 96.0 * 4.0) / 256.0, 15.0
+
+
+def properties(vertices: np.ndarray, faces: Any) -> tuple[float, np.ndarray, np.ndarray]:
+    """Volume, centre and inertia about it of a polyhedron with convex faces, density 1."""
+    fans = [(loop[0], loop[k], loop[k + 1]) for (loop,) in faces for k in range(1, len(loop) - 1)]
+    mesh = trimesh.Trimesh(vertices, fans, process=False)
+    return float(mesh.volume), np.array(mesh.center_mass), np.array(mesh.moment_inertia)
+
+
+def box_mesh() -> trimesh.Trimesh:
+    return trimesh.creation.box((1e3 * A, 1e3 * B, 1e3 * C), _in_mm(TURN))
+
+
+def _in_mm(transform: np.ndarray) -> np.ndarray:
+    scaled = transform.copy()
+    scaled[:3, 3] *= 1e3
+    return scaled
+
+
+@pytest.mark.parametrize("kind", ["stl", "stl_ascii", "obj", "ply", "glb"])
+def test_a_box_of_another_writer_has_its_volume_centre_and_inertia(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / f"box.{kind.removesuffix('_ascii')}"
+    mesh = box_mesh()
+    if kind == "glb":
+        mesh.apply_scale(1e-3)  # its unit is the metre
+    path.write_bytes(written if isinstance(written := mesh.export(file_type=kind), bytes) else written.encode())
+    body = load_mesh(path, "m" if kind == "glb" else "mm").body
+    volume, centre, inertia = properties(body.vertices, [face.loops for face in body.faces])
+    assert volume == pytest.approx(A * B * C, rel=1e-6)
+    assert centre == pytest.approx(TURN[:3, 3], abs=1e-8)
+    about = A * B * C / 12.0 * np.diag([B * B + C * C, A * A + C * C, A * A + B * B])
+    assert inertia == pytest.approx(TURN[:3, :3] @ about @ TURN[:3, :3].T, rel=1e-5, abs=1e-6 * about.max())
+
+
+def test_a_box_of_a_kernel_has_its_volume_and_centre(tmp_path: Path) -> None:
+    pytest.importorskip("OCP")
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+
+    from tests.shared.files.step_files import write_step
+
+    write_step(tmp_path / "box.step", BRepPrimAPI_MakeBox(12.0, 8.0, 30.0).Shape())
+    body = load_step(tmp_path / "box.step").body
+    volume, centre, _ = properties(body.vertices, [face.loops for face in body.faces])
+    assert volume == pytest.approx(A * B * C, rel=1e-9)
+    assert centre == pytest.approx((0.5 * A, 0.5 * B, 0.5 * C), abs=1e-9)
+
+
+def obj(points: np.ndarray, faces: list[list[int]]) -> str:
+    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
+    return "\n".join([*rows, *("f " + " ".join(str(k + 1) for k in face) for face in faces), ""])
+
+
+def ply(points: np.ndarray, faces: list[list[int]]) -> str:
+    head = f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n"
+    head += "".join(f"property double {axis}\n" for axis in "xyz")
+    head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    rows = [" ".join(map(repr, point)) for point in points.tolist()]
+    return "\n".join([head.rstrip(), *rows, *(" ".join(map(str, (len(face), *face))) for face in faces), ""])
+
+
+@pytest.mark.parametrize(("kind", "write"), [("obj", obj), ("ply", ply)])
+@pytest.mark.parametrize("sides", [3, 5, 8])
+def test_a_prism_of_polygons_has_its_volume_and_centre(
+    sides: int, kind: str, write: Callable[[np.ndarray, list[list[int]]], str], tmp_path: Path
+) -> None:
+    """Polygons of many corners, written by hand."""
+    turns = 2.0 * np.pi * np.arange(sides) / sides
+    ring = 10.0 * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    points = np.vstack([np.column_stack([ring, np.full(sides, z)]) for z in (0.0, HEIGHT)])
+    walls = [[k, (k + 1) % sides, sides + (k + 1) % sides, sides + k] for k in range(sides)]
+    (tmp_path / f"prism.{kind}").write_text(write(points, [[*range(sides)][::-1], [*range(sides, 2 * sides)], *walls]))
+    body = load_mesh(tmp_path / f"prism.{kind}", "mm").body
+    volume, centre, _ = properties(body.vertices, [face.loops for face in body.faces])
+    assert volume == pytest.approx(1e-9 * HEIGHT * 50.0 * sides * math.sin(2.0 * np.pi / sides), rel=1e-9)
+    assert centre == pytest.approx((0.0, 0.0, 5e-4 * HEIGHT), abs=1e-10)
+
+
+@pytest.mark.parametrize("name", [name for lengths in UNITS.values() for name in lengths[1]])
+def test_units_are_those_of_pint(name: str) -> None:
+    import pint
+
+    known = pint.UnitRegistry().Quantity(1.0, name).to_base_units().magnitude
+    assert evaluate(f"1 {name}").value == pytest.approx(known, rel=1e-12)

@@ -1,0 +1,162 @@
+"""A plan held against its problem: everything that a claim rests on is compared, and a changed file is noticed."""
+
+from __future__ import annotations
+
+import copy
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fmopt.errors import InputError
+from fmopt.planning.same_problem import differences
+from fmopt.task.problem import load
+from fmopt.verify.reading.parse import parse
+from tests import ROOT
+
+PEG = ROOT / "problems" / "square_peg.toml"
+Change = Callable[[dict[str, Any]], Any]
+
+
+def shifted(side: str, axis: int, by: float) -> Change:
+    """Moves the corners of a part that lie farthest along an axis."""
+
+    def change(plan: dict[str, Any]) -> None:
+        corners = plan["parts"][side]["vertices"]
+        most = max(corner[axis] for corner in corners)
+        for corner in corners:
+            if corner[axis] > most - 1e-9:
+                corner[axis] += by
+
+    return change
+
+
+def scaled(side: str, factor: float) -> Change:
+    def change(plan: dict[str, Any]) -> None:
+        for shape in (plan["parts"][side], *plan["parts"][side]["pieces"]):
+            shape["vertices"] = [[factor * x for x in corner] for corner in shape["vertices"]]
+
+    return change
+
+
+LIES: dict[str, tuple[Change, str]] = {
+    "digest": (lambda p: p["problem"].update(sha256=p["problem"]["sha256"][::-1]), "problem.sha256: the plan belongs"),
+    "one start error": (lambda p: p["uncertainty"]["start_box"].__setitem__(1, 2.9e-4), "for other start errors:"),
+    "a share of the errors": (
+        lambda p: p["uncertainty"].update(start_box=[0.1 * x for x in p["uncertainty"]["start_box"]]),
+        "for other start errors, 10% of them:",
+    ),
+    "another frame": (
+        lambda p: p["uncertainty"].update(sources=[{"frame": "hole", "box": p["uncertainty"]["start_box"]}]),
+        "takes other errors for fixed in the hole",
+    ),
+    "velocity error": (lambda p: p["uncertainty"].update(velocity_error=[0.001, 0.001]), "another velocity error"),
+    "length that weighs rotation": (
+        lambda p: p["uncertainty"].update(rho=1.2 * p["uncertainty"]["rho"]),
+        "weighs rotation by another length: 0.0169",
+    ),
+    "depth": (lambda p: p["goal"].__setitem__(2, -0.029), "ends at another depth: z is -0.029 m"),
+    "orientation": (lambda p: p["goal"].__setitem__(5, 0.01), "ends in another orientation"),
+    "height": (lambda p: p["segments"][0]["start"].__setitem__(2, 0.05), "lowest point starts"),
+    "speed": (lambda p: p["specification"].update(speed=0.021), "specification.speed: the plan is for another"),
+    "contact force": (lambda p: p["specification"].update(contact_force=19.0), "specification.contact_force"),
+    "torque": (lambda p: p["specification"].update(torque_limit=2.0), "specification.torque_limit"),
+    "friction": (lambda p: p["specification"].update(friction=0.0), "specification.friction"),
+    "threshold": (lambda p: p["specification"].update(termination_force=1.0), "specification.termination_force"),
+    "impact": (
+        lambda p: p["specification"].update(impact_force=9.0, apparent_mass=1.0, contact_stiffness=1e4),
+        "specification.impact_force: the plan is for another specification: 9.0 stands where the problem gives None",
+    ),
+    "declared clearance": (
+        lambda p: p["parts"]["fixed"].update(declared_clearance=[1.0, 1.0]),
+        "another declared clearance",
+    ),
+    "a longer peg": (shifted("moving", 2, 1e-6), "its corners lie up to 0.001 mm off"),
+    "a skin of 1 nm": (shifted("moving", 0, 1e-9), "parts.moving: the plan is for another moving part"),
+    "a wider hole": (shifted("fixed", 0, -1e-6), "for another fixed part"),
+    "another face": (lambda p: p["parts"]["fixed"]["faces"].pop(), "faces where the file has"),
+    "units": (scaled("moving", 1.001), "for another moving part"),
+}
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_everything_that_a_claim_rests_on_is_compared(square_peg_plan: dict[str, Any], lie: str) -> None:
+    change, words = LIES[lie]
+    changed = copy.deepcopy(square_peg_plan)
+    change(changed)
+    assert any(words in told for told in differences(parse(changed), load(PEG))), differences(parse(changed), load(PEG))
+
+
+def test_a_true_plan_differs_in_nothing(square_peg_plan: dict[str, Any]) -> None:
+    assert differences(parse(square_peg_plan), load(PEG)) == ()
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    shutil.copytree(ROOT / "problems", tmp_path / "problems")
+    shutil.copytree(ROOT / "models", tmp_path / "models")
+    return tmp_path
+
+
+def edited(file: Path, old: str, new: str) -> None:
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "words"),
+    [
+        ("models/square_peg.toml", "width = 20", "width = 20.001", "another moving part"),
+        ("models/square_hole_block.toml", 'kind = "hollow"', 'kind = "hollow"\nturn = [0, 0, 1]', "another fixed part"),
+        ("problems/square_peg.toml", 'length = "mm"', 'length = "cm"', "uncertainty.start_box"),
+        ("problems/square_peg.toml", "[settings]", "[settings]\ncharacteristic_length = 12", "uncertainty.rho"),
+        ("problems/square_peg.toml", "[start]", "[start]\nturn = [0, 0, 0] #", None),
+        ("problems/square_peg.toml", "height = 1", "height = 2", "segments[0].start"),
+    ],
+)
+def test_a_problem_that_changed_is_noticed(
+    square_peg_plan: dict[str, Any], files: Path, file: str, old: str, new: str, words: str | None
+) -> None:
+    edited(files / file, old, new)
+    told = differences(parse(square_peg_plan), load(files / "problems" / "square_peg.toml"))
+    assert any("problem.sha256" in line for line in told)
+    assert words is None or any(words in line for line in told), told
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "key"),
+    [
+        ("problems/square_peg.toml", 'length = "mm"', 'length = "furlong"', "units.length"),
+        ("problems/square_peg.toml", "friction = ", "frictoin = ", "specification.frictoin"),
+        ("problems/square_peg.toml", "x = 0.3", "x = -0.3", "uncertainty.start.x"),
+        ("problems/square_peg.toml", "x = 0.3", "x = nan", "uncertainty.start.x"),
+        ("problems/square_peg.toml", "x = 0.3", 'x = "0.3 deg"', "uncertainty.start.x"),
+        ("problems/square_peg.toml", 'feature = "peg"', 'feature = "hole"', "moving.feature"),
+        ("problems/square_peg.toml", "models/square_peg.toml", "models/nothing.toml", "moving.model"),
+        ("models/square_peg.toml", "width = 20", "width = 1979-05-27", "parameters.width"),
+        ("models/square_peg.toml", 'shape = "box"', 'shape = "blob"', "solids.peg"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_named_with_its_key(
+    square_peg_plan: dict[str, Any], files: Path, file: str, old: str, new: str, key: str
+) -> None:
+    edited(files / file, old, new)
+    with pytest.raises(InputError) as caught:
+        differences(parse(square_peg_plan), load(files / "problems" / "square_peg.toml"))
+    assert key in caught.value.faults[0].key
+    assert caught.value.faults[0].file.endswith(".toml")
+
+
+def test_a_bad_problem_file_ends_verify_with_its_place(square_peg_plan_file: Path, files: Path) -> None:
+    problem = files / "problems" / "square_peg.toml"
+    edited(problem, "x = 0.3", 'x = "0.3 parsec"')
+    command = [sys.executable, "-m", "fmopt", "verify", str(square_peg_plan_file), "--problem", str(problem)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "square_peg.toml" in done.stderr
+    assert "uncertainty.start.x" in done.stderr
