@@ -62,7 +62,9 @@ def support(task: PressTask, direction: Array, arm: Array) -> float:
     return float(np.abs(direction) @ task.box[:3] + np.abs(np.cross(arm, direction)) @ task.box[3:])
 
 
-def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, distance: float, below: float) -> Entry:
+def corner_entry(
+    task: PressTask, corner: Corner, tilt: float, lean: float, distance: float, below: float, yaw: float = 0.0
+) -> Entry:
     """The tip beside a corner: at a distance from its walls, inside of all others, for every start error.
 
     Args:
@@ -71,13 +73,14 @@ def corner_entry(task: PressTask, corner: Corner, tilt: float, lean: float, dist
         tilt, lean: of the part, rad.
         distance: wanted from the corner's walls, m.
         below: depth of the tip below the mouth, m, at which the part still leans out over it.
+        yaw: about the axis, from the goal, rad.
 
     Raises:
         SearchError: the mouth leaves no place.
     """
     from shapely import LineString, Point
 
-    R = attitude(lean, tilt) @ task.goal.R
+    R = attitude(lean, tilt) @ exp(np.array([0.0, 0.0, yaw])) @ task.goal.R
     u, leaning = (np.array([math.cos(angle), math.sin(angle)]) for angle in (corner.angle, lean))
     tip = low_vertex(task, R, u)
     own = (task.goal.R @ tip + task.goal.p)[:2]

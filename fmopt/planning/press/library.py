@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -34,6 +35,7 @@ _DAMPING = 400.0  # N·s/m
 _LEVER = 0.02  # m, least that damping of turns is made of
 DELAY = PressRobot.delay  # s, of measurements
 
+Gives: TypeAlias = tuple[bool, bool, bool, bool, bool, bool]
 ALL, XYZ, XYZ_YAW = (True,) * 6, (True,) * 3 + (False,) * 3, (True,) * 3 + (False, False, True)
 ONLY_Z = (False, False, True, False, False, False)
 
@@ -99,16 +101,22 @@ def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: 
         SearchError: the mouth leaves no place for the tip.
     """
     lean = corner.angle if lean is None else lean
-    half = 0.5 * (math.pi - corner.turn)
-    distance = task.lateral * max(numbers.distance, _CORNER * math.sin(half))
     below = numbers.down * task.size
+    distance = corner_distance(task, corner, numbers.distance)
     entry = corner_entry(task, corner, numbers.tilt, lean, distance, below)
     u = direction(corner.angle)
     down = come_down(task, entry, below)
     return Attempt(numbers_of(entry.pose.vector()), (down, *into_the_mouth(task, u, lean, numbers)), "corner")
 
 
-def into_the_mouth(task: PressTask, u: Array, lean: float, numbers: CornerPress) -> tuple[Press, ...]:
+def corner_distance(task: PressTask, corner: Corner, least: float) -> float:
+    """How far from the walls of a corner its tip comes down, m; at least so many lateral errors."""
+    return task.lateral * max(least, _CORNER * math.sin(0.5 * (math.pi - corner.turn)))
+
+
+def into_the_mouth(
+    task: PressTask, u: Array, lean: float, numbers: CornerPress, gives: Gives = XYZ
+) -> tuple[Press, ...]:
     """Press towards a direction (3,), turn upright under the press, settle, and go in.
 
     Args:
@@ -116,15 +124,20 @@ def into_the_mouth(task: PressTask, u: Array, lean: float, numbers: CornerPress)
         u: unit vector of the lateral force.
         lean: direction of the low side, rad.
         numbers: of the sequence.
+        gives: axes that give way to the first press.
     """
-    press = Press(
-        "press into the corner", XYZ, (0.0,) * 6, six(FORCE * u, -numbers.kappa * FORCE),
-        (*_SPEEDS[:2], numbers.kappa * LATERAL_SPEED, *_SPEEDS[3:]),
-        (3.0 * task.lateral + 0.5 * task.size, 1.0), (standstill(), Time(3.0, "next")),
-    )  # fmt: skip
     hold = numbers.hold * FORCE
     upright = turn_upright(task, numbers.tilt, lean, six(hold * u, -numbers.axial * hold), numbers.yaw)
-    return (press, *upright, *to_the_goal(task, u, numbers.end, numbers.rock))
+    return (press_aside(task, u, numbers.kappa, gives), *upright, *to_the_goal(task, u, numbers.end, numbers.rock))
+
+
+def press_aside(task: PressTask, u: Array, kappa: float, gives: Gives = XYZ) -> Press:
+    """Press the tip towards a direction (3,), with `kappa` of that force downwards, until it stands."""
+    return Press(
+        "press into the corner", gives, (0.0,) * 6, six(FORCE * u, -kappa * FORCE),
+        (*SPEEDS[:2], kappa * LATERAL_SPEED, *SPEEDS[3:]), (3.0 * task.lateral + 0.5 * task.size, 1.0),
+        (standstill(), Time(3.0, "next")),
+    )  # fmt: skip
 
 
 def direction(angle: float) -> Array:
@@ -132,7 +145,7 @@ def direction(angle: float) -> Array:
     return np.array([math.cos(angle), math.sin(angle), 0.0])
 
 
-_SPEEDS = (LATERAL_SPEED, LATERAL_SPEED, AXIAL_SPEED) + (TURN_SPEED,) * 3
+SPEEDS = (LATERAL_SPEED, LATERAL_SPEED, AXIAL_SPEED) + (TURN_SPEED,) * 3
 
 
 def six(lateral: Array, axial: float) -> Numbers:
@@ -149,7 +162,7 @@ def come_down(task: PressTask, entry: Entry, below: float) -> Press:
     """Down from the start under a light force, the other axes held, until the tip is below the mouth or stands."""
     force, speed = COME_DOWN
     way = entry.descent + below
-    speeds = (*_SPEEDS[:2], speed, *_SPEEDS[3:])
+    speeds = (*SPEEDS[:2], speed, *SPEEDS[3:])
     ends = (Travel(distance=way), standstill(5e-5, 0.1), Time(4.0 * way / speed + 1.0, "retry"))
     return Press("come down", ONLY_Z, (0.0,) * 6, (0.0, 0.0, -force, 0.0, 0.0, 0.0), speeds, (2.0 * way, 1.0), ends)
 
@@ -159,14 +172,18 @@ def turn_upright(task: PressTask, tilt: float, lean: float, wrench: Numbers, yaw
     axis = np.array([-math.sin(lean), math.cos(lean), 0.0])
     rx, ry, _ = (-TURNING * axis).tolist()
     gives = XYZ_YAW if yaw else XYZ
-    reach = task.depth + 4.0 * task.lateral + 0.25 * task.size, 1.0  # a part that slips off the rim goes farther
-    floor = levels(task)
+    reach, floor = in_the_mouth(task), levels(task)
     turn = Press(
-        "turn upright", gives, (0.0, 0.0, 0.0, rx, ry, 0.0), wrench, _SPEEDS, reach,
+        "turn upright", gives, (0.0, 0.0, 0.0, rx, ry, 0.0), wrench, SPEEDS, reach,
         (*floor, Travel(angle=tilt), Time(3.0 * tilt / TURNING + 1.0, "retry")),
     )  # fmt: skip
-    settle = Press("settle", gives, (0.0,) * 6, wrench, _SPEEDS, reach, (*floor, standstill(), Time(6.0, "next")))
+    settle = Press("settle", gives, (0.0,) * 6, wrench, SPEEDS, reach, (*floor, standstill(), Time(6.0, "next")))
     return turn, settle
+
+
+def in_the_mouth(task: PressTask) -> tuple[float, float]:
+    """The reach of presses from the mouth on, m and rad; a part that slips off the rim goes farther."""
+    return task.depth + 4.0 * task.lateral + 0.25 * task.size, 1.0
 
 
 def levels(task: PressTask) -> tuple[End, ...]:
@@ -189,17 +206,17 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
     if rock:
         wrench = six(end * ROCK_FORCE * u, -ROCK_FORCE)
         ends = (*floor, Time(ROCK.seconds, "next"))
-        presses.append(Press("rock", XYZ, (0.0,) * 6, wrench, _SPEEDS, down_and_more(task), ends, rocking=ROCK))
+        presses.append(Press("rock", XYZ, (0.0,) * 6, wrench, SPEEDS, down_and_more(task), ends, rocking=ROCK))
     wrench = six(end * AXIAL * u, -AXIAL)
     reach = down_and_more(task)
     if not task.through:
         ends = (replace(standstill(5e-5, 0.3), then="seated", below=deepest_known(task)), Time(6.0, "retry"))
-        return (*presses, Press("go in", ALL, (0.0,) * 6, wrench, _SPEEDS, reach, ends))
+        return (*presses, Press("go in", ALL, (0.0,) * 6, wrench, SPEEDS, reach, ends))
     stuck = replace(standstill(5e-5, 0.3), then="retry")
     speed = _LAST[1]
     ends = (*floor, stuck, Time(6.0, "retry"))
-    presses.append(Press("go in", ALL, (0.0,) * 6, wrench, _SPEEDS, reach, ends))
-    slow = (*_SPEEDS[:2], speed, *_SPEEDS[3:])
+    presses.append(Press("go in", ALL, (0.0,) * 6, wrench, SPEEDS, reach, ends))
+    slow = (*SPEEDS[:2], speed, *SPEEDS[3:])
     there = Level(speed * DELAY - task.depth, "seated")  # the part goes on for as long as the measurement takes
     ends = (there, replace(standstill(2e-5, 0.3), then="retry"), Time(4.0, "retry"))
     presses.append(Press("lower to the depth", ALL, (0.0,) * 6, wrench, slow, reach, ends))
@@ -211,10 +228,10 @@ def down_and_more(task: PressTask) -> tuple[float, float]:
     return task.depth + 0.02, 1.0
 
 
-def press_on(task: PressTask, gives: tuple[bool, bool, bool, bool, bool, bool], wrench: Numbers) -> Press:
+def press_on(task: PressTask, gives: Gives, wrench: Numbers) -> Press:
     """Down until the part stands, on the floor or on a shelf."""
     ends = (*levels(task), standstill(5e-5, 0.3), Time(8.0, "next"))
-    return Press("press on", gives, (0.0,) * 6, wrench, _SPEEDS, down_and_more(task), ends)
+    return Press("press on", gives, (0.0,) * 6, wrench, SPEEDS, down_and_more(task), ends)
 
 
 def deepest_known(task: PressTask) -> float:
@@ -236,14 +253,14 @@ def at_shelf(task: PressTask, u: Array, shelf: Shelf) -> tuple[Press, Press, Pre
     floor = levels(task)
     gives = ALL if shelf.height > _FLUSH * task.size else XYZ_YAW
     datum = Press(
-        "datum on the shelf", gives, (0.0,) * 6, six(DATUM[0] * u, -DATUM[1]), _SPEEDS, (0.05, 1.0),
+        "datum on the shelf", gives, (0.0,) * 6, six(DATUM[0] * u, -DATUM[1]), SPEEDS, (0.05, 1.0),
         (*floor, standstill(2e-5, 0.25), Time(4.0, "next")), line,
     )  # fmt: skip
     speed = min(task.clearance.per_side / _DROPPING, _SLIDING)
     x, y, _ = (-speed * u).tolist()
     ends = (*floor, Travel(distance=_DROP), Time((_BEYOND * task.way_to_walls(shelf, u) + _BENT) / speed, "next"))
     slide = Press(
-        "slide off the shelf", ONLY_Z, (x, y, 0.0, 0.0, 0.0, 0.0), six(0.0 * u, -SLIDE), _SPEEDS,
+        "slide off the shelf", ONLY_Z, (x, y, 0.0, 0.0, 0.0, 0.0), six(0.0 * u, -SLIDE), SPEEDS,
         down_and_more(task), ends,
     )  # fmt: skip
     return datum, slide, press_on(task, ONLY_Z, six(0.0 * u, -FORCE))

@@ -11,11 +11,11 @@ from fmopt.planning.press.crossing import crossings
 from fmopt.planning.press.library import LIBRARY, corner_attempt
 from fmopt.planning.press.round_pin import round_presses
 from fmopt.planning.press.straight import straight_presses
-from fmopt.planning.press.task import Corner, PressTask
+from fmopt.planning.press.task import PressTask
+from fmopt.planning.press.yaw_sweep import yaw_sweeps
 
-_MOST_CORNERS = 3
 _LONG = 2.0  # sides of the mouth, from which a part leans along the longer one as well
-GENERATORS = (straight_presses, round_presses, crossings)
+GENERATORS = (straight_presses, round_presses, crossings, yaw_sweeps)
 
 
 def proposals(task: PressTask) -> list[Attempt]:
@@ -33,7 +33,7 @@ def proposals(task: PressTask) -> list[Attempt]:
 
 def corner_presses(task: PressTask) -> Iterator[Attempt]:
     """Sequences of the library at a few corners, leaning towards the corner, or along a mouth that is long."""
-    for corner in _few(task.corners):
+    for corner in task.few_corners:
         leans: list[float | None] = [None]
         if task.size >= _LONG * task.width:
             along = task.long_axis
@@ -44,11 +44,3 @@ def corner_presses(task: PressTask) -> Iterator[Attempt]:
                     yield corner_attempt(task, corner, numbers, lean)
                 except SearchError:  # another corner may have room where this one has none
                     break
-
-
-def _few(corners: tuple[Corner, ...]) -> tuple[Corner, ...]:
-    """The sharpest corner, and some of the others in their order."""
-    if len(corners) <= _MOST_CORNERS:
-        return corners
-    step = max((len(corners) - 1) // (_MOST_CORNERS - 1), 1)
-    return (corners[0], *corners[1::step])[:_MOST_CORNERS]

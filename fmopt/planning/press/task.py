@@ -29,6 +29,7 @@ _TIP = 1e-6  # m within which vertices belong to the leading face
 _STRAIGHT = 1e-6  # m by which corners of an outline may be off a straight side
 _PLAY_DROP = 0.6  # of the play above a shelf, below which the play is smaller there
 _MAX_SYMMETRY = 60
+_FEW = 3  # corners that sequences are made for
 _HALVINGS = 30  # of a way, from the size to less than 1 nm
 _ROUND = 0.1  # of the clearance, by which an outline that counts as round is off its circle
 
@@ -177,6 +178,12 @@ class PressTask:
                 turn = math.acos(float(np.clip(before @ after, -1.0, 1.0)))
                 found.append(Corner(at, np.array([before, after]), math.atan2(mean[1], mean[0]), turn))
         return tuple(sorted(found, key=lambda corner: (-round(corner.turn, 6), corner.angle)))
+
+    @property
+    def few_corners(self) -> tuple[Corner, ...]:
+        """The sharpest corner, and some of the others in their order."""
+        step = max((len(self.corners) - 1) // (_FEW - 1), 1)
+        return (*self.corners[:1], *self.corners[1::step])[:_FEW]
 
     @cached_property
     def shelves(self) -> tuple[Shelf, ...]:

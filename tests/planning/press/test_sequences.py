@@ -1,0 +1,58 @@
+"""Generators beside that of corners: where they have candidates, and that these seat parts that corner presses lose."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmopt.execution.press_trials import carry_out, count_presses, vertex_errors
+from fmopt.plan.press import Attempt, Conditions
+from fmopt.planning.press.choice import Choosing
+from fmopt.planning.press.library import robot_of
+from fmopt.planning.press.propose import proposals
+from fmopt.planning.press.task import PressTask
+from fmopt.task.problem import load
+from tests.shared.parts.families import pair, write_toml
+from tests.shared.plans.press_plan import press_task
+
+VERTICES = 8  # of the 64
+
+
+def task_of(family: str, seed: int, folder: Path) -> PressTask:
+    """A pair with errors of 1 mm, 1° and 0.5 mm in height, in proportion below 10 mm."""
+    made = pair(family, seed)
+    share = min(1.0, 0.1 * made.size)
+    box = np.array([1e-3 * share] * 2 + [0.5e-3 * share] + [math.radians(1.0)] * 3)
+    return replace(press_task(load(write_toml(made, folder))), box=box)
+
+
+def seated(task: PressTask, attempt: Attempt) -> int:
+    """How many of some vertices an attempt seats alone, at friction 0.3, with 80 N and 4 N·m."""
+    robot = replace(robot_of(task, (2e4, 100.0), (2.0, 0.01)), limits=(80.0, 4.0))
+    conditions = Conditions(tuple(task.box.tolist()), (0.3, 0.3), (1.0, 1.0), (1.0, 1.0))
+    plan = Choosing(task.bodies, task.seat, robot, conditions, 0).plan([attempt])
+    errors = vertex_errors(conditions, count_presses(plan)).of(np.random.default_rng(1).permutation(64)[:VERTICES])
+    return sum(one.seated for one in carry_out(task.bodies, plan, errors, 0, range(VERTICES), threads=2))
+
+
+@pytest.mark.parametrize(
+    ("family", "seed", "source"), [("rectangle", 106, "crossing"), ("T", 104, "yaw sweep"), ("star", 103, "yaw sweep")]
+)
+def test_a_sequence_made_for_a_mouth_seats_where_corner_presses_do_not(
+    family: str, seed: int, source: str, tmp_path: Path
+) -> None:
+    task = task_of(family, seed, tmp_path)
+    first, *_, last = proposals(task)
+    assert (first.source, last.source) == (source, "corner")
+    assert seated(task, first) >= VERTICES - 2
+    corner = next(one for one in proposals(task) if one.source == "corner")
+    assert seated(task, first) > seated(task, corner)
+
+
+@pytest.mark.parametrize("family", ["6-gon", "keyed", "triangle"])
+def test_mouths_that_are_wide_and_have_no_arms_are_entered_at_once(family: str, tmp_path: Path) -> None:
+    assert {one.source for one in proposals(task_of(family, 104, tmp_path))} == {"corner"}
