@@ -61,10 +61,16 @@ def _usual(problem: Problem) -> Iterator[str]:
     yield f'# speed = "{_number(1e3 * wanted.speed)} mm/s"'
     yield f'# contact_force = "{_number(wanted.contact_force)} N"'
     yield f'# torque_limit = "{_number(wanted.torque_limit)} N*m"'
-    yield f"# friction = {wanted.friction!r}"
+    yield f"# friction = {[*problem.friction]} # of what trials are drawn from; proofs take the greater one"
     yield f'# termination_force = "{_number(wanted.termination_force)} N"'
-    yield ""
-    yield "[settings]"
+    yield from ("", "[robot] # at the moving part, where presses hold axes in position")
+    robot = problem.robot
+    yield f'# stiffness = "{_number(1e-3 * robot.stiffness)} N/mm"'
+    yield f'# turning = "{_number(robot.turning)} N*m"'
+    yield f'# mass = "{_number(robot.mass)} kg"'
+    yield from ("", "[settings]", f'# evidence = "{settings.evidence}" # or "certified": guarded moves with a proof')
+    yield f"# min_rate = {settings.min_rate!r} # with which a tested plan has to seat, by the bound that its draws give"
+    yield f"# draws = {settings.draws}"
     yield f'# max_tilt = "{_number(math.degrees(settings.max_tilt))} deg"'
     yield f'# time_limit = "{_number(settings.time_limit)} s"'
 

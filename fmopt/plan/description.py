@@ -79,7 +79,8 @@ class PositionForce(Interval):
     @model_validator(mode="after")
     def _check_axes(self) -> PositionForce:
         for axis, (s, force) in enumerate(zip(self.s, self.fa, strict=True)):
-            if (s == 0) != (force == 0.0) or (s != 0 and force * (-1.0 if s == 1 else 1.0) < 0.0):
+            # A press may let an axis give way without a force on it, which is stopped both ways by none.
+            if ((s == 0) != (force == 0.0) and s != 2) or (s != 0 and force * (-1.0 if s == 1 else 1.0) < 0.0):
                 raise ValueError(f"entry {axis} of fa is not the reaction that s = {s} stands for")
             positions = (self.pn_start, self.pn_end) if s == 0 else (self.pa_start, self.pa_end)
             if any(at[axis] != 0.0 for at in positions):
@@ -174,8 +175,9 @@ class Search:
 
 @dataclass(frozen=True, config=FORM)
 class TracePose:
-    """A pose (6,) on the way of a trial without errors, in a press of the first attempt, by number."""
+    """A pose (6,) on the way of a trial without errors, at a time (s), in a press of the first attempt, by number."""
 
+    time: NonNegative
     press: Index
     pose: Six
 

@@ -59,8 +59,9 @@ def figures(plan: Plan) -> dict[str, str]:
 
 def catalogue(plan: Plan) -> dict[str, Figure]:
     """The figures that the plan has the data for, not yet drawn, by name, in the order of a report."""
+    course = None if plan.nominal is None else trajectory_view.Course(plan.nominal, plan.position_force)
     if plan.press_plan is not None:
-        return {}
+        return {} if course is None else {"trajectory": _of("trajectory", trajectory_view, course)}
     chosen = [_of("cut", cut_view, plan)]
     for number, graph in enumerate(graph_view.graphs(plan), start=1):
         chosen.append(_of("states" if number == 1 else f"states-{number}", graph_view, graph))
@@ -73,8 +74,7 @@ def catalogue(plan: Plan) -> dict[str, Figure]:
         chosen.append(_of("surfaces", surface_view, plan))
     if diagrams := diagram_view.diagrams(plan):
         chosen.append(_of("diagrams", diagram_view, diagrams))
-    if plan.nominal is not None:
-        course = trajectory_view.Course(plan.nominal, plan.position_force)
+    if course is not None:
         chosen.append(_of("trajectory", trajectory_view, course))
     return {figure.name: figure for figure in chosen}
 

@@ -35,7 +35,7 @@ def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
     shown = _shown(plan, figures)
     title = plan.title or "insertion"
     # A chapter that the plan has nothing for is empty here, and `chaptered` leaves it out.
-    own = press_chapters(plan) if plan.press_plan is not None else _guarded_chapters(plan, shown)
+    own = _press_chapters(plan, shown) if plan.press_plan is not None else _guarded_chapters(plan, shown)
     chapters = [
         ("motion", "The motion", scene(plan) + shown.get("cut", "")),
         *own,
@@ -45,6 +45,16 @@ def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
     ]
     body = chaptered("Insertion plan", title, chapters, f"{_verdict_box(plan, found)}\n")
     return page(f"{title}: {found.word.lower()}", resource("page.css"), body, scripts=True)
+
+
+def _press_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, str, str]]:
+    """Chapters of presses: what their trials came to, what they do, and the first attempt along the axes."""
+    words = (
+        "<p>The first attempt as it goes without errors, from press to press. An axis that gives way counts as stopped "
+        "in the direction in which it is pressed, in both without a force; the others are led.</p>\n"
+    )
+    course = shown.get("trajectory", "") + control_tables.force_table(plan)
+    return [*press_chapters(plan), ("trajectory", "Position and force over time", words + course if course else "")]
 
 
 def _guarded_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, str, str]]:

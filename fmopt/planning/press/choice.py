@@ -192,15 +192,14 @@ def with_retries(ranked: Sequence[Trialled], first: int = 0) -> list[Attempt]:
 def examined(
     choosing: Choosing, ranked: Sequence[Trialled], asked: Examination, subject_of: Callable[[PressPlan], str],
     progress: Callable[[str], None],
-) -> tuple[PressPlan, Evidence]:  # fmt: skip
+) -> tuple[PressPlan, Evidence | None]:  # fmt: skip
     """The first plan whose evidence reaches what is asked, of two at most; else the better one.
+
+    Where the time limit cuts the examination of the first one off, it has no evidence.
 
     Args:
         ranked: by their scores.
         subject_of: digest of what is carried out.
-
-    Raises:
-        OverdueError: the time limit cuts the first of them off.
     """
     best: tuple[PressPlan, Evidence] | None = None
     for number in range(min(MAX_EXAMINED, len(ranked))):
@@ -209,9 +208,7 @@ def examined(
         try:
             found = examine(choosing.bodies, plan, choosing.conditions, request, subject_of(plan), progress)
         except OverdueError:
-            if best is None:
-                raise
-            break
+            return best or (plan, None)
         if best is None or (found.bound, found.vertices_seated) > (best[1].bound, best[1].vertices_seated):
             best = plan, found
         if found.level == "tested":

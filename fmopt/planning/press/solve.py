@@ -21,13 +21,15 @@ from fmopt.planning.press.choice import Choosing, examined, halved, with_retries
 from fmopt.planning.press.library import robot_of
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.task import PressTask
+from fmopt.runtime.compiled import clock, until
 
+_TRACE_SECONDS = 30.0  # for a single trial, which is shown even where the time limit is used up
 _TRACE_EVERY = 25  # periods between poses that are shown
 
 
 @dataclass(frozen=True, eq=False)
 class PressSolution:
-    """A plan of presses and what its trials came to; None where no draws were asked for."""
+    """A plan of presses and what its trials came to; None where none were asked for, or the time limit cut them off."""
 
     plan: PressPlan
     evidence: Evidence | None
@@ -44,7 +46,7 @@ def press_solution(
 
     Raises:
         SearchError: no sequence comes down inside the mouth.
-        OverdueError: the time limit cuts the evidence off.
+        OverdueError: the time limit leaves no draw for any.
     """
     problem = posed.problem
     task = PressTask(problem, problem.moving, problem.fixed, posed.clearance, problem.start_box)
@@ -61,7 +63,8 @@ def press_solution(
         plan, evidence = examined(choosing, ranked, asked, subject_of, progress)
     else:
         plan, evidence = choosing.plan(with_retries(ranked)), None
-    return PressSolution(plan, evidence, traced(task, plan, conditions))
+    with until(clock() + _TRACE_SECONDS):
+        return PressSolution(plan, evidence, traced(task, plan, conditions))
 
 
 def traced(task: PressTask, plan: PressPlan, conditions: Conditions) -> tuple[TracePose, ...]:
@@ -75,7 +78,7 @@ def traced(task: PressTask, plan: PressPlan, conditions: Conditions) -> tuple[Tr
         step = int(rig.state.step[0])
         if rig.ticks % _TRACE_EVERY == 0 and rig.state.mode[0] == RUNNING and step < len(plan.attempts[0].presses):
             q = np.array(rig.engine.qpos[0])
-            found.append(TracePose(step, numbers([*q[:3], *between(q[3:], np.array([1.0, 0.0, 0.0, 0.0]))])))
+            found.append(TracePose(rig.time, step, numbers([*q[:3], *between(q[3:], np.array([1.0, 0.0, 0.0, 0.0]))])))
 
     carry_out(task.bodies, plan, errors, 0, [0], [(0,)], look=look)
     return tuple(found)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-TITLE = "The nominal insertion along the axis, position and force over time; the moves to run are others"
+TITLE = "Position and force over time, without errors"
 STOPS = {0: "free", 1: "stopped in +", -1: "stopped in −", 2: "stopped in both"}
 _BANDS: dict[int, dict[str, Any]] = {
     1: {"facecolor": "#f3e3d3", "edgecolor": "#b08050", "hatch": "///"},

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from fmopt.errors import OverdueError, SearchError
+from fmopt.execution.evidence import Examination
 from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import Attempt, Force, Press, Time
 from fmopt.planning.press import choice
-from fmopt.planning.press.choice import Choosing, Trialled, halved, strength, with_retries
+from fmopt.planning.press.choice import Choosing, Trialled, examined, halved, strength, with_retries
 from fmopt.runtime.compiled import clock, until
 from tests.shared.plans.press_plan import press_choosing, press_plan
 
@@ -95,6 +96,14 @@ def test_a_choice_that_is_cut_off_ranks_what_was_carried_out(rounds: int, monkey
     assert left
     assert all(one.outcomes for one in left)
     assert sum(len(one.outcomes) for one in left) <= len(carried.seen)
+
+
+def test_an_examination_that_is_cut_off_leaves_the_plan_without_evidence() -> None:
+    choosing, left = press_choosing(), [Trialled(one, (outcome(True),) * 8) for one in press_plan().attempts]
+    with until(0.0):
+        plan, evidence = examined(choosing, left, Examination(96, 0.9, 1), lambda _: "0" * 64, lambda _: None)
+    assert evidence is None
+    assert plan.attempts[0] == left[0].attempt
 
 
 def test_retries_seat_what_the_first_leaves() -> None:
