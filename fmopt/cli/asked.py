@@ -14,7 +14,7 @@ from fmopt.errors import Fault, InputError
 from fmopt.notebook.asking import Asked, of_assembly
 from fmopt.notebook.parts import is_part
 from fmopt.plan import STDIO
-from fmopt.task.mesh_source import STEP
+from fmopt.task.mesh_source import HOLD_BODIES
 
 if TYPE_CHECKING:
     from fmopt.task.problem import Problem
@@ -65,14 +65,14 @@ def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
             f"name the part that moves and the one that stays: {_EXAMPLE}",
         )
     single = len(files) == 1
-    if single and files[0].suffix.lower() not in STEP:
+    if single and files[0].suffix.lower() not in HOLD_BODIES:
         message = "this is one part, and an insertion takes two"
         raise _wrong(files[0], "one-part", message, f"name the other one, too: {_EXAMPLE}")
     if error is None:
         message = "how far off the part may start is not stated, and nobody but you can know it"
         raise _wrong(files[0], "missing-error", message, f'add --error "1 mm, 1 deg": {_EXAMPLE}')
     if single:
-        return of_assembly(files[0], error, moving, fixed)
+        return of_assembly(files[0], error, moving, fixed, unit)
     return Asked((files[0], files[1]), error, (unit, unit), (moving, fixed))
 
 

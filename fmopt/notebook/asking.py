@@ -18,7 +18,7 @@ import numpy as np
 from fmopt.errors import Fault, InputError
 from fmopt.notebook.problem import Problem, load
 from fmopt.runtime import output
-from fmopt.task.mesh_source import MESHES, STEP
+from fmopt.task.mesh_source import MESHES, STEP, bodies_of
 from fmopt.task.toml.problem_file import error_of
 from fmopt.task.toml.units import QuantityError
 
@@ -37,9 +37,9 @@ class Asked:
     """Two parts and a start error, in place of a problem file.
 
     Args:
-        files: of the moving and the fixed part: mesh, STEP or model files; one STEP file twice for an assembly.
+        files: of the moving and the fixed part: mesh, STEP or model files; one file twice for an assembly.
         units: of the numbers of mesh files; mm where it is not given, which is said.
-        bodies: of the STEP files, by name or number; None for the only one.
+        bodies: of STEP or OBJ files, by name or number; None for the only one.
     """
 
     files: tuple[Path, Path]
@@ -126,7 +126,7 @@ def _table(keys: Mapping[str, Any]) -> str:
     return f"{{ {', '.join(f'{key} = {quoted(v) if isinstance(v, str) else v}' for key, v in keys.items())} }}"
 
 
-def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None) -> Asked:
+def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, unit: str | None = None) -> Asked:
     """The question that an assembly asks: one of its bodies into another, as they stand there.
 
     Of two bodies the one that goes into the other is found where neither is named: the one with the peg; of two that
@@ -135,6 +135,7 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None) -
     Args:
         error: of the start, such as "1 mm, 1 deg".
         moving, fixed: names or numbers of bodies; None to have one found.
+        unit: of the numbers of an OBJ file; mm if not given.
 
     Raises:
         InputError: there are too few or too many bodies to choose from, or one does not exist.
@@ -142,11 +143,10 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None) -
     """
     from fmopt.errors import GeometryError
     from fmopt.geometry.step.step_file import chosen
-    from fmopt.geometry.step.step_import import bodies
 
     _require_file(file)
     try:
-        found = bodies(file)
+        found = bodies_of(file, unit)
         names = [body.name for body in found]
         known = ", ".join(f"{n} {name!r}" if name else f"{n}" for n, name in enumerate(names, 1))
         if len(found) < 2:
@@ -159,8 +159,10 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None) -
     if picks[0] is not None and picks[0] == picks[1]:
         message = f"{names[picks[0]] or picks[0] + 1!r} is to move and to stand"
         raise InputError(Fault(str(file), 1, 1, "", "conflict", message, f"name two of {known}"))
-    if len(rest) != picks.count(None):
+    if None in picks and len(rest) != picks.count(None):
+        left = ", ".join(f"{n + 1} {names[n]!r}" if names[n] else f"{n + 1}" for n in rest)
         message = f"{file} holds {len(found)} bodies: {known}"
+        message = message if picks == [None, None] else f"{file} holds {len(rest)} other bodies: {left}"
         raise InputError(Fault(str(file), 1, 1, "", "ambiguous", message, _BODIES_ADVICE))
     if picks == [None, None]:
         order = _guessed([found[n].mesh for n in rest])
@@ -169,7 +171,7 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None) -
         picks = [rest[0] if pick is None else pick for pick in picks]
     # Digits would be read as the number of a body: one whose name is digits goes by its number.
     called = [names[n] if names[n] and not names[n].isdecimal() else str(n + 1) for n in picks if n is not None]
-    return Asked((file, file), error, bodies=(called[0], called[1]))
+    return Asked((file, file), error, (unit, unit), (called[0], called[1]))
 
 
 def _guessed(meshes: Sequence[Any]) -> tuple[int, int]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fmopt.errors import Fault, GeometryError, InputError
 from fmopt.plan import STDIO
-from fmopt.task.mesh_source import MESHES, STEP
+from fmopt.task.mesh_source import HOLD_BODIES, MESHES, bodies_of
 from fmopt.task.model import Bare, load_model
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.toml.source import Place, read
@@ -39,7 +39,7 @@ def is_part(file: Path) -> bool:
 
 
 def load_part(file: Path, unit: str | None = None) -> tuple[Part, ...]:
-    """The part of a file in its model's frame, of an assembly (STEP) all of its bodies, with what is found on it.
+    """The part of a file in its model's frame, of an assembly (STEP, OBJ) all of its bodies, with what is found on it.
 
     Args:
         unit: of the numbers of a mesh.
@@ -48,17 +48,15 @@ def load_part(file: Path, unit: str | None = None) -> tuple[Part, ...]:
         InputError: with every fault.
         ResourceError: no library that reads STEP files.
     """
-    bodies: Sequence[str | None] = _bodies(file) if file.suffix.lower() in STEP else (None,)
+    bodies: Sequence[str | None] = _bodies(file, unit) if file.suffix.lower() in HOLD_BODIES else (None,)
     return tuple(_loaded(file, Bare(unit, body)) for body in bodies)
 
 
-def _bodies(file: Path) -> Sequence[str | None]:
-    from fmopt.geometry.step.step_import import bodies
-
+def _bodies(file: Path, unit: str | None) -> Sequence[str | None]:
     if not file.is_file():
         return (None,)  # the reader of models says what is wrong
     try:
-        found = bodies(file)
+        found = bodies_of(file, unit)
     except GeometryError as error:
         raise InputError(Fault(str(file), 1, 1, "", "geometry", error.message, error.advice)) from error
     return (None,) if len(found) == 1 else [body.name or str(body.number) for body in found]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
 from fmopt.spatial.values import remembered
@@ -15,12 +15,13 @@ from fmopt.task.toml.source import Source, read_bytes
 from fmopt.task.toml.tables import NAME
 
 if TYPE_CHECKING:
-    from fmopt.geometry.mesh.mesh_import import Imported
+    from fmopt.geometry.mesh.mesh_import import Imported, NamedBody, Unit
     from fmopt.geometry.part import Part
 
 MAX_MESH_BYTES = 100_000_000
 STEP = (".step", ".stp")
 OWN_UNIT = (*STEP, ".3mf", ".glb")  # files that say the unit of their numbers
+HOLD_BODIES = (*STEP, ".obj")  # files that may hold several bodies by name
 MESHES = (".stl", ".obj", ".ply", *OWN_UNIT)
 
 
@@ -40,15 +41,35 @@ def takes(mesh: Mesh | None, name: str) -> bool:
     Args:
         name: "unit" or "body".
     """
-    return mesh is not None and (is_step(mesh) if name == "body" else not says_unit(mesh))
+    return mesh is not None and (holds_bodies(mesh) if name == "body" else not says_unit(mesh))
+
+
+def holds_bodies(mesh: Mesh) -> bool:
+    """Whether the file that a model names may hold several bodies by name."""
+    return Path(mesh.file).suffix.lower() in HOLD_BODIES
+
+
+def bodies_of(path: Path, unit: str | None) -> tuple[NamedBody, ...]:
+    """All bodies of a STEP or OBJ file, the numbers of the latter in mm if no unit is given.
+
+    Raises:
+        ResourceError, SizeError, GeometryError: it cannot be read.
+    """
+    if path.suffix.lower() in STEP:
+        from fmopt.geometry.step.step_import import bodies
+
+        return bodies(path)
+    from fmopt.geometry.mesh.mesh_import import mesh_bodies
+
+    return mesh_bodies(path, cast("Unit", unit or "mm"))
 
 
 def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
     """A mesh without a unit, with its size in the numbers of its file to choose by; or a file that says it with one."""
     faults = []
-    if mesh.body is not None and not is_step(mesh):
+    if mesh.body is not None and not holds_bodies(mesh):
         place = source.place(("mesh", "body"), of_key=True)
-        faults.append(place.fault("conflict", "only a STEP file holds bodies to choose from", "remove 'body'"))
+        faults.append(place.fault("conflict", "only a STEP or OBJ file holds bodies to choose from", "remove 'body'"))
     if says_unit(mesh):
         return [*faults, *_own_unit_faults(source, mesh)]
     if mesh.unit is not None:
@@ -97,7 +118,8 @@ def imported(source: Source, mesh: Mesh) -> Imported:
             return load_step(path, mesh.deviation or DEVIATION, str(mesh.body or ""))
         from fmopt.geometry.mesh.mesh_import import load_mesh
 
-        return load_mesh(path, "m" if says_unit(mesh) else mesh.unit or "mm")  # of such files the numbers come in m
+        unit: Unit = "m" if says_unit(mesh) else mesh.unit or "mm"  # of such files the numbers come in m
+        return load_mesh(path, unit, str(mesh.body or ""))
     except SizeError as error:
         key = ("mesh", "file" if mesh.unit is None else "unit")
         raise InputError(implausible(source, key, mesh.unit, error)) from error

@@ -14,7 +14,7 @@ import numpy as np
 
 from fmopt.errors import Fault, InputError, SizeError
 from fmopt.spatial.se3 import Pose
-from fmopt.task.mesh_source import MAX_MESH_BYTES, MESHES, OWN_UNIT, STEP, assumed, called, mesh_faults, takes
+from fmopt.task.mesh_source import HOLD_BODIES, MAX_MESH_BYTES, MESHES, OWN_UNIT, assumed, called, mesh_faults, takes
 from fmopt.task.sizes import implausible
 from fmopt.task.solid_tree import bare_part, build_part, part_reach, tree_faults, unstated
 from fmopt.task.toml.model_file import MatingFeature, ModelFile, Profile
@@ -126,15 +126,15 @@ def _bare_model(
     advice = "name a model file, or leave it out"
     message = f"{path.name} has no parameters"
     faults = [given.place.fault("unknown-parameter", message, advice) for given in overrides.values()]
-    step, own = (path.suffix.lower() in kinds for kinds in (STEP, OWN_UNIT))
+    several, own = (path.suffix.lower() in kinds for kinds in (HOLD_BODIES, OWN_UNIT))
     if own:
         faults += said.misplaced("unit", cited, f"{path.name} says its unit itself", "leave 'unit' out")
-    if not step:
+    if not several:
         faults += said.misplaced("body", cited, f"{path.name} is one body", "leave 'body' out")
     table: dict[str, object] = {"file": path.name}
-    if step and said.body is not None:
+    if several and said.body is not None:
         table["body"] = said.body
-    elif not own:
+    if not own:
         table["unit"] = said.unit or USUAL_UNIT
     name = called(said.body if isinstance(said.body, str) else path.stem)
     source = Source(path, {"name": name, "mesh": table}, {}, {})  # without places: nobody wrote it

@@ -11,6 +11,7 @@ import numpy as np
 
 from fmopt.errors import GeometryError, InputError
 from fmopt.spatial.se3 import Pose
+from fmopt.task.mesh_source import bodies_of
 from fmopt.task.toml.source import Source
 
 if TYPE_CHECKING:
@@ -258,15 +259,14 @@ def _said(source: Source, side: Side, name: str) -> str:
 
 
 def _seated(file: ProblemFile, models: Mapping[str, Model]) -> Pose | None:
-    """The pose of the moving part's frame in that of the fixed one, where both are bodies of one STEP file."""
+    """The pose of the moving part's frame in that of the fixed one, where both are bodies of one file."""
     from fmopt.geometry.step.step_file import chosen
-    from fmopt.geometry.step.step_import import bodies
 
     paths = {model.source.path for model in models.values()}
     which = [_operand(file, side).body for side in SIDES]
     if len(paths) > 1 or any(model.given for model in models.values()) or None in which:
         return None
-    found = bodies(paths.pop())
+    found = bodies_of(paths.pop(), _operand(file, "moving").unit)
     moving, fixed = (found[chosen([body.name for body in found], str(name))] for name in which)
     return fixed.pose.inverse().compose(moving.pose)
 

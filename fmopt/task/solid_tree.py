@@ -176,14 +176,15 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     claims = {
         name: Claim(feature.classification or "", feature.solids or ()) for name, feature in file.features.items()
     }
+    found = unstated(source, file)
     try:
         chain = _whole_chain(source, file)
         if all(claims[feature.name].terms or is_made(chain, feature) for feature in features):
             tree = object_tree(file.name, chain, features, claims)
-            if not unstated(source, file) or any(claim.terms for claim in claims.values()) or _is_central(tree):
-                return checked(tree)
+            if not found or any(claim.terms for claim in claims.values()) or _is_central(tree):
+                return checked(tree, found)
         chain = chain_of(_hull_less_others(source, file, chain), file.name)
-        return checked(object_tree(file.name, chain, features, claims))
+        return checked(object_tree(file.name, chain, features, claims), found)
     except TaskError as error:
         key = ("features", error.feature) if error.feature in file.features else ("features",)
         advice = error.advice
@@ -206,7 +207,7 @@ def _is_central(tree: ObjectTree) -> bool:
 
     try:
         checked(tree)
-    except TaskError:
+    except (TaskError, GeometryError):
         return False
     return True
 

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from fmopt.errors import GeometryError
 from fmopt.geometry.mesh.mesh_import import load_mesh
+from fmopt.geometry.polyhedron import triangulated
 from fmopt.geometry.step.step_import import load_step
 from fmopt.task.toml.units import UNITS, evaluate
 
@@ -96,6 +98,31 @@ def test_a_prism_of_polygons_has_its_volume_and_centre(
     volume, centre, _ = properties(body.vertices, [face.loops for face in body.faces])
     assert volume == pytest.approx(1e-9 * HEIGHT * 50.0 * sides * math.sin(2.0 * np.pi / sides), rel=1e-9)
     assert centre == pytest.approx((0.0, 0.0, 5e-4 * HEIGHT), abs=1e-10)
+
+
+@pytest.mark.parametrize(("kind", "write"), [("obj", obj), ("ply", ply)])
+@pytest.mark.parametrize("start", range(6))
+def test_a_polygon_that_is_not_convex_is_one_face_from_whatever_corner_it_is_listed(
+    start: int, kind: str, write: Callable[[np.ndarray, list[list[int]]], str], tmp_path: Path
+) -> None:
+    points = np.vstack([np.column_stack([L, np.full(6, z)]) for z in (0.0, HEIGHT)])
+    walls = [[k, (k + 1) % 6, 6 + (k + 1) % 6, 6 + k] for k in range(6)]
+    ring = np.roll(np.arange(6), -start)
+    (tmp_path / f"L.{kind}").write_text(write(points, [ring[::-1].tolist(), (6 + ring).tolist(), *walls]))
+    body = load_mesh(tmp_path / f"L.{kind}", "mm").body
+    mesh = trimesh.Trimesh(body.vertices, triangulated(body), process=False)
+    volume, centre = mesh.volume, mesh.center_mass
+    assert volume == pytest.approx(1e-9 * L_AREA * HEIGHT, rel=1e-12)
+    assert centre == pytest.approx(1e-3 * np.array([L_CENTRE, L_CENTRE, 0.5 * HEIGHT]), abs=1e-12)
+
+
+def test_a_polygon_that_crosses_itself_is_named_with_its_line(tmp_path: Path) -> None:
+    bow = np.array([(0.0, 0.0, 0.0), (2.0, 1.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (1.0, 1.0, 3.0)])
+    star = np.array([(np.cos(0.8 * np.pi * k), np.sin(0.8 * np.pi * k), 0.0) for k in range(5)])
+    for points, face in ((bow, [0, 1, 2, 3]), (star, [0, 1, 2, 3, 4])):
+        (tmp_path / "bow.obj").write_text(obj(points, [[0, 1, 2], face]))
+        with pytest.raises(GeometryError, match=rf"bow\.obj, line {len(points) + 2}: the polygon crosses itself"):
+            load_mesh(tmp_path / "bow.obj", "mm")
 
 
 @pytest.mark.parametrize("name", [name for lengths in UNITS.values() for name in lengths[1]])

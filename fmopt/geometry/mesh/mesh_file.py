@@ -1,7 +1,7 @@
 """STL, OBJ, PLY, 3MF and GLB files: strict readers of their triangles, which refuse what a file does not say plainly.
 
 Work and memory are bounded by the bytes of the file. Comments, names and materials may hold any bytes. Polygons become
-fans of triangles; points that no face uses are left out.
+triangles, ears where they are not convex; points that no face uses are left out.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 from fmopt.errors import GeometryError, ResourceError
 from fmopt.geometry.facets import Indices
@@ -25,6 +26,7 @@ from fmopt.geometry.mesh.surface import (
 )
 from fmopt.spatial.values import Array
 
+T = TypeVar("T")
 FORMATS = ("stl", "obj", "ply", "3mf", "glb")
 OWN_UNIT = ("3mf", "glb")  # formats that say their unit: their numbers become m
 MAX_BYTES = 50_000_000
@@ -37,6 +39,15 @@ def read_triangles(path: Path) -> tuple[Array, Indices]:
         ResourceError: the file cannot be read.
         GeometryError: no mesh format, damaged, empty or too large; says where.
     """
+    return _read(path, Surface.arrays)
+
+
+def read_bodies(path: Path) -> tuple[tuple[str, Array, Indices], ...]:
+    """The same by object, with its name, "" where it has none; errors as of `read_triangles`."""
+    return _read(path, Surface.bodies)
+
+
+def _read(path: Path, taken: Callable[[Surface], T]) -> T:
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
         advice = "use .stl, .obj, .ply, .3mf or .glb, or .step with the extra step"
@@ -51,7 +62,7 @@ def read_triangles(path: Path) -> tuple[Array, Indices]:
     try:
         if len(data) > MAX_BYTES:
             raise Damage(f"the file has more than {MAX_BYTES} bytes", advice=COARSER)
-        return readers[kind](data).arrays()
+        return taken(readers[kind](data))
     except Damage as damage:
         place = f"{path}, {damage.where}" if damage.where else str(path)
         raise GeometryError(f"{place}: {damage.message}", damage.advice) from None
@@ -147,7 +158,7 @@ def _text_stl(data: bytes) -> Surface:
 
 
 _OBJ_IGNORED = frozenset(
-    b"vt vn vp cstype deg bmat step l p curv curv2 surf parm trim hole scrv sp end con g s mg o bevel c_interp "
+    b"vt vn vp cstype deg bmat step l p curv curv2 surf parm trim hole scrv sp end con g s mg bevel c_interp "
     b"d_interp lod usemtl mtllib usemap maplib shadow_obj trace_obj ctech stech call csh".split()
 )
 
@@ -162,6 +173,8 @@ def _obj(data: bytes) -> Surface:
             surface.point([number_of(word, where) for word in words[1:4]], where)
         elif words[0] == b"f":
             surface.face([_corner(word, len(surface.points), where) for word in words[1:]], where)
+        elif words[0] == b"o":
+            surface.objects.append((b" ".join(words[1:])[:80].decode("utf-8", "replace"), len(surface.triangles)))
         elif words[0] not in _OBJ_IGNORED:
             raise Damage(f"{quoted(words[0])} is no keyword of OBJ files", where)
     return surface

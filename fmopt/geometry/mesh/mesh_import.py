@@ -11,13 +11,16 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, merged_vertices, place
-from fmopt.geometry.mesh.mesh_file import read_triangles
+from fmopt.geometry.mesh.mesh_file import read_bodies, read_triangles
 from fmopt.geometry.mesh.mesh_repair import Crossing, first_crossing, turned_alike, turned_outward
 from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, joined, open_among, patches, sewn, sides_of
 from fmopt.geometry.mesh.plane_facets import flattened
 from fmopt.geometry.mesh.round_planes import chord_error
+from fmopt.geometry.mesh.shells import united
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import require_plausible
+from fmopt.geometry.step.step_file import chosen
+from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
 
 Unit = Literal["m", "dm", "cm", "mm", "um", "in"]
@@ -87,8 +90,34 @@ class _Closed:
         return len(self.triangles) > 3 and len(sides) == 3 * len(self.triangles) and not open_among(sides)
 
 
-def load_mesh(path: Path | str, unit: Unit) -> Imported:
-    """The polyhedron of a mesh file.
+@dataclass(frozen=True, eq=False)
+class NamedBody(Value):
+    """A body of a file that holds several.
+
+    Args:
+        name: told apart from others by a number at its end; "" where it has none.
+        number: its place in the file, from 1.
+        mesh: the body in its own frame, m.
+        pose: of that frame in the file's.
+    """
+
+    name: str
+    number: int
+    mesh: Imported
+    pose: Pose
+
+
+def mesh_bodies(path: Path, unit: Unit) -> tuple[NamedBody, ...]:
+    """All named objects of a mesh file, in the frame of the file; errors as of `load_mesh`."""
+    names = [name for name, *_ in read_bodies(path)]
+    return tuple(
+        NamedBody(name, number, load_mesh(path, unit, str(number)), Pose.identity())
+        for number, name in enumerate(names, 1)
+    )
+
+
+def load_mesh(path: Path | str, unit: Unit, body: str = "") -> Imported:
+    """The polyhedron of a mesh file, or of one of its named objects.
 
     Vertices within 1e-7 of the diameter are merged, of a surface that does not close then those farther apart.
     Triangles that face the other way than those around them are turned. Gaps are closed where the missing surface is
@@ -97,18 +126,31 @@ def load_mesh(path: Path | str, unit: Unit) -> Imported:
 
     Args:
         unit: length unit of its numbers; mesh files do not say.
+        body: name or number, from 1, of an object; "" where there is but one.
 
     Raises:
         ResourceError: there is no such file.
         SizeError: too large or too small for a part, as where the unit is another one.
         GeometryError: unreadable, open or crossing itself; names the triangle, the edge, the place.
     """
+    found = read_bodies(Path(path))
     points, triangles = read_triangles(Path(path))
+    try:
+        # Objects that touch are one part, as simulators have it, where none of them is named.
+        if body or (len(found) > 1 and united(points, triangles, _MERGE * _span(points))[2] != 1):
+            _, points, triangles = found[chosen([name for name, *_ in found], body)]
+    except GeometryError as error:
+        raise GeometryError(f"{path}: {error.message}", error.advice) from None
     require_plausible(points / _PER_METRE[unit])
     try:
         return mesh_polyhedron(points / _PER_METRE[unit], triangles, _rounding(points) / _PER_METRE[unit])
     except GeometryError as error:
         raise GeometryError(f"{path}: {error.message}", error.advice) from error
+
+
+def _span(points: Array) -> float:
+    """Length of the diagonal of the box around points (n, 3)."""
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 def _rounding(points: Array) -> float:
@@ -128,7 +170,8 @@ def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0) ->
     Raises:
         GeometryError: open or crossing itself.
     """
-    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    span = _span(points)
+    points, triangles, _, joined_shells = united(points, triangles, _MERGE * span)
     closed = _best(points, triangles, span)
     flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + rounding)
     off = flat.off + closed.moved
@@ -140,7 +183,7 @@ def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0) ->
         flattened(closed.points, closed.triangles[whole], closed.numbers[whole])
     _require_simple(closed.points, closed.triangles, crossing, closed.numbers)
     off = off if off > _COUNTS else 0.0
-    notes = (*closed.notes, *(_gap(patch) for patch in closed.mended), *_evened(off, flat.where))
+    notes = (*joined_shells, *closed.notes, *(_gap(patch) for patch in closed.mended), *_evened(off, flat.where))
     return Imported(flat.body, chord_error(flat.body), closed.mended, notes, off, flat.where)
 
 
@@ -203,7 +246,7 @@ def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin
 
     Those that are not as high as `thin` are left out, as where they fill what a side lacks of vertices on it.
     """
-    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    span = _span(points)
     merged, corners, numbers = merged_vertices(points, triangles, reach)
     notes = _left_out(points, triangles, numbers)
     moved = _moved(points, merged) if reach > _MERGE * span else 0.0

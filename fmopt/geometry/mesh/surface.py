@@ -6,6 +6,7 @@ Work and memory are bounded by the bytes of the file. Comments, names and materi
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -20,6 +21,8 @@ AGAIN = "export it again"
 COARSER = "export it coarser: the planner takes parts of some hundred faces"
 LONGEST_LINE = 200_000  # bytes, comments aside: a face of ten thousand corners
 _LARGEST = 1e9  # coordinates in the file's own unit: 1 km in µm
+_FLAT = 1e-12  # of the square of twice its area, by which a polygon may turn right at a corner and still be convex
+_COVERED = 1e-9  # of its area, by which the area of its ears may be off
 _LINE = re.compile(rb"([^\r\n]*)(\r\n|\r|\n|\Z)")
 # Narrower than float(), which also takes 'nan', 'inf' and underscores.
 _NUMBER = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
@@ -36,10 +39,15 @@ class Damage(Exception):
 
 @dataclass
 class Surface:
-    """Points and triangles as they are read."""
+    """Points and triangles as they are read; polygons and named objects, each with the number of its first triangle.
+
+    A polygon holds its place as a fan; one that is not convex becomes ears once all points are known.
+    """
 
     points: list[tuple[float, float, float]] = field(default_factory=list)
     triangles: list[tuple[int, int, int]] = field(default_factory=list)
+    polygons: list[tuple[int, tuple[int, ...], str]] = field(default_factory=list)
+    objects: list[tuple[str, int]] = field(default_factory=list)
 
     def point(self, numbers: Sequence[float], where: str) -> None:
         """Takes a point."""
@@ -58,12 +66,29 @@ class Surface:
             raise Damage(f"a face has {count} corners", where)
         if len(self.triangles) + count - 2 > MAX_TRIANGLES:
             raise Damage(f"there are more than {MAX_TRIANGLES} triangles", where, COARSER)
+        if count > 3:
+            self.polygons.append((len(self.triangles), tuple(corners), where))
         if count == 4:
             a, b, c, d = corners
             self.triangles += [(a, b, c), (c, d, a)]
         else:
             first = corners[0]
             self.triangles += [(first, corners[i], corners[i + 1]) for i in range(1, count - 1)]
+
+    def bodies(self) -> tuple[tuple[str, Array, Indices], ...]:
+        """Each object that has triangles: its name, told apart by a number, points in use and triangles over them."""
+        points, triangles = self.arrays()
+        begins = [(name, first) for name, first in self.objects if first < len(triangles)]
+        begins = begins if begins and begins[0][1] == 0 else [("", 0), *begins]
+        found, seen = [], Counter[str]()
+        for (name, first), last in zip(begins, [*(first for _, first in begins[1:]), len(triangles)], strict=True):
+            if first == last:
+                continue
+            seen[name] += 1
+            used, renumbered = np.unique(triangles[first:last], return_inverse=True)
+            called = f"{name} {seen[name]}" if seen[name] > 1 else name
+            found.append((called, points[used], renumbered.reshape(-1, 3).astype(np.int64)))
+        return tuple(found)
 
     def arrays(self) -> tuple[Array, Indices]:
         """The points in use (n, 3) and the triangles (m, 3) over them."""
@@ -75,7 +100,49 @@ class Surface:
         if used[-1] >= len(points):
             number = int(np.flatnonzero((triangles >= len(points)).any(axis=1))[0])
             raise Damage(f"triangle {number} names point {used[-1]} of {len(points)}, counted from 0")
+        for first, corners, where in self.polygons:
+            ears = _ears(points[list(corners)], where)
+            if ears is not None:
+                triangles[first : first + len(ears)] = np.array(corners)[ears]
+        used, renumbered = np.unique(triangles, return_inverse=True)
         return points[used], renumbered.reshape(-1, 3).astype(np.int64)
+
+
+def _ears(corners: Array, where: str) -> Indices | None:
+    """Triangles (n − 2, 3) of a polygon (n, 3) that is not convex, in its mean plane; None of one that a fan covers.
+
+    Raises:
+        Damage: it crosses itself.
+    """
+    from manifold3d import triangulate
+
+    following = np.roll(corners, -1, axis=0)
+    normal = np.cross(corners, following).sum(axis=0)  # Newell's, of twice the area
+    size = float(np.linalg.norm(normal))
+    if size == 0.0:
+        raise Damage("the polygon crosses itself or has no area", where)
+    sides = following - corners
+    turns = np.cross(np.roll(sides, 1, axis=0), sides) @ normal
+    if (turns >= -_FLAT * size**2).all() and _winds_once(sides, normal / size):
+        return None
+    u = sides[int(np.argmax(np.linalg.norm(sides, axis=1)))]
+    u = u - (u @ normal) / size**2 * normal
+    u /= np.linalg.norm(u)
+    flat = corners @ np.stack([u, np.cross(normal / size, u)], axis=1)
+    found = np.array(triangulate([flat]), dtype=np.int64).reshape(-1, 3)
+    a, b, c = (flat[found[:, k]] for k in range(3))
+    (x, y), (z, w) = (b - a).T, (c - a).T
+    areas = x * w - y * z  # twice
+    if len(found) != len(corners) - 2 or abs(float(np.abs(areas).sum()) - size) > _COVERED * size:
+        raise Damage("the polygon crosses itself", where)
+    return found
+
+
+def _winds_once(sides: Array, normal: Array) -> bool:
+    """Whether a polygon that only turns left about its normal goes round once, not several times as a star does."""
+    following = np.roll(sides, -1, axis=0)
+    turns = np.arctan2(np.cross(sides, following) @ normal, (sides * following).sum(axis=1))
+    return float(turns.sum()) < 3.0 * np.pi
 
 
 def lines_of(data: bytes, first: int = 1) -> Iterator[tuple[str, list[bytes]]]:

@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,13 +21,12 @@ import numpy as np
 
 from fmopt.errors import FmoptError, GeometryError, ResourceError, SizeError
 from fmopt.geometry.csg import exact_pose
-from fmopt.geometry.mesh.mesh_import import Imported, mesh_polyhedron
+from fmopt.geometry.mesh.mesh_import import Imported, NamedBody, mesh_polyhedron
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.polyhedron import from_triangles, placed
 from fmopt.geometry.section import require_plausible
 from fmopt.geometry.step.step_file import AGAIN, COARSER, SIMPLER
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Value
 
 DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
 _MILLIMETRE = 1e-3
@@ -40,24 +39,7 @@ _CODE = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Body(Value):
-    """A body of a STEP file.
-
-    Args:
-        name: of its product in the file, told apart from others by a number at its end; "" where it has none.
-        number: its place in the file, from 1.
-        mesh: the body in its product's own frame, as if its part had been exported alone, m.
-        pose: of that frame in the file's.
-    """
-
-    name: str
-    number: int
-    mesh: Imported
-    pose: Pose
-
-
-def bodies(path: Path) -> tuple[Body, ...]:
+def bodies(path: Path) -> tuple[NamedBody, ...]:
     """All bodies of a STEP file, of an assembly each in its place; lengths in m, the file says its unit itself.
 
     The pose of one part relative to another, as the file has them, is `one.pose.inverse().compose(other.pose)`.
@@ -67,7 +49,7 @@ def bodies(path: Path) -> tuple[Body, ...]:
     """
     found = _read(path, DEVIATION, "*")
     return tuple(
-        Body(one["name"], number, _imported(path, one, _called(one, number, len(found))), _place(one))
+        NamedBody(one["name"], number, _imported(path, one, _called(one, number, len(found))), _place(one))
         for number, one in enumerate(found, 1)
     )
 

@@ -14,7 +14,7 @@ Intervals of the axis and polygons across it are enough to judge a frame; they c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -49,14 +49,17 @@ Intervals: TypeAlias = tuple[tuple[float, float], ...]
 Cutter: TypeAlias = "Callable[[float], BaseGeometry]"
 
 
-def checked(tree: ObjectTree) -> ObjectTree:
+def checked(tree: ObjectTree, found: Container[str] = ()) -> ObjectTree:
     """The tree itself, when the frames of all its features with a length obey the rules.
+
+    Args:
+        found: names of features whose frames were found on the part, and are not judged.
 
     Raises:
         TaskError: with the feature and the rule.
     """
     for feature in tree.features:
-        if feature.length is not None:
+        if feature.length is not None and feature.name not in found:
             check_frame(tree, feature)
     return tree
 

@@ -1,0 +1,125 @@
+"""Parts that are several closed shells: those that touch or overlap are one solid, and are united."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmopt.geometry.facets import Indices, merged_vertices
+from fmopt.spatial.values import Array
+
+_LOST = 1e-9  # of the volume of shells, by which that of their union is smaller where they overlap
+_SLIVER = 1e-5  # of the greatest face at a vertex, root of the area, below which others do not count
+_SQUARE = 1e-6  # cosine between faces that are square to each other
+_DEEP = 4.0  # times the distance within which vertices are one, by which faces are moved to meet others
+
+
+def united(points: Array, triangles: Indices, reach: float) -> tuple[Array, Indices, int, tuple[str, ...]]:
+    """Points and triangles with closed shells united where they touch or overlap, how many solids they are, and notes.
+
+    A surface that is one shell, or has one that does not close, stays as it is; so do shells that lie apart, and
+    cavities.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3), counter-clockwise seen from outside.
+        reach: between vertices that are one, m.
+    """
+    from manifold3d import Error, Manifold, Mesh64, OpType
+
+    R = _axes(points, triangles)
+    shells = _shells(_levelled(points @ R.T, reach), triangles, reach)
+    if len(shells) < 2:
+        return points, triangles, 1, ()
+
+    def solid(vertices: Array, corners: Indices) -> Manifold:
+        return Manifold(Mesh64(vert_properties=vertices, tri_verts=corners.astype(np.uint64)))
+
+    solids = [solid(*shell) for shell in shells]
+    if any(one.status() != Error.NoError or one.volume() <= 0.0 for one in solids):
+        return points, triangles, 1, ()
+    apart = sum(one.volume() for one in solids)
+    union, moved = (
+        Manifold.batch_boolean([solid(_offset(p, t, off), t) for p, t in shells], OpType.Add)
+        for off in (0.0, _DEEP * reach)
+    )
+    count = len(union.decompose())
+    # Slanted faces that touch but for rounding meet where all are moved outward by as much.
+    if (closer := len(moved.decompose())) < count:
+        union, count = moved, closer
+    elif count == len(solids) and union.volume() >= (1.0 - _LOST) * apart:
+        return points, triangles, count, ()
+    mesh = union.to_mesh64()
+    volumes = ", ".join(f"{1e9 * one.volume():.6g}" for one in solids)
+    left = "one solid" if count == 1 else f"{count} solids"
+    note = f"{len(solids)} closed shells of {volumes} mm³ touch or overlap: they were united, and are {left}"
+    return np.array(mesh.vert_properties)[:, :3] @ R, np.array(mesh.tri_verts, dtype=np.int64), count, (note,)
+
+
+def _shells(points: Array, triangles: Indices, reach: float) -> list[tuple[Array, Indices]]:
+    """Vertices and triangles of each shell, in the order of the file, which ends one before it begins the next.
+
+    None where a shell does not close, or is not closed when the next one begins.
+    """
+    vertices, corners, _ = merged_vertices(points, triangles, reach)
+    found, begun = list[tuple[Array, Indices]](), 0
+    open_sides = set[tuple[int, int]]()
+    for number, (a, b, c) in enumerate(corners.tolist(), 1):
+        for one, other in ((a, b), (b, c), (c, a)):
+            if (other, one) in open_sides:
+                open_sides.remove((other, one))
+            elif (one, other) in open_sides:
+                return []
+            else:
+                open_sides.add((one, other))
+        if not open_sides:
+            used, renumbered = np.unique(corners[begun:number], return_inverse=True)
+            found.append((vertices[used], renumbered.reshape(-1, 3).astype(np.int64)))
+            begun = number
+    return [] if open_sides else found
+
+
+def _axes(points: Array, triangles: Indices) -> Array:
+    """Axes (3, 3), as rows, along normals of the largest facets."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    areas = np.linalg.norm(normals, axis=1)
+    z = normals[np.argmax(areas)] / areas.max()
+    across = np.cross(z, normals)
+    y = across[np.argmax(np.where(np.abs(normals @ z) < _SQUARE * areas, areas, -1.0))]
+    y = y if np.linalg.norm(y) > 0.0 else np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    y /= np.linalg.norm(y)
+    return np.stack([np.cross(y, z), y, z])
+
+
+def _levelled(points: Array, reach: float) -> Array:
+    """Points (n, 3) whose coordinates are one where they follow each other within a distance, m."""
+    found = points.copy()
+    for axis in range(3):
+        order = np.argsort(points[:, axis])
+        values = points[order, axis]
+        runs = np.cumsum(np.diff(values, prepend=values[0]) > reach)
+        means = np.bincount(runs, values) / np.bincount(runs)
+        # Only runs that stay within the distance as a whole: curved walls are not to be flattened.
+        narrow = np.bincount(runs, np.abs(values - means[runs]) > reach) == 0
+        found[order, axis] = np.where(narrow[runs], means[runs], values)
+    return found
+
+
+def _offset(vertices: Array, triangles: Indices, by: float) -> Array:
+    """Vertices (n, 3) with every face moved outward by a distance, m."""
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    areas = np.linalg.norm(normals, axis=1)
+    # Slivers, whose normals are rounding, weigh next to nothing beside the faces that they lie in.
+    weights = np.sqrt(areas / areas.max())
+    normals *= (weights / np.maximum(areas, 1e-300))[:, None]
+    found = vertices.copy()
+    if by == 0.0:
+        return found
+    around: list[list[int]] = [[] for _ in vertices]
+    for number, row in enumerate(triangles.tolist()):
+        for vertex in row:
+            around[vertex].append(number)
+    for vertex, faces in enumerate(around):
+        found[vertex] += by * np.linalg.lstsq(normals[faces], weights[faces], rcond=_SLIVER)[0]
+    return found

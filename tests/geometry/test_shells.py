@@ -1,0 +1,111 @@
+"""Closed shells that touch or overlap are one solid; objects of one file that lie apart are offered by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from fmopt.cli.asked import asked_problem
+from fmopt.errors import GeometryError, InputError
+from fmopt.geometry.mesh.mesh_import import load_mesh, mesh_bodies
+from fmopt.task.problem import load
+
+SIZES = {  # of boxes, and their middles, mm; with the volume of what they are together
+    "on top": ([((10, 10, 10), (0, 0, 0)), ((4, 4, 6), (0, 0, 8))], 1096.0),
+    "sunk in": ([((10, 10, 10), (0, 0, 0)), ((4, 4, 6), (0, 0, 7))], 1080.0),
+    "face to face": ([((10, 10, 10), (0, 0, 0)), ((10, 10, 10), (10, 0, 0))], 2000.0),
+    "a frame": (
+        [((10, 2, 5), (0, 4, 0)), ((10, 2, 5), (0, -4, 0)), ((2, 6, 5), (4, 0, 0)), ((2, 6, 5), (-4, 0, 0))],
+        320.0,
+    ),
+}
+TURN = trimesh.transformations.rotation_matrix(1.1, (1.0, -2.0, 0.5), (3.0, 40.0, -7.0))
+
+
+def boxes(sizes: list[tuple[tuple[int, ...], tuple[int, ...]]], turned: bool) -> list[trimesh.Trimesh]:
+    found = [trimesh.creation.box(size, trimesh.transformations.translation_matrix(at)) for size, at in sizes]
+    for box in found:
+        if turned:
+            box.apply_transform(TURN)
+    return found
+
+
+def obj_of(meshes: list[trimesh.Trimesh], names: list[str]) -> str:
+    lines, count = list[str](), 0
+    for mesh, name in zip(meshes, names, strict=True):
+        lines += [f"o {name}"] if name else []
+        lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
+        lines += ["f " + " ".join(str(count + 1 + k) for k in face) for face in mesh.faces.tolist()]
+        count += len(mesh.vertices)
+    return "\n".join([*lines, ""])
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("kind", ["obj", "named objects", "stl"])
+@pytest.mark.parametrize("case", SIZES)
+def test_shells_that_touch_or_overlap_are_one_solid(case: str, kind: str, turned: bool, tmp_path: Path) -> None:
+    sizes, volume = SIZES[case]
+    meshes = boxes(sizes, turned)
+    path = tmp_path / ("part.stl" if kind == "stl" else "part.obj")
+    if kind == "stl":
+        path.write_bytes(trimesh.util.concatenate(meshes).export(file_type="stl"))
+    else:
+        path.write_text(obj_of(meshes, [f"hull_{k}" if kind != "obj" else "" for k in range(len(meshes))]))
+    found = load_mesh(path, "mm")
+    assert found.body.volume == pytest.approx(1e-9 * volume, rel=1e-5)
+    assert len(found.body.faces) == {"on top": 11, "sunk in": 11, "face to face": 6, "a frame": 10}[case]
+    assert f"{len(sizes)} closed shells of " in found.notes[0]
+    assert f"{np.prod(sizes[0][0])}" in found.notes[0]
+    assert found.off < 1e-7
+
+
+def test_shells_that_lie_apart_stay_two(tmp_path: Path) -> None:
+    meshes = boxes([((10, 10, 10), (0, 0, 0)), ((4, 4, 6), (0, 0, 9))], turned=True)
+    (tmp_path / "part.stl").write_bytes(trimesh.util.concatenate(meshes).export(file_type="stl"))
+    found = load_mesh(tmp_path / "part.stl", "mm")
+    assert (found.notes, len(found.body.faces)) == ((), 12)
+
+
+def test_objects_that_lie_apart_are_offered_by_name(tmp_path: Path) -> None:
+    meshes = boxes([((10, 10, 10), (0, 0, 0)), ((4, 4, 6), (0, 0, 9)), ((4, 4, 6), (0, 20, 9))], turned=False)
+    path = tmp_path / "part.obj"
+    path.write_text(obj_of(meshes, ["base", "pin", "pin"]))
+    with pytest.raises(GeometryError, match=r"holds 3 bodies: 1 'base', 2 'pin', 3 'pin 2'"):
+        load_mesh(path, "mm")
+    assert load_mesh(path, "mm", "pin 2").body.vertices[:, 1].min() == pytest.approx(0.018)
+    assert [body.name for body in mesh_bodies(path, "mm")] == ["base", "pin", "pin 2"]
+
+
+def test_two_objects_of_one_file_are_the_task(tmp_path: Path) -> None:
+    """A peg that touches the floor of its hole: alone on the command line they are two parts, seated as they stand."""
+    peg = trimesh.creation.box((12.0, 8.0, 30.0), trimesh.transformations.translation_matrix((3.0, 5.0, 1.0)))
+    block = trimesh.creation.box((40.0, 40.0, 20.0), trimesh.transformations.translation_matrix((0.0, 0.0, -10.0)))
+    cut = trimesh.creation.box((12.3, 8.3, 28.0), trimesh.transformations.translation_matrix((3.0, 5.0, 0.0)))
+    hole = trimesh.boolean.difference([block, cut], engine="manifold")
+    path = tmp_path / "both.obj"
+    path.write_text(obj_of([peg, hole], ["peg", "hole"]))
+    for moving, fixed in ((None, None), ("peg", None), ("peg", "hole")):
+        asked = asked_problem([path], ("0.3 mm, 0.3 deg", "mm", moving, fixed))
+        assert asked is not None
+        assert asked.bodies == ("peg", "hole")
+    problem = load(_written(asked.text(tmp_path), tmp_path))
+    assert problem.goal[2] == pytest.approx(-0.014)
+    assert problem.moving.polyhedron.volume == pytest.approx(12e-3 * 8e-3 * 30e-3)
+
+
+def _written(text: str, folder: Path) -> Path:
+    (folder / "problem.toml").write_text(text)
+    return folder / "problem.toml"
+
+
+def test_of_several_bodies_two_are_named_or_the_others_are_listed(tmp_path: Path) -> None:
+    meshes = boxes([((10, 10, 10), (20 * k, 0, 0)) for k in range(4)], turned=False)
+    (tmp_path / "four.obj").write_text(obj_of(meshes, ["a", "b", "c", "d"]))
+    asked = asked_problem([tmp_path / "four.obj"], ("1 mm, 1 deg", None, "b", "d"))
+    assert asked is not None
+    assert asked.bodies == ("b", "d")
+    with pytest.raises(InputError, match=r"holds 3 other bodies: 1 'a', 3 'c', 4 'd'; say which"):
+        asked_problem([tmp_path / "four.obj"], ("1 mm, 1 deg", None, "b", None))
