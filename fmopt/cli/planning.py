@@ -176,7 +176,7 @@ def verify(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check a plan's certificate from its own geometry, in exact arithmetic, without the planner."""
+    """Check a plan's certificate from its own geometry, in exact arithmetic; with --problem, that it is of that one."""
     from fmopt import plan
     from fmopt import verify as independent
     from fmopt.verify.reading.parse import parse
@@ -192,7 +192,8 @@ def verify(
             from fmopt.planning.same_problem import REMARK, differences
             from fmopt.task.problem import load
 
-            verdict = verdict.unless(differences(read, load(problem)), (REMARK,))
+            whole = plan.parsed(document) if read.presses else read
+            verdict = verdict.unless(differences(whole, load(problem)), (REMARK,))
     except independent.PlanError as error:
         raise PlanFormatError(f"{file}: {error}", "give a plan.json that fmopt solve wrote") from error
     if as_json:

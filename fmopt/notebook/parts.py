@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmopt.errors import Fault, GeometryError, InputError
+from fmopt.errors import Fault, FmoptError, GeometryError, InputError
 from fmopt.plan import STDIO
-from fmopt.task.mesh_source import HOLD_BODIES, MESHES, bodies_of
+from fmopt.task.mesh_source import HOLD_BODIES, MESHES, STEP, bodies_of
 from fmopt.task.model import Bare, load_model
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.toml.source import Place, read
@@ -48,8 +48,19 @@ def load_part(file: Path, unit: str | None = None) -> tuple[Part, ...]:
         InputError: with every fault.
         ResourceError: no library that reads STEP files.
     """
-    bodies: Sequence[str | None] = _bodies(file, unit) if file.suffix.lower() in HOLD_BODIES else (None,)
+    several = file.suffix.lower() in STEP or (file.suffix.lower() in HOLD_BODIES and _lie_apart(file))
+    bodies: Sequence[str | None] = _bodies(file, unit) if several else (None,)
     return tuple(_loaded(file, Bare(unit, body)) for body in bodies)
+
+
+def _lie_apart(file: Path) -> bool:
+    """Whether an OBJ file has several bodies; what is wrong with it is told by who reads it."""
+    from fmopt.geometry.mesh.mesh_import import lie_apart
+
+    try:
+        return lie_apart(file)
+    except FmoptError:
+        return False
 
 
 def _bodies(file: Path, unit: str | None) -> Sequence[str | None]:

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from fmopt.errors import FmoptError
+from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose
+from fmopt.task.pairing import Mated
 from fmopt.task.problem import Problem
 from fmopt.task.sizes import characteristic_length, measured_clearance
-from fmopt.verify.reading.document import Body, Plan
+from fmopt.verify.reading.document import Body, Found, Plan
 from fmopt.verify.reading.document import Part as Stated
 
 REMARK = "the problem's files were read by the planner's own reader"
@@ -31,6 +33,11 @@ def differences(plan: Plan, problem: Problem) -> tuple[str, ...]:
         line
         for side, stated, part in zip(("moving", "fixed"), own, (problem.moving, problem.fixed), strict=True)
         for line in _part(side, stated, part, problem, pieces=bool(plan.presses))
+    ]
+    parts += [
+        f"parts.{side}.found: the plan has the {side} part mate otherwise than is found on its file"
+        for side, stated, mated in zip(("moving", "fixed"), own, problem.mated, strict=True)
+        if not _mates_alike(stated.found, mated)
     ]
     found = [*_digest(plan, problem), *_task(plan, problem), *_errors(plan, problem), *parts]
     # Other parts have another clearance, which is not told again.
@@ -60,9 +67,7 @@ def _part(side: str, stated: Stated, part: Part, problem: Problem, pieces: bool)
     another = f"the plan is for another {side} part than {part.name!r}"
     if (off := _off(stated.body, part.polyhedron)) is not None:
         yield f"parts.{side}: {another}: {off}"
-    elif pieces and [_off(own, piece) for own, piece in zip(stated.pieces, part.pieces, strict=False)] != [None] * len(
-        part.pieces
-    ):
+    elif pieces and (len(stated.pieces) != len(part.pieces) or any(map(_off, stated.pieces, part.pieces))):
         yield f"parts.{side}.pieces: {another}: its convex pieces are not those of the file"
     if part.form > stated.form:
         yield (
@@ -85,7 +90,10 @@ def _off(own: Body, given: Polyhedron) -> str | None:
 
 def _task(plan: Plan, problem: Problem) -> Iterator[str]:
     """Goal, start and specification."""
-    # Not x and y, which are where walls seat the part.
+    # Not x and y of guarded moves, which are where walls seat the part.
+    if plan.presses and not _same(plan.goal[:2], problem.goal[:2].tolist()):
+        wanted = problem.goal[:2].tolist()
+        yield f"goal: the plan ends beside the goal: {list(plan.goal[:2])} m stands where the problem gives {wanted}"
     depth = float(problem.goal[2])
     if abs(plan.goal[2] - depth) > _SEATED:
         yield f"goal: the plan ends at another depth: z is {plan.goal[2]!r} m, by the problem {depth!r} m"
@@ -143,6 +151,43 @@ def _errors(plan: Plan, problem: Problem) -> Iterator[str]:
         )
 
 
+def _presses(plan: Plan, problem: Problem, clearance: Clearance) -> Iterator[str]:
+    """What trials of presses rest on: the seat, the robot, what they are drawn from, and the rate asked for."""
+    presses, evidence = (getattr(plan, name, None) for name in ("press_plan", "trials"))
+    if presses is None:
+        return
+    from fmopt.planning.press.solve import conditions_of, robot_for
+    from fmopt.planning.press.task import PressTask
+
+    task = PressTask(problem, problem.moving, problem.fixed, clearance, problem.start_box)
+    robot = robot_for(task)
+    pairs = [
+        ("seat", presses.seat, task.seat),
+        ("robot.stiffness", presses.robot.stiffness, robot.stiffness),
+        ("robot.limits", presses.robot.limits, robot.limits),
+        ("robot.mass", presses.robot.mass, robot.mass),
+    ]
+    if evidence is not None:
+        pairs += [
+            ("evidence.conditions", evidence.conditions, conditions_of(problem)),
+            ("evidence.min_rate", evidence.min_rate, problem.settings.min_rate),
+        ]
+    yield from (
+        f"{name}: the plan's trials are of another problem: {own} stands where the problem gives {wanted}"
+        for name, own, wanted in pairs
+        if own != wanted
+    )
+
+
+def _mates_alike(stated: Found | None, mated: Mated | None) -> bool:
+    """Whether what a plan says of how a part mates is what is found on its file."""
+    if stated is None or mated is None:
+        return stated is None and mated is None
+    frames = [() if frame is None else frame for frame in (stated.frame, mated.frame)]
+    names = (stated.side, stated.feature) == (mated.side, mated.feature)
+    return names and _same((*frames[0], stated.turn), (*frames[1], mated.turn))
+
+
 def _measured(plan: Plan, problem: Problem) -> Iterator[str]:
     """What is measured on the parts: the clearance, and the length that weighs rotation."""
     try:
@@ -156,6 +201,7 @@ def _measured(plan: Plan, problem: Problem) -> Iterator[str]:
             f"uncertainty.rho: the plan weighs rotation by another length: {plan.rho!r} m stands where the problem "
             f"gives {length!r} m"
         )
+    yield from _presses(plan, problem, clearance)
 
 
 def _share(stated: Sequence[float], wanted: Sequence[float]) -> float | None:

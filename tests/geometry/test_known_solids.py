@@ -116,6 +116,18 @@ def test_a_polygon_that_is_not_convex_is_one_face_from_whatever_corner_it_is_lis
     assert centre == pytest.approx(1e-3 * np.array([L_CENTRE, L_CENTRE, 0.5 * HEIGHT]), abs=1e-12)
 
 
+def test_corners_that_stand_twice_and_polygons_far_away_or_without_area_are_read(tmp_path: Path) -> None:
+    points = np.vstack([np.column_stack([L, np.full(6, z)]) for z in (0.0, HEIGHT)]) + 1000.0
+    walls = [[k, (k + 1) % 6, 6 + (k + 1) % 6, 6 + k] for k in range(6)]
+    for start in range(6):
+        ring = np.roll([0, 1, 2, 3, 3, 4, 5], -start)  # the inner corner twice
+        faces = [ring[::-1].tolist(), (6 + ring).tolist(), *walls, [0, 1, 1, 0], [0, 0, 1, 1]]
+        (tmp_path / "L.obj").write_text(obj(points, faces))
+        body = load_mesh(tmp_path / "L.obj", "mm").body
+        assert len(body.faces) == 8
+        assert body.volume == pytest.approx(1e-9 * L_AREA * HEIGHT, rel=1e-9)
+
+
 def test_a_polygon_that_crosses_itself_is_named_with_its_line(tmp_path: Path) -> None:
     bow = np.array([(0.0, 0.0, 0.0), (2.0, 1.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (1.0, 1.0, 3.0)])
     star = np.array([(np.cos(0.8 * np.pi * k), np.sin(0.8 * np.pi * k), 0.0) for k in range(5)])

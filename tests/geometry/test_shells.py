@@ -62,6 +62,35 @@ def test_shells_that_touch_or_overlap_are_one_solid(case: str, kind: str, turned
     assert found.off < 1e-7
 
 
+def test_slanted_faces_that_meet_but_for_rounding_are_moved_which_is_a_tolerance_of_form(tmp_path: Path) -> None:
+    large = trimesh.creation.box((60.0, 60.0, 2.0), trimesh.transformations.translation_matrix((0.0, 0.0, -50.0)))
+    at = trimesh.transformations.translation_matrix
+    tip = trimesh.creation.box((4.0, 4.0, 6.0), TURN @ at((0.0, 0.0, 8.0)))
+    top = trimesh.creation.box((10.0, 10.0, 10.0), TURN)
+    for mesh in (top, tip):
+        mesh.vertices = mesh.vertices.round(7)
+    path = tmp_path / "part.obj"
+    path.write_text(obj_of([large, top, tip], [""] * 3))
+    found = load_mesh(path, "mm")
+    assert "3 closed shells" in found.notes[0]
+    assert "are 2 solids" in found.notes[0]
+    assert found.body.volume == pytest.approx(1e-9 * (7200.0 + 1000.0 + 96.0), rel=1e-4)
+    assert 1e-9 < found.off < 1e-7
+
+
+def test_shells_that_share_an_edge_alone_are_not_joined(tmp_path: Path) -> None:
+    meshes = boxes([((10, 10, 10), (0, 0, 0)), ((10, 10, 10), (10, 10, 0))], turned=False)
+    (tmp_path / "part.obj").write_text(obj_of(meshes, ["", ""]))
+    with pytest.raises(GeometryError, match="runs the same way"):
+        load_mesh(tmp_path / "part.obj", "mm")
+
+
+def test_points_without_a_surface_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "line.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nf 1 2 3\nf 2 3 4\n")
+    with pytest.raises(GeometryError):
+        load_mesh(tmp_path / "line.obj", "mm")
+
+
 def test_shells_that_lie_apart_stay_two(tmp_path: Path) -> None:
     meshes = boxes([((10, 10, 10), (0, 0, 0)), ((4, 4, 6), (0, 0, 9))], turned=True)
     (tmp_path / "part.stl").write_bytes(trimesh.util.concatenate(meshes).export(file_type="stl"))
@@ -73,10 +102,14 @@ def test_objects_that_lie_apart_are_offered_by_name(tmp_path: Path) -> None:
     meshes = boxes([((10, 10, 10), (0, 0, 0)), ((4, 4, 6), (0, 0, 9)), ((4, 4, 6), (0, 20, 9))], turned=False)
     path = tmp_path / "part.obj"
     path.write_text(obj_of(meshes, ["base", "pin", "pin"]))
-    with pytest.raises(GeometryError, match=r"holds 3 bodies: 1 'base', 2 'pin', 3 'pin 2'"):
+    with pytest.raises(GeometryError, match=r"holds 3 bodies: 1 'base', 2 'pin_1', 3 'pin_2'"):
         load_mesh(path, "mm")
-    assert load_mesh(path, "mm", "pin 2").body.vertices[:, 1].min() == pytest.approx(0.018)
-    assert [body.name for body in mesh_bodies(path, "mm")] == ["base", "pin", "pin 2"]
+    assert load_mesh(path, "mm", "pin_2").body.vertices[:, 1].min() == pytest.approx(0.018)
+    path.write_text(obj_of(meshes, ["2", "1", "7"]))  # digits are numbers, whatever bodies are called
+    assert [(one.name, one.number) for one in mesh_bodies(path, "mm")] == [("2", 1), ("1", 2), ("7", 3)]
+    volumes = [one.mesh.body.volume for one in mesh_bodies(path, "mm")]
+    assert volumes == pytest.approx([1e-6, 96e-9, 96e-9])
+    assert load_mesh(path, "mm", "1").body.volume == pytest.approx(1e-6)
 
 
 def test_two_objects_of_one_file_are_the_task(tmp_path: Path) -> None:

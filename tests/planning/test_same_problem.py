@@ -13,10 +13,12 @@ from typing import Any
 import pytest
 
 from fmopt.errors import InputError
+from fmopt.plan import parsed, sealed
 from fmopt.planning.same_problem import differences
 from fmopt.task.problem import load
 from fmopt.verify.reading.parse import parse
 from tests import ROOT
+from tests.shared.plans.press_plan import press_plan_document, press_problem
 
 PEG = ROOT / "problems" / "square_peg.toml"
 Change = Callable[[dict[str, Any]], Any]
@@ -89,6 +91,29 @@ def test_everything_that_a_claim_rests_on_is_compared(square_peg_plan: dict[str,
     changed = copy.deepcopy(square_peg_plan)
     change(changed)
     assert any(words in told for told in differences(parse(changed), load(PEG))), differences(parse(changed), load(PEG))
+
+
+PRESS_LIES: dict[str, tuple[Change, str]] = {
+    "one piece more": (lambda p: p["parts"]["fixed"]["pieces"].append(p["parts"]["fixed"]["pieces"][0]), "pieces"),
+    "beside the goal": (lambda p: p["goal"].__setitem__(0, 0.005), "ends beside the goal"),
+    "another seat": (lambda p: p["presses"]["seat"].update(clearance=0.05), "seat: the plan's trials"),
+    "a lower rate": (lambda p: p["evidence"].update(min_rate=0.01), "evidence.min_rate"),
+    "no friction": (lambda p: p["evidence"]["conditions"].update(friction=[0.0, 0.0]), "evidence.conditions"),
+    "another feature": (
+        lambda p: p["parts"]["moving"].update(found={"side": "fixed", "feature": "nonsense", "turn": 1.0}),
+        "parts.moving.found",
+    ),
+}
+
+
+@pytest.mark.parametrize("lie", PRESS_LIES)
+def test_what_trials_rest_on_is_compared(lie: str) -> None:
+    change, words = PRESS_LIES[lie]
+    document = copy.deepcopy(press_plan_document())
+    assert differences(parsed(sealed(document)), press_problem()) == ()
+    change(document)
+    told = differences(parsed(sealed(document)), press_problem())
+    assert any(words in line for line in told), told
 
 
 def test_a_true_plan_differs_in_nothing(square_peg_plan: dict[str, Any]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -16,7 +16,7 @@ from fmopt.geometry.mesh.mesh_repair import Crossing, first_crossing, turned_ali
 from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, joined, open_among, patches, sewn, sides_of
 from fmopt.geometry.mesh.plane_facets import flattened
 from fmopt.geometry.mesh.round_planes import chord_error
-from fmopt.geometry.mesh.shells import united
+from fmopt.geometry.mesh.shells import United, united
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import require_plausible
 from fmopt.geometry.step.step_file import chosen
@@ -109,11 +109,24 @@ class NamedBody(Value):
 
 def mesh_bodies(path: Path, unit: Unit) -> tuple[NamedBody, ...]:
     """All named objects of a mesh file, in the frame of the file; errors as of `load_mesh`."""
-    names = [name for name, *_ in read_bodies(path)]
     return tuple(
-        NamedBody(name, number, load_mesh(path, unit, str(number)), Pose.identity())
-        for number, name in enumerate(names, 1)
+        NamedBody(name, number, _imported(path, unit, points, triangles), Pose.identity())
+        for number, (name, points, triangles) in enumerate(read_bodies(path), 1)
     )
+
+
+def lie_apart(path: Path) -> bool:
+    """Whether a mesh file has several named objects that are not one part, as they do not all touch."""
+    found = read_bodies(path)
+    return len(found) > 1 and united(*_together(found)).count > 1
+
+
+def _together(found: Sequence[tuple[str, Array, Indices]]) -> tuple[Array, Indices, float]:
+    """Points and triangles of all objects, and the distance within which vertices are one."""
+    starts = np.cumsum([0, *(len(points) for _, points, _ in found)])
+    points = np.vstack([points for _, points, _ in found])
+    triangles = np.vstack([corners + start for (*_, corners), start in zip(found, starts, strict=False)])
+    return points, triangles, _MERGE * _span(points)
 
 
 def load_mesh(path: Path | str, unit: Unit, body: str = "") -> Imported:
@@ -134,13 +147,17 @@ def load_mesh(path: Path | str, unit: Unit, body: str = "") -> Imported:
         GeometryError: unreadable, open or crossing itself; names the triangle, the edge, the place.
     """
     found = read_bodies(Path(path))
-    points, triangles = read_triangles(Path(path))
-    try:
-        # Objects that touch are one part, as simulators have it, where none of them is named.
-        if body or (len(found) > 1 and united(points, triangles, _MERGE * _span(points))[2] != 1):
+    points, triangles, reach = _together(found)
+    # Objects that touch are one part, as simulators have it, where none of them is named.
+    if body or (len(found) > 1 and united(points, triangles, reach).count > 1):
+        try:
             _, points, triangles = found[chosen([name for name, *_ in found], body)]
-    except GeometryError as error:
-        raise GeometryError(f"{path}: {error.message}", error.advice) from None
+        except GeometryError as error:
+            raise GeometryError(f"{path}: {error.message}", error.advice) from None
+    return _imported(path, unit, points, triangles)
+
+
+def _imported(path: Path | str, unit: Unit, points: Array, triangles: Indices) -> Imported:
     require_plausible(points / _PER_METRE[unit])
     try:
         return mesh_polyhedron(points / _PER_METRE[unit], triangles, _rounding(points) / _PER_METRE[unit])
@@ -170,11 +187,21 @@ def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0) ->
     Raises:
         GeometryError: open or crossing itself.
     """
-    span = _span(points)
-    points, triangles, _, joined_shells = united(points, triangles, _MERGE * span)
-    closed = _best(points, triangles, span)
-    flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + rounding)
-    off = flat.off + closed.moved
+    shells = united(points, triangles, _MERGE * _span(points))
+    try:
+        return _of_shells(shells, rounding)
+    except GeometryError:
+        if not shells.moved:
+            raise
+    return _of_shells(United(points, triangles), rounding)  # shells that meet but for rounding stay beside each other
+
+
+def _of_shells(shells: United, rounding: float) -> Imported:
+    """See `mesh_polyhedron`."""
+    span = _span(shells.points)
+    closed = _best(shells.points, shells.triangles, span)
+    flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + shells.moved + rounding)
+    off = flat.off + closed.moved + shells.moved
     # It is looked for before facets are made plane, where each of two may be `off` from its face.
     crossing = first_crossing(closed.points, closed.triangles, max(_FLAT * span, 2.0 * off))
     # A patch that crosses closes nothing: flattened without patches, the mesh is refused as open, with the place.
@@ -183,7 +210,7 @@ def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0) ->
         flattened(closed.points, closed.triangles[whole], closed.numbers[whole])
     _require_simple(closed.points, closed.triangles, crossing, closed.numbers)
     off = off if off > _COUNTS else 0.0
-    notes = (*joined_shells, *closed.notes, *(_gap(patch) for patch in closed.mended), *_evened(off, flat.where))
+    notes = (*shells.notes, *closed.notes, *(_gap(patch) for patch in closed.mended), *_evened(off, flat.where))
     return Imported(flat.body, chord_error(flat.body), closed.mended, notes, off, flat.where)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from fmopt.geometry.facets import Indices, merged_vertices
@@ -10,14 +12,31 @@ from fmopt.spatial.values import Array
 _LOST = 1e-9  # of the volume of shells, by which that of their union is smaller where they overlap
 _SLIVER = 1e-5  # of the greatest face at a vertex, root of the area, below which others do not count
 _SQUARE = 1e-6  # cosine between faces that are square to each other
+_FACING = 1e-4  # of the square of the size, the least area of faces that touch
 _DEEP = 4.0  # times the distance within which vertices are one, by which faces are moved to meet others
 
 
-def united(points: Array, triangles: Indices, reach: float) -> tuple[Array, Indices, int, tuple[str, ...]]:
-    """Points and triangles with closed shells united where they touch or overlap, how many solids they are, and notes.
+@dataclass(frozen=True, eq=False)
+class United:
+    """A surface whose closed shells are one solid where they touch or overlap.
 
-    A surface that is one shell, or has one that does not close, stays as it is; so do shells that lie apart, and
-    cavities.
+    Attributes:
+        points: (n, 3), m.
+        triangles: (m, 3).
+        count: of solids; 0 where not every shell closes and faces outward, so that nothing was united.
+        moved: how far faces were moved to meet each other, m.
+        notes: what was done.
+    """
+
+    points: Array
+    triangles: Indices
+    count: int = 0
+    moved: float = 0.0
+    notes: tuple[str, ...] = ()
+
+
+def united(points: Array, triangles: Indices, reach: float) -> United:
+    """Unite the closed shells of a surface where they touch or overlap; those that lie apart stay as they are.
 
     Args:
         points: (n, 3), m.
@@ -26,39 +45,44 @@ def united(points: Array, triangles: Indices, reach: float) -> tuple[Array, Indi
     """
     from manifold3d import Error, Manifold, Mesh64, OpType
 
+    as_it_is = United(points, triangles)
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    if not np.cross(b - a, c - a).any():
+        return as_it_is
     R = _axes(points, triangles)
     shells = _shells(_levelled(points @ R.T, reach), triangles, reach)
-    if len(shells) < 2:
-        return points, triangles, 1, ()
 
     def solid(vertices: Array, corners: Indices) -> Manifold:
         return Manifold(Mesh64(vert_properties=vertices, tri_verts=corners.astype(np.uint64)))
 
     solids = [solid(*shell) for shell in shells]
-    if any(one.status() != Error.NoError or one.volume() <= 0.0 for one in solids):
-        return points, triangles, 1, ()
-    apart = sum(one.volume() for one in solids)
-    union, moved = (
-        Manifold.batch_boolean([solid(_offset(p, t, off), t) for p, t in shells], OpType.Add)
-        for off in (0.0, _DEEP * reach)
-    )
+    if not solids or any(one.status() != Error.NoError or one.volume() <= 0.0 for one in solids):
+        return as_it_is
+    if len(solids) == 1:
+        return replace(as_it_is, count=1)
+    apart, moved, deep = sum(one.volume() for one in solids), 0.0, _DEEP * reach
+    union = Manifold.batch_boolean(solids, OpType.Add)
     count = len(union.decompose())
-    # Slanted faces that touch but for rounding meet where all are moved outward by as much.
-    if (closer := len(moved.decompose())) < count:
-        union, count = moved, closer
+    # Slanted faces that touch but for rounding meet where all are moved outward by as much; edges that touch do not.
+    wider = [solid(_offset(*shell, deep), shell[1]) for shell in shells]
+    met = Manifold.batch_boolean(wider, OpType.Add)
+    common = sum(one.volume() for one in wider) - met.volume() - (apart - union.volume())
+    if (closer := len(met.decompose())) < count and common > deep * _FACING * float(np.ptp(points, axis=0).max()) ** 2:
+        union, count, moved = met, closer, deep
     elif count == len(solids) and union.volume() >= (1.0 - _LOST) * apart:
-        return points, triangles, count, ()
+        return replace(as_it_is, count=count)
     mesh = union.to_mesh64()
     volumes = ", ".join(f"{1e9 * one.volume():.6g}" for one in solids)
     left = "one solid" if count == 1 else f"{count} solids"
     note = f"{len(solids)} closed shells of {volumes} mm³ touch or overlap: they were united, and are {left}"
-    return np.array(mesh.vert_properties)[:, :3] @ R, np.array(mesh.tri_verts, dtype=np.int64), count, (note,)
+    corners = np.array(mesh.tri_verts, dtype=np.int64)
+    return United(np.array(mesh.vert_properties)[:, :3] @ R, corners, count, moved, (note,))
 
 
 def _shells(points: Array, triangles: Indices, reach: float) -> list[tuple[Array, Indices]]:
     """Vertices and triangles of each shell, in the order of the file, which ends one before it begins the next.
 
-    None where a shell does not close, or is not closed when the next one begins.
+    Empty where a shell does not close, or is not closed when the next one begins.
     """
     vertices, corners, _ = merged_vertices(points, triangles, reach)
     found, begun = list[tuple[Array, Indices]](), 0
@@ -114,8 +138,6 @@ def _offset(vertices: Array, triangles: Indices, by: float) -> Array:
     weights = np.sqrt(areas / areas.max())
     normals *= (weights / np.maximum(areas, 1e-300))[:, None]
     found = vertices.copy()
-    if by == 0.0:
-        return found
     around: list[list[int]] = [[] for _ in vertices]
     for number, row in enumerate(triangles.tolist()):
         for vertex in row:

@@ -6,13 +6,13 @@ Work and memory are bounded by the bytes of the file. Comments, names and materi
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from fmopt.geometry.facets import Indices
+from fmopt.geometry.step.step_file import told_apart
 from fmopt.spatial.values import Array
 
 MAX_TRIANGLES = 100_000
@@ -21,7 +21,7 @@ AGAIN = "export it again"
 COARSER = "export it coarser: the planner takes parts of some hundred faces"
 LONGEST_LINE = 200_000  # bytes, comments aside: a face of ten thousand corners
 _LARGEST = 1e9  # coordinates in the file's own unit: 1 km in µm
-_FLAT = 1e-12  # of the square of twice its area, by which a polygon may turn right at a corner and still be convex
+_FLAT = 1e-12  # of its longest diagonal, or of the square of that, below which a polygon has no width or no area
 _COVERED = 1e-9  # of its area, by which the area of its ears may be off
 _LINE = re.compile(rb"([^\r\n]*)(\r\n|\r|\n|\Z)")
 # Narrower than float(), which also takes 'nan', 'inf' and underscores.
@@ -76,73 +76,78 @@ class Surface:
             self.triangles += [(first, corners[i], corners[i + 1]) for i in range(1, count - 1)]
 
     def bodies(self) -> tuple[tuple[str, Array, Indices], ...]:
-        """Each object that has triangles: its name, told apart by a number, points in use and triangles over them."""
+        """Each object that has triangles: its name, "" for what is in none, points in use and triangles over them."""
         points, triangles = self.arrays()
-        begins = [(name, first) for name, first in self.objects if first < len(triangles)]
-        begins = begins if begins and begins[0][1] == 0 else [("", 0), *begins]
-        found, seen = [], Counter[str]()
-        for (name, first), last in zip(begins, [*(first for _, first in begins[1:]), len(triangles)], strict=True):
-            if first == last:
-                continue
-            seen[name] += 1
-            used, renumbered = np.unique(triangles[first:last], return_inverse=True)
-            called = f"{name} {seen[name]}" if seen[name] > 1 else name
-            found.append((called, points[used], renumbered.reshape(-1, 3).astype(np.int64)))
+        begins = self.objects if self.objects and self.objects[0][1] == 0 else [("", 0), *self.objects]
+        ends = [*(first for _, first in begins[1:]), len(triangles)]
+        spans = [(name, first, end) for (name, first), end in zip(begins, ends, strict=True) if first < end]
+        found = []
+        for name, (_, first, end) in zip(told_apart([name for name, *_ in spans]), spans, strict=True):
+            used, renumbered = np.unique(triangles[first:end], return_inverse=True)
+            found.append((name, points[used], renumbered.reshape(-1, 3).astype(np.int64)))
         return tuple(found)
+
+    def _not_convex(self, points: Array) -> Iterator[tuple[int, tuple[int, ...], str]]:
+        """Polygons that a fan may not cover: that turn right somewhere, or go round more than once."""
+        for count in sorted({len(corners) for _, corners, _ in self.polygons}):
+            alike = [polygon for polygon in self.polygons if len(polygon[1]) == count]
+            corners = points[np.array([polygon[1] for polygon in alike])]
+            sides = np.roll(corners, -1, axis=1) - corners
+            normals = np.cross(corners - corners[:, :1], sides).sum(axis=1, keepdims=True)
+            turns = np.cross(np.roll(sides, 1, axis=1), sides)
+            left = (turns * normals).sum(axis=2) > 0.0
+            angles = np.arctan2(np.linalg.norm(turns, axis=2), (np.roll(sides, 1, axis=1) * sides).sum(axis=2))
+            plain = left.all(axis=1) & (angles.sum(axis=1) < 3.0 * np.pi)
+            yield from (polygon for polygon, fine in zip(alike, plain, strict=True) if not fine)
 
     def arrays(self) -> tuple[Array, Indices]:
         """The points in use (n, 3) and the triangles (m, 3) over them."""
         if not self.triangles:
             raise Damage("the file holds no triangles", advice="export the solid, not a drawing or a point cloud")
         triangles = np.array(self.triangles, dtype=np.int64)
-        used, renumbered = np.unique(triangles, return_inverse=True)
+        used = np.unique(triangles)
         points = np.array(self.points, dtype=np.float64).reshape(-1, 3)
         if used[-1] >= len(points):
             number = int(np.flatnonzero((triangles >= len(points)).any(axis=1))[0])
             raise Damage(f"triangle {number} names point {used[-1]} of {len(points)}, counted from 0")
-        for first, corners, where in self.polygons:
+        for first, corners, where in self._not_convex(points):
             ears = _ears(points[list(corners)], where)
-            if ears is not None:
-                triangles[first : first + len(ears)] = np.array(corners)[ears]
+            triangles[first : first + len(ears)] = np.array(corners)[ears]
         used, renumbered = np.unique(triangles, return_inverse=True)
         return points[used], renumbered.reshape(-1, 3).astype(np.int64)
 
 
-def _ears(corners: Array, where: str) -> Indices | None:
-    """Triangles (n − 2, 3) of a polygon (n, 3) that is not convex, in its mean plane; None of one that a fan covers.
+def _ears(corners: Array, where: str) -> Indices:
+    """Triangles (n − 2, 3) of a polygon (n, 3) that is not convex, in its mean plane; a fan where it has no area.
 
     Raises:
         Damage: it crosses itself.
     """
     from manifold3d import triangulate
 
+    count, corners = len(corners), corners - corners[0]
+    fan = np.stack([np.zeros(count - 2, np.int64), np.arange(1, count - 1), np.arange(2, count)], axis=1)
+    kept = np.flatnonzero((corners != np.roll(corners, 1, axis=0)).any(axis=1))
     following = np.roll(corners, -1, axis=0)
     normal = np.cross(corners, following).sum(axis=0)  # Newell's, of twice the area
-    size = float(np.linalg.norm(normal))
-    if size == 0.0:
-        raise Damage("the polygon crosses itself or has no area", where)
+    size, longest = float(np.linalg.norm(normal)), float(np.linalg.norm(corners, axis=1).max())
+    if len(kept) < 3 or np.linalg.matrix_rank(corners, _FLAT * longest) < 2:
+        return fan
+    if size <= _FLAT * longest**2:
+        raise Damage("the polygon crosses itself", where)
     sides = following - corners
-    turns = np.cross(np.roll(sides, 1, axis=0), sides) @ normal
-    if (turns >= -_FLAT * size**2).all() and _winds_once(sides, normal / size):
-        return None
     u = sides[int(np.argmax(np.linalg.norm(sides, axis=1)))]
     u = u - (u @ normal) / size**2 * normal
     u /= np.linalg.norm(u)
-    flat = corners @ np.stack([u, np.cross(normal / size, u)], axis=1)
+    flat = corners[kept] @ np.stack([u, np.cross(normal / size, u)], axis=1)
     found = np.array(triangulate([flat]), dtype=np.int64).reshape(-1, 3)
     a, b, c = (flat[found[:, k]] for k in range(3))
     (x, y), (z, w) = (b - a).T, (c - a).T
     areas = x * w - y * z  # twice
-    if len(found) != len(corners) - 2 or abs(float(np.abs(areas).sum()) - size) > _COVERED * size:
+    if len(found) != len(kept) - 2 or abs(float(np.abs(areas).sum()) - size) > _COVERED * size:
         raise Damage("the polygon crosses itself", where)
-    return found
-
-
-def _winds_once(sides: Array, normal: Array) -> bool:
-    """Whether a polygon that only turns left about its normal goes round once, not several times as a star does."""
-    following = np.roll(sides, -1, axis=0)
-    turns = np.arctan2(np.cross(sides, following) @ normal, (sides * following).sum(axis=1))
-    return float(turns.sum()) < 3.0 * np.pi
+    # Corners that stand twice leave triangles without area, which are left out with their like.
+    return np.vstack([kept[found], np.zeros((count - 2 - len(found), 3), np.int64)])
 
 
 def lines_of(data: bytes, first: int = 1) -> Iterator[tuple[str, list[bytes]]]:

@@ -6,8 +6,8 @@ Written for whichever CAD kernel is installed: names that its versions spell dif
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +83,8 @@ def solids(path: str) -> list[PlacedSolid]:
     # Without one the kernel reads on in a unit of its own choice.
     if b"LENGTH_UNIT" not in Path(path).read_bytes():
         raise GeometryError("it does not say the unit of its lengths", AGAIN)
-    return _told_apart(found)
+    names = told_apart([body.name for body in found])
+    return [replace(body, name=name) for body, name in zip(found, names, strict=True)]
 
 
 def chosen(names: list[str], which: str) -> int:
@@ -104,10 +105,11 @@ def chosen(names: list[str], which: str) -> int:
         advice = f"say which by body = {example}, under [mesh], [moving] or [fixed], where the file is named"
         advice += "; or export one part on its own"
         raise GeometryError(f"it holds {len(names)} bodies: {known}", advice)
-    if which in names:
-        return names.index(which)
+    # Digits are a number: a body whose name is digits goes by its number.
     if which.isdecimal() and 1 <= int(which) <= len(names):
         return int(which) - 1
+    if which in names:
+        return names.index(which)
     raise GeometryError(f"it has no body {which!r}", f"name one that it has, or give its number: {known}")
 
 
@@ -194,20 +196,18 @@ def _name(label: TDF_Label) -> str:
     return "" if own else name
 
 
-def _told_apart(found: list[PlacedSolid]) -> list[PlacedSolid]:
-    """The bodies with names that differ: of those that share one, each gets its number among them as well."""
-    often = Counter(body.name for body in found)
-    taken = {body.name for body in found}
-    count: Counter[str] = Counter()
+def told_apart(names: Sequence[str]) -> list[str]:
+    """Names that differ: of those that are the same, each gets its number among them as well."""
+    often, taken, count = Counter(names), set(names), Counter[str]()
     told = []
-    for body in found:
-        name = body.name
+    for own in names:
+        name = own
         # Names are all taken from the beginning: each body of several gets a number, and none the name of another one.
-        while name and often[body.name] > 1 and name in taken:
-            count[body.name] += 1
-            name = f"{body.name}_{count[body.name]}"
+        while name and often[own] > 1 and name in taken:
+            count[own] += 1
+            name = f"{own}_{count[own]}"
         taken.add(name)
-        told.append(PlacedSolid(name, body.solid, body.place))
+        told.append(name)
     return told
 
 

@@ -1,4 +1,4 @@
-"""Mouths narrower than three times the error: come down beside one, leaning along it, and slide over until a drop."""
+"""Narrow mouths, of less than four errors: come down beside one, leaning along it, and slide over until a drop."""
 
 from __future__ import annotations
 

@@ -55,10 +55,12 @@ def _position_force(presses: Sequence[Press], trace: Sequence[TracePose]) -> dic
 
     A pressed axis is stopped in the direction of its force; without one, both ways.
     """
-    begins = [k for k, one in enumerate(trace) if k == 0 or one.press != trace[k - 1].press]
-    if len(trace) < 2 or begins[-1] == len(trace) - 1:
+    if not trace:
         return {}
-    at = [trace[k] for k in (*begins, -1)]
+    begins = [k for k, one in enumerate(trace) if k == 0 or one.press != trace[k - 1].press]
+    at = [trace[k] for k in dict.fromkeys((*begins, len(trace) - 1))]
+    if len(at) < 2:
+        return {}
     times = tuple(one.time - at[0].time for one in at)
     rows = []
     for k, (one, other) in enumerate(pairwise(at)):

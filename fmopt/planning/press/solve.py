@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
+from fmopt.errors import OverdueError
 from fmopt.execution.evidence import Examination
 from fmopt.execution.press_rig import PressRig
 from fmopt.execution.press_servo import RUNNING
@@ -15,13 +17,14 @@ from fmopt.execution.rotation import between
 from fmopt.plan.description import TracePose
 from fmopt.plan.evidence import Evidence
 from fmopt.plan.field_types import numbers
-from fmopt.plan.press import Conditions, PressPlan
+from fmopt.plan.press import Conditions, PressPlan, PressRobot
 from fmopt.planning.posed import Posed, Progress
 from fmopt.planning.press.choice import Choosing, examined, halved, with_retries
 from fmopt.planning.press.library import robot_of
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.task import PressTask
 from fmopt.runtime.compiled import clock, until
+from fmopt.task.problem import Problem
 
 _TRACE_SECONDS = 30.0  # for a single trial, which is shown even where the time limit is used up
 _TRACE_EVERY = 25  # periods between poses that are shown
@@ -50,10 +53,7 @@ def press_solution(
     """
     problem = posed.problem
     task = PressTask(problem, problem.moving, problem.fixed, posed.clearance, problem.start_box)
-    stated = problem.robot
-    robot = robot_of(task, (stated.stiffness, stated.turning), (stated.mass, stated.mass * stated.gyration**2))
-    drift = max(problem.velocity_error.translation, problem.velocity_error.rotation, Conditions.drift)
-    conditions = Conditions(numbers(problem.start_box), problem.friction, drift=drift)
+    robot, conditions = robot_for(task), conditions_of(problem)
     settings = problem.settings
     choosing = Choosing(task.bodies, task.seat, robot, conditions, settings.seed, settings.draws)
     progress("presses: sections of the parts")
@@ -63,8 +63,21 @@ def press_solution(
         plan, evidence = examined(choosing, ranked, asked, subject_of, progress)
     else:
         plan, evidence = choosing.plan(with_retries(ranked)), None
-    with until(clock() + _TRACE_SECONDS):
+    with until(clock() + _TRACE_SECONDS), suppress(OverdueError):
         return PressSolution(plan, evidence, traced(task, plan, conditions))
+    return PressSolution(plan, evidence, ())
+
+
+def robot_for(task: PressTask) -> PressRobot:
+    """The robot that a problem states, at strength 1."""
+    stated = task.problem.robot
+    return robot_of(task, (stated.stiffness, stated.turning), (stated.mass, stated.mass * stated.gyration**2))
+
+
+def conditions_of(problem: Problem) -> Conditions:
+    """What trials of a problem are drawn from."""
+    drift = max(problem.velocity_error.translation, problem.velocity_error.rotation, Conditions.drift)
+    return Conditions(numbers(problem.start_box), problem.friction, drift=drift)
 
 
 def traced(task: PressTask, plan: PressPlan, conditions: Conditions) -> tuple[TracePose, ...]:

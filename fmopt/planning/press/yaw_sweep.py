@@ -36,16 +36,16 @@ _END = 0.05  # lateral over axial force of the last press
 
 
 def yaw_sweeps(task: PressTask) -> Iterator[Attempt]:
-    """Attempts from a few corners, either way about the axis; none where the mouth has no arms."""
-    if task.mouth.area >= _ARMS * task.mouth.convex_hull.area:
+    """Attempts from a few corners, either way about the axis; none where the mouth has no arms, or yaw no error."""
+    if task.box[5] == 0.0 or task.mouth.area >= _ARMS * task.mouth.convex_hull.area:
         return
     for tilt, down in _TILTS:
         for corner in task.few_corners:
             for sign in (-1.0, 1.0):
                 try:
                     yield _sweep(task, corner, tilt, down * task.size, sign)
-                except SearchError:  # another corner may have room where this one has none
-                    break
+                except SearchError:  # another corner, or yaw turned back the other way, may have room
+                    continue
 
 
 def _sweep(task: PressTask, corner: Corner, tilt: float, below: float, sign: float) -> Attempt:

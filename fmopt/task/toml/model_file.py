@@ -177,8 +177,8 @@ class Mesh(Table):
     unit: Literal["m", "cm", "mm", "um", "in"] | None = None
     """Unit of the numbers in a mesh file, which does not say it itself. STEP, 3MF and GLB do: leave it out there."""
     body: Annotated[str, Field(min_length=1, max_length=200)] | Annotated[int, Field(ge=1, le=10_000)] | None = None
-    """Which body of a STEP file that holds several: the name of its product, or its number, counted from 1. It is
-    then in its product's own frame, as if its part had been exported alone."""
+    """Which body of a STEP file, or object of an OBJ file, that holds several: its name, or its number, counted from 1.
+    That of a STEP file is then in its product's own frame, as if its part had been exported alone."""
     deviation: Distance | None = None
     """How far curved surfaces lie from the facets that stand for them, which adds to the errors of the start.
     Estimated from the facets if not given; curved faces of a STEP file are faceted as finely as this, 0.01 mm if not
