@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import numpy as np
 
 from fmopt.errors import Fault, InputError
+from fmopt.geometry.bodies import bodies_of
 from fmopt.notebook.problem import Problem, load
 from fmopt.runtime import output
-from fmopt.task.mesh_source import MESHES, STEP, bodies_of
+from fmopt.task.mesh_source import MESHES, STEP
 from fmopt.task.toml.problem_file import error_of
 from fmopt.task.toml.units import QuantityError
 
@@ -142,7 +143,7 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, u
         ResourceError: no library that reads STEP files.
     """
     from fmopt.errors import GeometryError
-    from fmopt.geometry.step.step_file import chosen
+    from fmopt.geometry.body_names import chosen
 
     _require_file(file)
     try:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.errors import Fault, FmoptError, GeometryError, InputError
+from fmopt.geometry.bodies import bodies_of
 from fmopt.plan import STDIO
-from fmopt.task.mesh_source import HOLD_BODIES, MESHES, STEP, bodies_of
+from fmopt.task.mesh_source import HOLD_BODIES, MESHES, STEP
 from fmopt.task.model import Bare, load_model
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.toml.source import Place, read

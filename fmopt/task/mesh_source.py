@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
 from fmopt.spatial.values import remembered
@@ -15,7 +15,7 @@ from fmopt.task.toml.source import Source, read_bytes
 from fmopt.task.toml.tables import NAME
 
 if TYPE_CHECKING:
-    from fmopt.geometry.mesh.mesh_import import Imported, NamedBody, Unit
+    from fmopt.geometry.mesh.mesh_import import Imported, Unit
     from fmopt.geometry.part import Part
 
 MAX_MESH_BYTES = 100_000_000
@@ -47,21 +47,6 @@ def takes(mesh: Mesh | None, name: str) -> bool:
 def holds_bodies(mesh: Mesh) -> bool:
     """Whether the file that a model names may hold several bodies by name."""
     return Path(mesh.file).suffix.lower() in HOLD_BODIES
-
-
-def bodies_of(path: Path, unit: str | None) -> tuple[NamedBody, ...]:
-    """All bodies of a STEP or OBJ file, the numbers of the latter in mm if no unit is given.
-
-    Raises:
-        ResourceError, SizeError, GeometryError: it cannot be read.
-    """
-    if path.suffix.lower() in STEP:
-        from fmopt.geometry.step.step_import import bodies
-
-        return bodies(path)
-    from fmopt.geometry.mesh.mesh_import import mesh_bodies
-
-    return mesh_bodies(path, cast("Unit", unit or "mm"))
 
 
 def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from fmopt.errors import GeometryError, InputError
+from fmopt.geometry.bodies import bodies_of
 from fmopt.spatial.se3 import Pose
-from fmopt.task.mesh_source import bodies_of
 from fmopt.task.toml.source import Source
 
 if TYPE_CHECKING:
@@ -260,7 +260,7 @@ def _said(source: Source, side: Side, name: str) -> str:
 
 def _seated(file: ProblemFile, models: Mapping[str, Model]) -> Pose | None:
     """The pose of the moving part's frame in that of the fixed one, where both are bodies of one file."""
-    from fmopt.geometry.step.step_file import chosen
+    from fmopt.geometry.body_names import chosen
 
     paths = {model.source.path for model in models.values()}
     which = [_operand(file, side).body for side in SIDES]

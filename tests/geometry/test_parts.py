@@ -284,7 +284,7 @@ def test_bad_meshes_are_refused_by_name(tmp_path: Path) -> None:
     path.write_text(stl(points, triangles[:, ::-1]))
     assert load_mesh(path, "mm").notes == ("all triangles faced inward and were turned",)
     twice = np.vstack([points, points + 5.0])
-    refused(stl(twice, [*triangles, *(triangles + len(points))]), r"triangles \d+ and \d+ cross at")
+    refused(stl(twice, [*triangles, *(triangles[:, ::-1] + len(points))]), r"triangles \d+ and \d+ cross at")
     refused("solid empty\nendsolid empty\n", "no triangles")
     with pytest.raises(GeometryError, match="no mesh format"):
         load_mesh(tmp_path / "part.xyz", "mm")

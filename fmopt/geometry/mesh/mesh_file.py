@@ -43,7 +43,7 @@ def read_triangles(path: Path) -> tuple[Array, Indices]:
 
 
 def read_bodies(path: Path) -> tuple[tuple[str, Array, Indices], ...]:
-    """The same by object, with its name, "" where it has none; errors as of `read_triangles`."""
+    """Name, points (n, 3) and triangles (m, 3) of each object in the file's own unit; errors as of `read_triangles`."""
     return _read(path, Surface.bodies)
 
 

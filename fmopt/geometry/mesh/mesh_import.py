@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.body_names import chosen
 from fmopt.geometry.facets import Indices, merged_vertices, place
 from fmopt.geometry.mesh.mesh_file import read_bodies, read_triangles
 from fmopt.geometry.mesh.mesh_repair import Crossing, first_crossing, turned_alike, turned_outward
@@ -19,7 +20,6 @@ from fmopt.geometry.mesh.round_planes import chord_error
 from fmopt.geometry.mesh.shells import United, united
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import require_plausible
-from fmopt.geometry.step.step_file import chosen
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
 

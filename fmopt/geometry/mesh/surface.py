@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fmopt.geometry.body_names import told_apart
 from fmopt.geometry.facets import Indices
-from fmopt.geometry.step.step_file import told_apart
 from fmopt.spatial.values import Array
 
 MAX_TRIANGLES = 100_000
@@ -76,7 +76,7 @@ class Surface:
             self.triangles += [(first, corners[i], corners[i + 1]) for i in range(1, count - 1)]
 
     def bodies(self) -> tuple[tuple[str, Array, Indices], ...]:
-        """Each object that has triangles: its name, "" for what is in none, points in use and triangles over them."""
+        """Name, "" for what is in none, points (n, 3), in the file's own unit, and triangles (m, 3) of each object."""
         points, triangles = self.arrays()
         begins = self.objects if self.objects and self.objects[0][1] == 0 else [("", 0), *self.objects]
         ends = [*(first for _, first in begins[1:]), len(triangles)]

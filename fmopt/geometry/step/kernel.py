@@ -64,8 +64,9 @@ def _read(path: str, deviation: float, which: str) -> dict[str, Any]:
 
 
 def _bodies(path: str, deviation: float, which: str) -> list[dict[str, Any]]:
+    from fmopt.geometry.body_names import chosen
     from fmopt.geometry.step.facets import facets_of
-    from fmopt.geometry.step.step_file import chosen, solids, whole
+    from fmopt.geometry.step.step_file import solids, whole
 
     found = solids(path)
     wanted = range(len(found)) if which == "*" else [chosen([body.name for body in found], which)]

@@ -6,7 +6,7 @@ Written for whichever CAD kernel is installed: names that its versions spell dif
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.body_names import told_apart
 
 if TYPE_CHECKING:
     from OCP.TDF import TDF_Label
@@ -85,32 +86,6 @@ def solids(path: str) -> list[PlacedSolid]:
         raise GeometryError("it does not say the unit of its lengths", AGAIN)
     names = told_apart([body.name for body in found])
     return [replace(body, name=name) for body, name in zip(found, names, strict=True)]
-
-
-def chosen(names: list[str], which: str) -> int:
-    """The index of the body that is meant by its name or its number, counted from 1, or by nothing where it is alone.
-
-    Args:
-        names: of all bodies in the file's order, empty for one without a name.
-        which: name or number from 1; empty if nothing is said.
-
-    Raises:
-        GeometryError: it is not there, or there are several to choose from; says which.
-    """
-    known = ", ".join(f"{number} {name!r}" if name else str(number) for number, name in enumerate(names, 1))
-    if not which and len(names) == 1:
-        return 0
-    if not which:
-        example = f'"{names[0]}"' if names[0] else "1"
-        advice = f"say which by body = {example}, under [mesh], [moving] or [fixed], where the file is named"
-        advice += "; or export one part on its own"
-        raise GeometryError(f"it holds {len(names)} bodies: {known}", advice)
-    # Digits are a number: a body whose name is digits goes by its number.
-    if which.isdecimal() and 1 <= int(which) <= len(names):
-        return int(which) - 1
-    if which in names:
-        return names.index(which)
-    raise GeometryError(f"it has no body {which!r}", f"name one that it has, or give its number: {known}")
 
 
 def inside(shape: TopoDS_Shape, kind: str) -> Iterator[Any]:
@@ -194,21 +169,6 @@ def _name(label: TDF_Label) -> str:
     name: str = " ".join(found.Get().ToExtString().split())
     own = name.lower() in _NAMELESS or name.isdigit() or name.startswith(_WRITER)
     return "" if own else name
-
-
-def told_apart(names: Sequence[str]) -> list[str]:
-    """Names that differ: of those that are the same, each gets its number among them as well."""
-    often, taken, count = Counter(names), set(names), Counter[str]()
-    told = []
-    for own in names:
-        name = own
-        # Names are all taken from the beginning: each body of several gets a number, and none the name of another one.
-        while name and often[own] > 1 and name in taken:
-            count[own] += 1
-            name = f"{own}_{count[own]}"
-        taken.add(name)
-        told.append(name)
-    return told
 
 
 def openings(shapes: list[TopoDS_Shape]) -> str:

@@ -55,8 +55,9 @@ def fine(mesh: Mesh, times: int) -> Mesh:
 
 
 def both(mesh: Mesh, move: Callable[[np.ndarray], np.ndarray]) -> Mesh:
-    """A mesh and its moved copy, as two bodies of one file."""
-    return np.vstack([mesh[0], move(mesh[0])]), np.vstack([mesh[1], mesh[1] + len(mesh[0])])
+    """A mesh and its moved copy, as two bodies of one file whose triangles alternate, so that none ends first."""
+    triangles = np.stack([mesh[1], mesh[1] + len(mesh[0])], axis=1).reshape(-1, 3)
+    return np.vstack([mesh[0], move(mesh[0])]), triangles
 
 
 def without(mesh: Mesh, height: float) -> Mesh:
