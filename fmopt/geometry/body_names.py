@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 from fmopt.errors import GeometryError
 
@@ -11,14 +11,10 @@ from fmopt.errors import GeometryError
 def chosen(names: list[str], which: str) -> int:
     """The index of the body that is meant by its name or its number, counted from 1, or by nothing where it is alone.
 
-    Args:
-        names: of all bodies in the file's order, empty for one without a name.
-        which: name or number from 1; empty if nothing is said.
-
     Raises:
         GeometryError: it is not there, or there are several to choose from; says which.
     """
-    known = ", ".join(f"{number} {name!r}" if name else str(number) for number, name in enumerate(names, 1))
+    known = listed(names)
     if not which and len(names) == 1:
         return 0
     if not which:
@@ -32,6 +28,12 @@ def chosen(names: list[str], which: str) -> int:
     if which in names:
         return names.index(which)
     raise GeometryError(f"it has no body {which!r}", f"name one that it has, or give its number: {known}")
+
+
+def listed(names: Sequence[str], left_out: Container[int] = ()) -> str:
+    """Numbers, from 1, and names of bodies in words, but for those at some indices."""
+    bodies = [(n, name) for n, name in enumerate(names) if n not in left_out]
+    return ", ".join(f"{n + 1} {name!r}" if name else str(n + 1) for n, name in bodies)
 
 
 def told_apart(names: Sequence[str]) -> list[str]:

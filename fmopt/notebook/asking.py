@@ -143,13 +143,13 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, u
         ResourceError: no library that reads STEP files.
     """
     from fmopt.errors import GeometryError
-    from fmopt.geometry.body_names import chosen
+    from fmopt.geometry.body_names import chosen, listed
 
     _require_file(file)
     try:
         found = bodies_of(file, unit)
         names = [body.name for body in found]
-        known = ", ".join(f"{n} {name!r}" if name else f"{n}" for n, name in enumerate(names, 1))
+        known = listed(names)
         if len(found) < 2:
             message, advice = f"{file} holds one body", "name the file of the other part, too"
             raise InputError(Fault(str(file), 1, 1, "", "one-body", message, advice))
@@ -161,9 +161,8 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, u
         message = f"{names[picks[0]] or picks[0] + 1!r} is to move and to stand"
         raise InputError(Fault(str(file), 1, 1, "", "conflict", message, f"name two of {known}"))
     if None in picks and len(rest) != picks.count(None):
-        left = ", ".join(f"{n + 1} {names[n]!r}" if names[n] else f"{n + 1}" for n in rest)
-        message = f"{file} holds {len(found)} bodies: {known}"
-        message = message if picks == [None, None] else f"{file} holds {len(rest)} other bodies: {left}"
+        named = {n for n in picks if n is not None}
+        message = f"{file} holds {len(rest)} {'other ' if named else ''}bodies: {listed(names, named)}"
         raise InputError(Fault(str(file), 1, 1, "", "ambiguous", message, _BODIES_ADVICE))
     if picks == [None, None]:
         order = _guessed([found[n].mesh for n in rest])

@@ -21,6 +21,7 @@ _FORM = ConfigDict(extra="forbid", allow_inf_nan=False, strict=False)
 MAX_PRESSES = 40  # of an attempt
 MAX_ATTEMPTS = 3  # of a plan; candidates are compared as many attempts
 
+Gives: TypeAlias = tuple[bool, bool, bool, bool, bool, bool]
 Point: TypeAlias = tuple[float, float, float]
 Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
 Next: TypeAlias = Literal["next", "seated", "retry", "fail"]
@@ -113,7 +114,7 @@ class Press:
     """
 
     name: str
-    gives: tuple[bool, bool, bool, bool, bool, bool]
+    gives: Gives
     twist: Six
     wrench: Six
     speed: Six

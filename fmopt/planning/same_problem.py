@@ -15,7 +15,7 @@ from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose
 from fmopt.task.pairing import Mated
 from fmopt.task.problem import Problem
-from fmopt.task.sizes import characteristic_length, measured_clearance
+from fmopt.task.sizes import IMPACT, characteristic_length, measured_clearance
 from fmopt.verify.reading.document import Body, Found, Plan
 from fmopt.verify.reading.document import Part as Stated
 
@@ -23,21 +23,18 @@ REMARK = "the problem's files were read by the planner's own reader"
 _SAME = 1e-12  # m, rad: between numbers that went the same way
 _SEATED = 1e-6  # m, rad: walls of rounded numbers seat a part a little off the pose of its goal
 _STARTED = 1e-9  # m: between the lowest point at the start and the height that it has by the problem
-_IMPACT = ("impact_force", "apparent_mass", "contact_stiffness")
 
 
 def differences(plan: Plan, problem: Problem) -> tuple[str, ...]:
     """What a plan states otherwise than a problem, in words with place and both values; none if they agree."""
-    own = (plan.moving, plan.fixed)
+    own, given = (plan.moving, plan.fixed), (problem.moving, problem.fixed)
     parts = [
         line
-        for side, stated, part in zip(("moving", "fixed"), own, (problem.moving, problem.fixed), strict=True)
-        for line in _part(side, stated, part, problem, pieces=bool(plan.presses))
-    ]
-    parts += [
-        f"parts.{side}.found: the plan has the {side} part mate otherwise than is found on its file"
-        for side, stated, mated in zip(("moving", "fixed"), own, problem.mated, strict=True)
-        if not _mates_alike(stated.found, mated)
+        for side, stated, part, mated in zip(("moving", "fixed"), own, given, problem.mated, strict=True)
+        for line in (
+            *_part(side, stated, part, problem, pieces=bool(plan.presses)),
+            *_mating(side, stated.found, mated),
+        )
     ]
     found = [*_digest(plan, problem), *_task(plan, problem), *_errors(plan, problem), *parts]
     # Other parts have another clearance, which is not told again.
@@ -123,7 +120,7 @@ def _specification(plan: Plan) -> dict[str, Any]:
     own = plan.specification
     names = ("speed", "contact_force", "torque_limit", "friction", "termination_force")
     found = {name: getattr(own, name) for name in names}
-    return found if own.impact is None else found | dict(zip(_IMPACT, own.impact, strict=True))
+    return found if own.impact is None else found | dict(zip(IMPACT, own.impact, strict=True))
 
 
 def _errors(plan: Plan, problem: Problem) -> Iterator[str]:
@@ -179,13 +176,14 @@ def _presses(plan: Plan, problem: Problem, clearance: Clearance) -> Iterator[str
     )
 
 
-def _mates_alike(stated: Found | None, mated: Mated | None) -> bool:
-    """Whether what a plan says of how a part mates is what is found on its file."""
-    if stated is None or mated is None:
-        return stated is None and mated is None
-    frames = [() if frame is None else frame for frame in (stated.frame, mated.frame)]
-    names = (stated.side, stated.feature) == (mated.side, mated.feature)
-    return names and _same((*frames[0], stated.turn), (*frames[1], mated.turn))
+def _mating(side: str, stated: Found | None, mated: Mated | None) -> Iterator[str]:
+    """How a plan says that a part mates, beside what is found on its file."""
+    alike = stated is None and mated is None
+    if stated is not None and mated is not None:
+        names = (stated.side, stated.feature) == (mated.side, mated.feature)
+        alike = names and _same((*(stated.frame or ()), stated.turn), (*(mated.frame or ()), mated.turn))
+    if not alike:
+        yield f"parts.{side}.found: the plan has the {side} part mate otherwise than is found on its file"
 
 
 def _measured(plan: Plan, problem: Problem) -> Iterator[str]:

@@ -29,7 +29,7 @@ from fmopt.task.toml.units import ANGLE, FORCE, LENGTH, UNITS, at_most, in_words
 _LARGEST_ERROR = 0.5  # m and rad: what the check of a plan takes
 _USUAL = 0.05  # m: about how long a part is
 
-_IMPACT = ("impact_force", "apparent_mass", "contact_stiffness")
+IMPACT = ("impact_force", "apparent_mass", "contact_stiffness")
 
 _LEAST_HEIGHT = 1e-3  # m: of the lowest point at the start
 _ROOM = 1.25  # times what the start errors could bring the lowest point down by, it starts above the mouth
@@ -148,8 +148,8 @@ def _end_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
 
 def _impact_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
     """A limit on impacts without what meets there, or the other way round."""
-    stated = [name for name in _IMPACT if getattr(table, name) is not None]
-    for name in _IMPACT if stated else ():
+    stated = [name for name in IMPACT if getattr(table, name) is not None]
+    for name in IMPACT if stated else ():
         if name not in stated:
             place = source.place(("specification",), of_key=True)
             message = "this key is missing"

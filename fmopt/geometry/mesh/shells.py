@@ -46,8 +46,7 @@ def united(points: Array, triangles: Indices, reach: float) -> United:
     from manifold3d import Error, Manifold, Mesh64, OpType
 
     as_it_is = United(points, triangles)
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    if not np.cross(b - a, c - a).any():
+    if not _normals(points, triangles).any():
         return as_it_is
     R = _axes(points, triangles)
     shells = _shells(_levelled(points @ R.T, reach), triangles, reach)
@@ -102,10 +101,15 @@ def _shells(points: Array, triangles: Indices, reach: float) -> list[tuple[Array
     return [] if open_sides else found
 
 
+def _normals(points: Array, triangles: Indices) -> Array:
+    """Normals (m, 3) of triangles, twice as long as their areas, m²."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
 def _axes(points: Array, triangles: Indices) -> Array:
     """Axes (3, 3), as rows, along normals of the largest facets."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = _normals(points, triangles)
     areas = np.linalg.norm(normals, axis=1)
     z = normals[np.argmax(areas)] / areas.max()
     across = np.cross(z, normals)
@@ -131,8 +135,7 @@ def _levelled(points: Array, reach: float) -> Array:
 
 def _offset(vertices: Array, triangles: Indices, by: float) -> Array:
     """Vertices (n, 3) with every face moved outward by a distance, m."""
-    a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = _normals(vertices, triangles)
     areas = np.linalg.norm(normals, axis=1)
     # Slivers, whose normals are rounding, weigh next to nothing beside the faces that they lie in.
     weights = np.sqrt(areas / areas.max())

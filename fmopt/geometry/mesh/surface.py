@@ -105,11 +105,11 @@ class Surface:
         if not self.triangles:
             raise Damage("the file holds no triangles", advice="export the solid, not a drawing or a point cloud")
         triangles = np.array(self.triangles, dtype=np.int64)
-        used = np.unique(triangles)
+        last = int(triangles.max())
         points = np.array(self.points, dtype=np.float64).reshape(-1, 3)
-        if used[-1] >= len(points):
+        if last >= len(points):
             number = int(np.flatnonzero((triangles >= len(points)).any(axis=1))[0])
-            raise Damage(f"triangle {number} names point {used[-1]} of {len(points)}, counted from 0")
+            raise Damage(f"triangle {number} names point {last} of {len(points)}, counted from 0")
         for first, corners, where in self._not_convex(points):
             ears = _ears(points[list(corners)], where)
             triangles[first : first + len(ears)] = np.array(corners)[ears]

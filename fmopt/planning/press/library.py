@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
 
 from fmopt.plan import Numbers
 from fmopt.plan.field_types import numbers as numbers_of
-from fmopt.plan.press import Attempt, End, Level, Point, Press, PressRobot, Rocking, Standstill, Time, Travel
+from fmopt.plan.press import Attempt, End, Gives, Level, Point, Press, PressRobot, Rocking, Standstill, Time, Travel
 from fmopt.planning.press.entry import Entry, corner_entry
 from fmopt.planning.press.task import Corner, PressTask, Shelf
 from fmopt.spatial.values import Array
@@ -35,7 +34,6 @@ _DAMPING = 400.0  # N·s/m
 _LEVER = 0.02  # m, least that damping of turns is made of
 DELAY = PressRobot.delay  # s, of measurements
 
-Gives: TypeAlias = tuple[bool, bool, bool, bool, bool, bool]
 ALL, XYZ, XYZ_YAW = (True,) * 6, (True,) * 3 + (False,) * 3, (True,) * 3 + (False, False, True)
 ONLY_Z = (False, False, True, False, False, False)
 
@@ -94,7 +92,6 @@ def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: 
     Args:
         task: the insertion.
         corner: of the mouth.
-        numbers: of the sequence.
         lean: direction of the low side, rad; that of the corner if not given.
 
     Raises:
@@ -123,7 +120,6 @@ def into_the_mouth(
         task: the insertion, the tip inside the mouth.
         u: unit vector of the lateral force.
         lean: direction of the low side, rad.
-        numbers: of the sequence.
         gives: axes that give way to the first press.
     """
     hold = numbers.hold * FORCE

@@ -29,6 +29,7 @@ from fmopt.planning.press.task import Corner, PressTask
 _ARMS = 0.9  # of the area of its convex hull, below which a mouth has arms
 _TILTS = ((math.radians(18.0), 0.05), (math.radians(13.0), 0.06))  # and depth of the tip before it is pressed, in sizes
 _SWEPT = math.radians(4.0)  # tilt while yaw is swept: the tip is still in the mouth, the other arms are on the rim
+_DISTANCE = 1.65  # lateral errors, from the walls of the corner
 _YAW = 1.6  # errors of yaw that the sweep begins at
 _SPEED = 0.06  # rad/s
 _KAPPA = 0.8  # axial over lateral force
@@ -50,7 +51,7 @@ def yaw_sweeps(task: PressTask) -> Iterator[Attempt]:
 
 def _sweep(task: PressTask, corner: Corner, tilt: float, below: float, sign: float) -> Attempt:
     yaw, lean, u = _YAW * float(task.box[5]), corner.angle, direction(corner.angle)
-    entry = corner_entry(task, corner, tilt, lean, corner_distance(task, corner, 1.65), below, -sign * yaw)
+    entry = corner_entry(task, corner, tilt, lean, corner_distance(task, corner, _DISTANCE), below, -sign * yaw)
     wrench = six(FORCE * u, -_KAPPA * FORCE)
     turning = (*wrench[:5], sign * FORCE * 0.5 * task.size)
     lower, _ = turn_upright(task, tilt - _SWEPT, lean, wrench, yaw=False)
