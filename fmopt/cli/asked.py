@@ -147,9 +147,9 @@ def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
 
 def draw_found(problem: Problem, target: Path) -> Path:
     """Draws what was taken for what on both parts of a problem."""
-    from fmopt.notebook.found import drawing_of
+    from fmopt.notebook.views import part_sheet
 
-    return drawing_of((problem.moving, problem.fixed)).save(target)
+    return part_sheet(problem.moving, problem.fixed, name="found").save(target)
 
 
 def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool, bool]) -> None:
@@ -159,11 +159,11 @@ def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool,
         unit: of the numbers of a mesh.
         form: whether as JSON, and whether to say nothing.
     """
-    from fmopt.notebook.found import drawing_of
     from fmopt.notebook.parts import load_part, part_facts, part_words
+    from fmopt.notebook.views import part_sheet
 
     parts = load_part(file, unit)
-    drawn = [] if out is None else [drawing_of(parts).save(out)]
+    drawn = [] if out is None else [part_sheet(*parts, name="found").save(out)]
     as_json, quiet = form
     if as_json:
         told_ = {"valid": True, "parts": [part_facts(part) for part in parts]}

@@ -9,10 +9,11 @@ How far convex polyhedra overlap or stand apart, by the separating axes of their
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -203,10 +204,13 @@ def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> 
 
     Raises:
         InterferenceError: the clearance is not positive, or the parts overlap when seated.
+        GeometryError: the facets of round surfaces overlap by less than they lie from these.
     """
     measured = mating_clearance(moving, fixed, depth)
     if measured.per_side <= _TOUCH:
         short = abs(min(measured.per_side, 0.0))
+        if short < moving.chord_error + fixed.chord_error:
+            raise _untold(moving, fixed, measured, short)
         fit = "it is too thick by" if short > _TOUCH else "there is no clearance, which is"
         raise InterferenceError(
             f"{moving.name!r} does not go into {fixed.name!r}: {fit} {1e3 * short + 0.0:.6f} mm a side at "
@@ -227,28 +231,19 @@ def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> 
     return measured
 
 
-def past_shoulders(peg: Part, hole: Part, length: float, depth: float) -> float:
-    """How long a peg is that goes on past those of its shoulders that the mouth of a hole takes in, m.
-
-    Args:
-        peg: in the frame of its mating feature.
-        length: of the peg up to its first shoulder, m.
-        depth: of the hole, m; shoulders further up are not asked.
-    """
-
-    def across(part: Part, height: float, side: Literal[-1, 1]) -> MultiPolygon:
-        return section_limit(part.pieces, Pose(np.array([0.0, 0.0, height]), np.eye(3)), side)
-
-    body = peg.polyhedron
-    # The offset of a face that looks down is minus its height.
-    levels = sorted({-float(o) for o, n in zip(body.offsets, body.normals, strict=True) if n[2] < -1.0 + 1e-9})
-    mouth = across(hole, 0.0, -1)
-    while length < depth and across(peg, length, 1).intersection(mouth).area == 0.0:
-        ahead = [level for level in levels if level > length + _TOUCH]
-        if not ahead:
-            return float(body.vertices[:, 2].max())
-        length = ahead[0]
-    return length
+def _untold(moving: Part, fixed: Part, measured: Clearance, short: float) -> GeometryError:
+    """Facets overlap by less than they lie from the round surfaces that they stand for."""
+    level = Pose(np.append(np.zeros(2), measured.where[2]), np.eye(3))
+    rings = [len(ring.coords) - 1 for shape in section_limit(fixed.pieces, level, 1).geoms for ring in shape.interiors]
+    # A quarter of the room that there is at the best; the sagitta goes with the square of the number of facets.
+    room = max(0.25 * (fixed.chord_error - short), _TOUCH)
+    count = math.ceil(max(rings, default=0) * math.sqrt(max(moving.chord_error, fixed.chord_error) / room))
+    return GeometryError(
+        f"whether {moving.name!r} goes into {fixed.name!r} cannot be told at these facets: they overlap by "
+        f"{1e3 * short:.4g} mm a side, and lie up to {1e3 * moving.chord_error:.4g} and "
+        f"{1e3 * fixed.chord_error:.4g} mm from the round surfaces",
+        f"give about {count} facets around, or a STEP file" if count else "give finer facets, or a STEP file",
+    )
 
 
 def _slices(part: Part, low: float, high: float) -> list[Slice]:

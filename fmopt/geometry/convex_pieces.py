@@ -259,15 +259,15 @@ def _irredundant(bodies: Sequence[Polyhedron], whole: float) -> tuple[Polyhedron
     if len(bodies) < 2:
         return tuple(bodies)
     solids = [convex_manifold(body) for body in bodies]
-    union = Manifold()
+    union, covered = Manifold(), 0.0
     kept: list[int] = []
     queue = [(-body.volume, i, 0) for i, body in enumerate(bodies)]
     heapify(queue)
-    while queue and union.volume() < (1.0 - _NOISE) * whole:
+    while queue and covered < (1.0 - _NOISE) * whole:
         heed()
         gain, i, age = heappop(queue)
         if age == len(kept):
-            union += solids[i]
+            union, covered = union + solids[i], covered - gain
             kept.append(i)
         elif (gain := (solids[i] - union).volume()) > _SLIVER * bodies[i].volume:
             heappush(queue, (-gain, i, len(kept)))

@@ -117,10 +117,10 @@ def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
     upright = upright_prisms(from_faces(ideal, [face.loops for face in body.faces]), tol)
     if upright is None:
         outer = convex_hull_polyhedron(ideal)
-        excess = [
-            _convex_parts(one, ideal, tol, _CUTS) for one in (shape.hull() - shape).decompose() if _is_thick(one, tol)
-        ]
-        parts = [part for convex in excess for part in _overlapping(convex, shape, ideal)]
+        whole = [one for one in (shape.hull() - shape).decompose() if _is_thick(one, tol)]
+        excess = [_convex_parts(one, ideal, tol, _CUTS) for one in whole]
+        # Where two parts share the whole of a face, rounding would leave a skin: each is as large as it may be.
+        parts = [_grown(p, shape, ideal, p.faces) if len(some) > 1 else p for some in excess for p in some]
     else:
         outer = upright.base
         ends = [[face for face in one.faces if abs(face.normal[upright.axis]) > 0.5] for one in upright.tools]
@@ -128,14 +128,6 @@ def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
     tools = tuple(_opened(part, outer, tol) for part in parts)
     base = _hull(outer.vertices)
     return (Difference(base, tools) if tools else base), ideal
-
-
-def _overlapping(parts: Sequence[Polyhedron], shape: Manifold, known: Array) -> list[Polyhedron]:
-    """Convex parts of one excess, each as large as keeps it out of the shape.
-
-    Where two parts share the whole of a face, rounding would leave a skin between them.
-    """
-    return [_grown(part, shape, known, part.faces) for part in parts] if len(parts) > 1 else list(parts)
 
 
 def _grown(part: Polyhedron, shape: Manifold, known: Array, faces: Sequence[Face]) -> Polyhedron:
@@ -147,12 +139,26 @@ def _grown(part: Polyhedron, shape: Manifold, known: Array, faces: Sequence[Face
         low, high = 0, len(heights)
         while low < high:
             middle = (low + high) // 2
-            pushed = _pushed(part, normal, offset, float(heights[middle]))
-            free = pushed is not None and (convex_manifold(pushed) ^ shape).volume() <= _OVERLAP * part.volume
+            pushed = _roughly_pushed(part, normal, offset, float(heights[middle]))
+            free = (pushed ^ shape).volume() <= _OVERLAP * part.volume
             low, high = (middle + 1, high) if free else (low, middle)
         if low:
             part = _pushed(part, normal, offset, float(heights[low - 1])) or part
     return part
+
+
+def _roughly_pushed(part: Polyhedron, normal: Array, offset: float, height: float) -> Manifold:
+    """As `_pushed`, but for rounding."""
+    from manifold3d import Manifold
+    from scipy.spatial import HalfspaceIntersection
+
+    others = ~((part.normals @ normal > 1.0 - 1e-9) & (np.abs(part.offsets - offset) < 1e-9))
+    middle, size = part.vertices.mean(axis=0), part.diameter + height - offset
+    around = np.vstack([np.eye(3), -np.eye(3)])
+    normals = np.vstack([part.normals[others], normal, around])
+    room = np.concatenate([part.offsets[others], [height], 2.0 * size + around @ middle]) - normals @ middle
+    corners = HalfspaceIntersection(np.column_stack([normals, -room / size]), np.zeros(3)).intersections
+    return Manifold.hull_points(middle + size * corners)
 
 
 def _pushed(part: Polyhedron, normal: Array, offset: float, height: float) -> Polyhedron | None:

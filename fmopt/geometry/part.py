@@ -24,7 +24,7 @@ from fmopt.geometry.convex_pieces import pieces, polyhedron, union_manifold
 from fmopt.geometry.csg import Hull, Solid, Union, exact_pose, sagitta
 from fmopt.geometry.exact_coordinates import Exact, exact_vertices, facing_directions
 from fmopt.geometry.facets import place
-from fmopt.geometry.mating_features import Feature, found_features, in_frame
+from fmopt.geometry.mating_features import Feature, in_frame
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, levelled, placed, rounded, scaled, with_vertices
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
@@ -133,44 +133,40 @@ def with_balls(part: Part, balls: Sequence[tuple[ArrayLike, float]]) -> Part:
     return replace(part, polyhedron=Polyhedron(points, body.faces, body.edges, rounds))
 
 
-def mesh_part(
-    name: str, mesh: Imported, features: Sequence[Feature] | None = None, chord_error: float | None = None
-) -> Part:
+def mesh_part(name: str, mesh: Imported, features: Sequence[Feature] = (), chord_error: float | None = None) -> Part:
     """The part of an imported mesh; it gets exact convex pieces by way of `mesh_solid.come_apart`.
 
     >>> from fmopt.geometry import csg, convex_pieces as pieces, polyhedron
     >>> from fmopt.geometry.mesh import mesh_import as mesh
     >>> bar = pieces.polyhedron(csg.Box((0.01, 0.01, 0.03)))
     >>> part = mesh_part("bar", mesh.mesh_polyhedron(bar.vertices, polyhedron.triangulated(bar)))
-    >>> [(feature.name, feature.kind, feature.length) for feature in part.features]
-    [('peg', 'solid', 0.03)]
+    >>> len(part.pieces), round(1e9 * part.polyhedron.volume)
+    (1, 3000)
 
     Args:
         name: the part's name.
         mesh: as `load_mesh` returns it, in the model frame.
-        features: mating features in the model frame; found by `mating_features.found_features` if not given.
+        features: mating features in the model frame, as far as they are known.
         chord_error: how far the true curved surfaces lie from the mesh, m; the mesh's own estimate if not given.
 
     Raises:
-        GeometryError: the mesh does not come apart into convex bodies, nothing was found on it to mate with, or it is
-            open at a mating face.
+        GeometryError: the mesh does not come apart into convex bodies, or it is open at a mating face.
     """
     from fmopt.geometry.mesh.mesh_solid import come_apart
 
     solid, body = come_apart(mesh)
-    part = Part(name, body, pieces(solid), tuple(features or ()), 0.0, (), mesh.off, mesh.where)
+    part = Part(name, body, pieces(solid), tuple(features), 0.0, (), mesh.off, mesh.where)
     volume = union_manifold(part.pieces).volume()  # of the union: pieces overlap
     if abs(volume - body.volume) > _MESH_VOLUME * body.volume:
         raise mesh.fault(
             f"{mesh.kind} {name!r} has {body.volume:.6g} m³, its convex pieces {volume:.6g} m³",
             "give one connected solid, or describe the part by [solids] of a model file",
         )
-    known = found_features(part.polyhedron, part.pieces) if features is None else tuple(features)
-    for feature in known:
+    for feature in features:
         _require_intact(name, mesh, feature)
     true = mesh.chord_error if chord_error is None else chord_error
     notes = tuple(f"warning: {name}: {note}" for note in mesh.notes)
-    return replace(part, features=known, chord_error=true, notes=notes)
+    return replace(part, chord_error=true, notes=notes)
 
 
 def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -164,30 +164,12 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, u
         named = {n for n in picks if n is not None}
         message = f"{file} holds {len(rest)} {'other ' if named else ''}bodies: {listed(names, named)}"
         raise InputError(Fault(str(file), 1, 1, "", "ambiguous", message, _BODIES_ADVICE))
-    if picks == [None, None]:
-        order = _guessed([found[n].mesh for n in rest])
-        picks = [rest[n] for n in order]
-    else:
-        picks = [rest[0] if pick is None else pick for pick in picks]
+    # Of two bodies the smaller one moves.
+    smaller = iter(sorted(rest, key=lambda n: found[n].mesh.body.volume))
+    picks = [next(smaller) if pick is None else pick for pick in picks]
     # Digits would be read as the number of a body: one whose name is digits goes by its number.
     called = [names[n] if names[n] and not names[n].isdecimal() else str(n + 1) for n in picks if n is not None]
     return Asked((file, file), error, (unit, unit), (called[0], called[1]))
-
-
-def _guessed(meshes: Sequence[Any]) -> tuple[int, int]:
-    """Which of two bodies moves and which stands: the one without a hole moves, else the smaller one."""
-    from fmopt.errors import GeometryError
-    from fmopt.geometry.part import mesh_part
-
-    holes = []
-    for mesh in meshes:
-        try:
-            holes.append(any(one.kind == "hollow" for one in mesh_part("body", mesh).features))
-        except GeometryError:
-            holes.append(False)  # where nothing is found to mate with, no hole is either
-    if holes[0] != holes[1]:
-        return (1, 0) if holes[0] else (0, 1)
-    return (0, 1) if meshes[0].body.volume <= meshes[1].body.volume else (1, 0)
 
 
 def problem(

@@ -1,20 +1,18 @@
-"""What was found on parts: as comments of the problem file that asks for nothing of it, and as a drawing."""
+"""What was found on parts, as comments of the problem file that asks for nothing of it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fmopt.notebook.asking import SIDES, quoted
-from fmopt.notebook.drawing import Drawing
 from fmopt.task.explain import explain
 from fmopt.task.mesh_source import MESHES, STEP
 
 if TYPE_CHECKING:
     from fmopt.geometry.clearance import Clearance
-    from fmopt.geometry.part import Part
     from fmopt.notebook.asking import Asked
     from fmopt.task.problem import Problem
 
@@ -77,18 +75,3 @@ def _usual(problem: Problem) -> Iterator[str]:
 
 def _number(value: float) -> str:
     return f"{value:.9g}"
-
-
-def drawing_of(parts: Sequence[Part]) -> Drawing:
-    """What was taken for what: each part seen from a corner with its frames, and cut through each feature."""
-    from fmopt.report.views import feature_view
-
-    def paint(sheet: Any) -> None:
-        rows = sheet.subfigures(len(parts), 1, squeeze=False)[:, 0]
-        for half, part in zip(rows, parts, strict=True):
-            feature_view.paint(part, half)
-
-    title = " and ".join(part.name for part in parts)
-    width, height = feature_view.size()
-    alt = " ".join(feature_view.alt(part) for part in parts)
-    return Drawing("found", f"What was found on {title}", alt, (width, height * len(parts)), paint=paint)

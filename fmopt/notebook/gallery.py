@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from fmopt.errors import ChoiceError
 from fmopt.notebook.drawing import SUFFIXES, Drawing, drawings
-from fmopt.notebook.found import drawing_of
 from fmopt.notebook.parts import is_part, load_part
 from fmopt.plan import STDIO
 from fmopt.task.toml.source import read
 
 if TYPE_CHECKING:
-    from fmopt.geometry.part import Part
     from fmopt.task.object_model.command import Answer
 
 _SAID = {  # what people call drawings of a plan, beside their names
@@ -46,14 +44,14 @@ def gallery(file: Path) -> Mapping[str, Drawing]:
     if is_part(file):
         bodies = load_part(file)
         if len(bodies) == 1:
-            return _of_part(bodies[0])
+            return drawings(bodies[0])
         said = [body.name for body in bodies]
         if len({*said}) < len(said):  # with numbers, as two of one screw have one name
             said = [f"{name}-{k}" for k, name in enumerate(said, 1)]
         return {
             f"{body}-{name}": replace(drawing, name=f"{body}-{name}")
             for body, part in zip(said, bodies, strict=True)
-            for name, drawing in _of_part(part).items()
+            for name, drawing in drawings(part).items()
         }
     source = read(file)
     if {"objects", "tasks"} & set(source.data):
@@ -91,11 +89,6 @@ def draw(file: Path, what: str | None, out: Path | None) -> bytes | Path:
     stem = "plan" if file == STDIO else file.stem
     suffix = SUFFIXES[2] if drawing.paint is None else SUFFIXES[0]
     return drawing.save(out if out is not None else Path(f"{stem}-{name}{suffix}"))
-
-
-def _of_part(part: Part) -> dict[str, Drawing]:
-    """The drawings of a part, with what was found on it."""
-    return {**drawings(part), "found": drawing_of((part,))}
 
 
 def _tasks(file: Path) -> dict[str, Drawing]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,6 @@ from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.toml.source import Place, read
 
 if TYPE_CHECKING:
-    from fmopt.geometry.mating_features import Feature
     from fmopt.geometry.part import Part
 
 _OF_PART = {"features", "solids", "mesh", "profile", "part", "parameters"}
@@ -79,7 +77,8 @@ def _loaded(file: Path, said: Bare) -> Part:
     if model is None:
         raise InputError(*faults)
     part = build_part(model.source, model.file)
-    build_tree(model.source, model.file)  # for its faults: nothing here needs the tree
+    if part.features:
+        build_tree(model.source, model.file)  # for its faults: nothing here needs the tree
     return replace(part, notes=(*model.notes, *part.notes))
 
 
@@ -97,25 +96,12 @@ def part_words(part: Part) -> Iterator[str]:
     yield f"{'deviation':<10} {said if part.chord_error else 'none: every face is plane'}"
     if part.form:
         yield f"{'form':<10} faces lie up to {1e6 * part.form:.3g} µm off the facets of the file, which margins lose"
-    for feature in part.features:
-        yield f"{'feature':<10} {_feature_words(feature)}"
+    for one in part.features:
+        at = ", ".join(map(_mm, one.frame.p.tolist()))
+        yield f"{'feature':<10} {one.name}: {one.kind}, {_mm(one.length)} mm long, at ({at}) mm"
     if not part.features:
-        yield f"{'feature':<10} none"
+        yield f"{'feature':<10} none stated: what goes where is found with the other part of a problem"
     yield from (f"{'':<10} {note}" for note in part.notes)
-
-
-def _feature_words(feature: Feature) -> str:
-    x, y, z, *turn = feature.frame.vector().tolist()
-    kind = "peg" if feature.kind == "solid" else "hole, open at both ends" if feature.through else "hole, blind"
-    name = "length" if feature.kind == "solid" else "depth"
-    origin = "leading end" if feature.kind == "solid" else "mouth"
-    axis = ", ".join(f"{value + 0.0:.6g}" for value in np.round(feature.frame.R[:, 2], 9).tolist())
-    place = ", ".join(_mm(value) for value in (x, y, z))
-    about = ", ".join(f"{math.degrees(angle) + 0.0:.6g}" for angle in turn)
-    return (
-        f"{feature.name}: {kind}, {name} {_mm(feature.length)} mm; centre of its {origin} at ({place}) mm, axis "
-        f"({axis}) out of it, frame turned by ({about}) deg"
-    )
 
 
 def _mm(length: float) -> str:
@@ -135,15 +121,6 @@ def part_facts(part: Part) -> dict[str, Any]:
         "convex_pieces": len(part.pieces),
         "deviation": part.chord_error,
         "form": part.form,
-        "features": [
-            {
-                "name": feature.name,
-                "kind": feature.kind,
-                "frame": feature.frame.vector().tolist(),
-                "length": feature.length,
-                "through": feature.through,
-            }
-            for feature in part.features
-        ],
+        "features": [{**vars(one), "frame": one.frame.vector().tolist()} for one in part.features],
         "notes": list(part.notes),
     }

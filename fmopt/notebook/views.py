@@ -70,7 +70,7 @@ def _problem(problem: Problem) -> Iterable[Drawing]:
     from fmopt.report.views import diagram_view
 
     title = f"{problem.moving.name} and {problem.fixed.name}"
-    yield _part_sheet(problem.moving, problem.fixed, name="parts")
+    yield part_sheet(problem.moving, problem.fixed, name="parts")
     yield Drawing("scene", f"{title}, seated along the axis", title, _SCENE, fragment=partial(_seating, problem))
     yield Drawing(
         "diagrams",
@@ -113,11 +113,12 @@ def _diagrams(mapping: Diagrams) -> Iterable[Drawing]:
 
 
 def _part(part: Part) -> Iterable[Drawing]:
-    yield _part_sheet(part, name="part")
+    yield part_sheet(part, name="part")
     yield Drawing("scene", f"{part.name}, to be turned", part.name, _STILL, fragment=partial(turning, part))
 
 
-def _part_sheet(*parts: Part, name: str) -> Drawing:
+def part_sheet(*parts: Part, name: str) -> Drawing:
+    """Each part seen from a corner, and cut through its axis and across it."""
     from fmopt.report.views import part_view
 
     def paint(sheet: Any) -> None:
@@ -269,12 +270,7 @@ def _body(body: Polyhedron) -> Body:
 
 
 def middle(part: Part) -> float:
-    """Height, in the part's frame, of the middle of its first feature; of the part without any, m."""
-    if part.features:
-        feature = part.features[0]
-        # z points out of a hole at its mouth, and from a peg's leading end back into the part.
-        inward = -0.5 if feature.kind == "hollow" else 0.5
-        return float(feature.frame.apply(np.array([0.0, 0.0, inward * feature.length]))[2])
+    """Height of the middle of a part in its frame, m."""
     heights = part.polyhedron.vertices[:, 2]
     return float(0.5 * (heights.min() + heights.max()))
 

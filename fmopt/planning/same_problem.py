@@ -181,7 +181,7 @@ def _mating(side: str, stated: Found | None, mated: Mated | None) -> Iterator[st
     alike = stated is None and mated is None
     if stated is not None and mated is not None:
         names = (stated.side, stated.feature) == (mated.side, mated.feature)
-        alike = names and _same((*(stated.frame or ()), stated.turn), (*(mated.frame or ()), mated.turn))
+        alike = names and _same(stated.frame or (), mated.frame or ())
     if not alike:
         yield f"parts.{side}.found: the plan has the {side} part mate otherwise than is found on its file"
 

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from fmopt.errors import Fault, InputError, TaskError
-from fmopt.geometry.mating_features import DESCRIBE
+from fmopt.geometry.mating_features import DESCRIBE, FOUND
+from fmopt.geometry.mesh.round_planes import met
 from fmopt.geometry.part import Part, Profiles, in_order, outline, rebased, settled
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.mesh_source import MAX_MESH_BYTES
-from fmopt.task.model import Bare, Model, load_model, overrides_of, reaching
+from fmopt.task.model import Bare, Model, load_model, overrides_of
 from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.problem import Attributes, Problem, RobotProperties, Settings, Specification, VelocityError
 from fmopt.task.sizes import (
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from fmopt.task.pairing import Mated
 
 T = TypeVar("T")
+_BESIDE = 0.25  # of the radius of a leading face, by which a part may be beside its way, besides its errors
 
 
 def load_problem(path: Path) -> Problem:
@@ -87,9 +89,6 @@ def problem_of(source: Source) -> Problem:
         if model is not None:
             models[side] = model
     if file is not None:
-        named = {side: _table(file, side).feature or "" for side in models}
-        if len(models) == 2 and all(named[side] in model.file.features for side, model in models.items()):
-            models = reaching(models, named)  # before depths are held against the peg
         faults += _cross_checks(whole, file, models)
     if faults or file is None:
         raise InputError(*dict.fromkeys(faults))  # of a file that both sides name they are there twice
@@ -161,11 +160,13 @@ def _feature_faults(source: Source, file: files.ProblemFile, models: Mapping[str
         features, name = model.file.features, _table(file, side).feature
         if name is None:
             continue
-        if name not in features:
+        if name in FOUND and not features:
+            kinds[side] = FOUND[name]
+        elif name not in features:
             message = f"the model {model.file.name!r} has no feature {name!r}"
             advice = did_you_mean(name, features) or f"features: {', '.join(features)}"
-            if "features" not in model.source.data and model.file.profile is None:
-                advice += f"; they were found, and for another one {DESCRIBE}"
+            if not features:
+                advice = f"leave 'feature' out, to have it found with the other part; or {DESCRIBE}"
             yield source.place((side, "feature")).fault("unknown-feature", message, advice)
         else:
             kinds[side] = features[name].kind
@@ -177,8 +178,9 @@ def _feature_faults(source: Source, file: files.ProblemFile, models: Mapping[str
 
 def _is_exchanged(file: files.ProblemFile, models: Mapping[str, Model]) -> bool:
     """Whether the moving feature is a hollow one."""
-    feature = models["moving"].file.features.get(file.moving.feature or "") if "moving" in models else None
-    return feature is not None and feature.kind == "hollow"
+    name = file.moving.feature or ""
+    feature = models["moving"].file.features.get(name) if "moving" in models else None
+    return (FOUND.get(name) if feature is None else feature.kind) == "hollow"
 
 
 _OUT_OF_PLANE = (("clearance", "y"), *(("uncertainty", "start", name) for name in ("y", "rx", "rz")))
@@ -225,18 +227,20 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     """The problem of tables without fault: `said` as they stand in the file, `source` spelled out."""
     built = _both(lambda _, model: _noted(model), models)
     mated: Mapping[str, Mated] = {}
-    if any(_table(file, side).feature is None or model.is_found(_named(file, side)) for side, model in models.items()):
+    if not all(_is_known(model, _table(file, side).feature) for side, model in models.items()):
         from fmopt.task.pairing import paired
 
-        file, mated, found = paired(source, file, models, built)
-        if faults := list(_pair_faults(source, file, found)):
+        file, mated, models = paired(source, file, models, built)
+        if faults := list(_pair_faults(source, file, models)):
             raise InputError(*faults)
-        if (found := reaching(found, {side: _named(file, side) for side in found})) != models:
-            models, built = found, _both(lambda _, model: _noted(model), found)  # notes and gaps depend on frames
+        built = _both(lambda _, model: _noted(model), models)  # with their features, at which a mesh is to be whole
     exchanged = _is_exchanged(file, models)
     peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
     refuse_reaching(source, parts := _parts(file, built))
     depth = file.goal.depth or _deepest(file, models) or 0.0
+    if any(model.file.mesh is not None for model in models.values()):
+        beside = _BESIDE * tip_radius(parts[peg]) + float(as_stated(file.uncertainty.start).box[:3].max())
+        parts[peg], parts[hole] = met(parts[peg], parts[hole], depth, beside)
     trees = _trees(models)
     height = _height(file, parts[peg])
     begin, grasp = _start(file, height, exchanged), Pose.from_vector([*file.grasp.at, *file.grasp.turn])
@@ -288,6 +292,12 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
         robot=RobotProperties(**file.robot.model_dump()),
         settings=Settings(**file.settings.model_dump()),
     )
+
+
+def _is_known(model: Model, name: str | None) -> bool:
+    """Whether a feature is named, and all of it stated."""
+    table = model.file.features.get(name or "")
+    return table is not None and (table.is_whole or model.file.profile is not None)
 
 
 def _named(file: files.ProblemFile, side: str) -> str:
@@ -347,7 +357,7 @@ def _parts(file: files.ProblemFile, built: Mapping[str, Part]) -> dict[str, Part
 
 
 def _trees(models: Mapping[str, Model]) -> dict[str, ObjectTree]:
-    """The object trees of the two parts, the frames of their features checked; faults of both are found."""
+    """The object trees of the two parts; faults of both are found."""
     return _both(lambda _, model: build_tree(model.source, model.file), models)
 
 

@@ -1,34 +1,33 @@
 """Models: a model file with its parameters bound, checked as a whole, and the part it describes.
 
-Mating features that a model file leaves to be found, wholly or in part, are found on its solids or its mesh.
+Mating features that a model file leaves to be found are found with the other part of a problem.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from fmopt.errors import Fault, InputError, SizeError
-from fmopt.spatial.se3 import Pose
-from fmopt.task.mesh_source import HOLD_BODIES, MAX_MESH_BYTES, MESHES, OWN_UNIT, assumed, called, mesh_faults, takes
+from fmopt.task.mesh_source import (
+    HOLD_BODIES,
+    MAX_MESH_BYTES,
+    MESHES,
+    OWN_UNIT,
+    assumed,
+    called,
+    mesh_faults,
+    takes,
+)
 from fmopt.task.sizes import implausible
-from fmopt.task.solid_tree import bare_part, build_part, part_reach, tree_faults, unstated
+from fmopt.task.solid_tree import build_part, part_reach, tree_faults
 from fmopt.task.toml.model_file import MatingFeature, ModelFile, Profile
 from fmopt.task.toml.source import Key, Place, Source, read, read_bytes
 from fmopt.task.toml.tables import Reading, checked
 from fmopt.task.toml.units import RATIO, UNITS, Quantity, QuantityError, did_you_mean
 
-if TYPE_CHECKING:
-    from fmopt.geometry.mating_features import Feature
-    from fmopt.geometry.part import Part
-
 USUAL_UNIT = "mm"  # of the numbers of a mesh file for which nobody says one
-_SAME = 1e-9  # m
-_ORIGIN = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -45,9 +44,15 @@ class Model:
     given: bool = True
     notes: tuple[str, ...] = ()
 
-    def is_found(self, name: str) -> bool:
-        """Whether anything of a feature was found on the part, as its file does not state it."""
-        return not self.source.data.get("features") or name in unstated(self.source, self.file)
+    @property
+    def kind(self) -> str:
+        """What its shape is read from, in a word."""
+        return "part" if self.file.mesh is None else self.file.mesh.kind
+
+    def completed(self, features: Mapping[str, MatingFeature], notes: Iterable[str]) -> Model:
+        """The model with the features that were found, and what is to be said of it."""
+        file = self.file.model_copy(update={"features": dict(features)})
+        return replace(self, file=file, notes=(*self.notes, *notes))
 
 
 @dataclass(frozen=True)
@@ -113,8 +118,6 @@ def load_model(
         faults += _cross_checks(source, file)
         if file.mesh is None and not faults:  # the size of a mesh is looked at as it is read
             faults += _size_faults(source, file)
-        if not faults:
-            file = with_features(source, file)
     return (Model(source, file) if file is not None and not faults else None), faults
 
 
@@ -141,7 +144,6 @@ def _bare_model(
     file, more = checked(ModelFile, source, Reading())
     if file is None or faults or more:
         return None, [*faults, *more]
-    file = with_features(source, file)
     notes = () if own or said.unit is not None else (assumed(source, build_part(source, file)),)
     return Model(source, file, given=False, notes=notes), []
 
@@ -283,111 +285,3 @@ def _profile_faults(source: Source, file: ModelFile, profile: Profile) -> list[F
             message = "a feature of a profile is turned, or beside the plane"
             faults.append(place.fault("bad-value", message, "write at = [x, 0, z] without turn, z out of the mouth"))
     return faults
-
-
-def with_features(source: Source, file: ModelFile) -> ModelFile:
-    """The model file with what is found of the features that it does not state; itself where it states them all.
-
-    Raises:
-        InputError: no solid comes out, nothing is found, or nothing that goes with what is stated.
-        ResourceError: a STEP file without the extra that reads it.
-    """
-    wanted = unstated(source, file) if file.features else ()
-    if file.profile is not None or (file.features and not wanted):
-        return file
-    found = bare_part(source, file).features
-    if not file.features:
-        return file.model_copy(update={"features": {feature.name: _table(feature, None) for feature in found}})
-    made, faults = dict(file.features), list[Fault]()
-    for name in wanted:
-        match = _match(source, name, made[name], found)
-        if isinstance(match, Fault):
-            faults.append(match)
-        else:
-            made[name] = _table(match, made[name])
-    if faults:
-        raise InputError(*faults)
-    return file.model_copy(update={"features": made})
-
-
-def _match(source: Source, name: str, stated: MatingFeature, found: Sequence[Feature]) -> Feature | Fault:
-    """The feature found that goes with what is stated of one."""
-    place, listed = source.place(("features", name), of_key=True), "; ".join(map(_words, found))
-    kind = [feature for feature in found if feature.kind == stated.kind]
-    if not kind:
-        message = f"no {stated.kind} feature was found on the part, only: {listed}"
-        return place.fault("not-found", message, "check its kind, or add at, turn and length")
-    if stated.at is not None:
-        near = [feature for feature in kind if _beside(feature, stated.at) <= _SAME]
-        if near:  # several may lie in one plane
-            point = np.array(stated.at)
-            return min(near, key=lambda feature: float(np.linalg.norm(feature.frame.p - point)))
-        at = ", ".join(f"{1e3 * x + 0.0:.9g}" for x in stated.at)
-        message = f"at = [{at}] mm is in no mouth or leading end that was found: {listed}"
-        return source.place(("features", name, "at")).fault("not-found", message, "correct it, drop it, or add length")
-    named = [feature for feature in kind if feature.name == name]
-    if len(kind) == 1 or named:
-        return (named or kind)[0]
-    message = f"there is more than one {stated.kind} feature: {listed}"
-    return place.fault("ambiguous", message, "say which by its 'at', or call it by its name here")
-
-
-def _beside(feature: Feature, at: Sequence[float]) -> float:
-    """How far a point is off the plane of a feature's mouth or leading end, m."""
-    return abs(float(feature.frame.R[:, 2] @ (np.asarray(at) - feature.frame.p)))
-
-
-def _words(feature: Feature) -> str:
-    at = ", ".join(f"{1e3 * x + 0.0:.6g}" for x in feature.frame.p)
-    return f"{feature.name}, {feature.kind}, at [{at}] mm, {1e3 * feature.length:.6g} mm long"
-
-
-def _table(found: Feature, stated: MatingFeature | None) -> MatingFeature:
-    """The table of a feature: what is stated, and for the rest what is found."""
-    x, y, z, *turn = found.frame.vector().tolist()
-    made: dict[str, Any] = {
-        "kind": found.kind,
-        "at": (x, y, z),
-        "turn": tuple(turn),
-        "length": found.length,
-        "through": found.through,
-    }
-    if stated is None:
-        return MatingFeature.model_construct(None, **made)
-    if stated.at is not None:
-        del made["turn"]  # it goes with at: as stated, or none
-    if stated.length is not None:
-        del made["through"]  # it goes with the length that was found
-    given = {key: getattr(stated, key) for key in stated.model_fields_set if getattr(stated, key) is not None}
-    return stated.model_copy(update={**made, **given})
-
-
-def reaching(models: Mapping[str, Model], names: Mapping[str, str]) -> dict[str, Model]:
-    """Two models by side, the length of a peg that was found taken past shoulders that the mouth of the hole takes in.
-
-    A shoulder ends a peg on a part alone; beside a hole that is wider than what follows it is a step of the peg.
-    """
-    features = {side: models[side].file.features[names[side]] for side in models}
-    kinds = {feature.kind: side for side, feature in features.items()}
-    if len(kinds) < 2 or any(model.file.profile is not None for model in models.values()):
-        return dict(models)
-    peg, hole = kinds["solid"], kinds["hollow"]
-    length, depth = features[peg].length or 0.0, features[hole].length or 0.0
-    stated = models[peg].source.data.get("features", {}).get(names[peg], {})
-    if "length" in stated or not length < depth:
-        return dict(models)
-    from fmopt.geometry.clearance import past_shoulders
-
-    reached = past_shoulders(_seen(models[peg], names[peg]), _seen(models[hole], names[hole]), length, depth)
-    table = features[peg].model_copy(update={"length": reached})
-    file = models[peg].file
-    longer = file.model_copy(update={"features": {**file.features, names[peg]: table}})
-    return {**models, peg: replace(models[peg], file=longer)}
-
-
-def _seen(model: Model, name: str) -> Part:
-    """The part of a model in the frame of one of its features."""
-    from fmopt.geometry.part import rebased
-
-    table = model.file.features[name]
-    return rebased(bare_part(model.source, model.file), Pose.from_vector([*(table.at or _ORIGIN), *table.turn]))

@@ -71,15 +71,13 @@ def refuse_reaching(source: Source, parts: Mapping[str, Part]) -> None:
     Raises:
         InputError: at the feature.
     """
-    faults = []
     for side, part in parts.items():
         # By component, as the check of a plan takes coordinates; a ball reaches beyond its centre.
         far = float((np.abs(part.polyhedron.vertices) + part.polyhedron.radii[:, None]).max())
         if far > LARGEST:
-            message = f"the part reaches {told(far)} from this feature, more than {told(LARGEST)}"
-            faults.append(source.place((side, "feature")).fault("out-of-range", message, "check where the feature is"))
-    if faults:
-        raise InputError(*faults)
+            message, place = f"the part reaches {told(far)} from this feature", source.place((side, "feature"))
+            advice = "check where the feature is"
+            raise InputError(place.fault("out-of-range", f"{message}, more than {told(LARGEST)}", advice))
 
 
 def refuse_wild(source: Source, shares: Sequence[Contribution]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, assert_never
@@ -12,7 +11,7 @@ import numpy as np
 from fmopt.errors import Fault, GeometryError, InputError, TaskError
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
-from fmopt.task.mesh_source import deviation, imported, is_step
+from fmopt.task.mesh_source import deviation, imported
 from fmopt.task.toml import model_file as files
 from fmopt.task.toml.source import Key, Place, Source
 from fmopt.task.toml.units import did_you_mean
@@ -118,14 +117,11 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     """
     from fmopt.geometry.part import mesh_part, part_of, with_balls
 
-    features = [_feature(name, feature) for name, feature in file.features.items()]
-    kind = "part" if file.mesh is None else "STEP file" if is_step(file.mesh) else "mesh"
-    notes = tuple(_found(_feature(name, file.features[name]), kind) for name in unstated(source, file))
+    features = [_feature(name, feature) for name, feature in file.features.items() if feature.is_whole]
     if file.mesh is not None:
         mesh = imported(source, file.mesh)
         try:
-            part = mesh_part(file.name, mesh, features, deviation(file.mesh))
-            return replace(part, notes=(*part.notes, *notes))
+            return mesh_part(file.name, mesh, features, deviation(file.mesh))
         except GeometryError as error:
             place = source.place(("mesh", "file"))
             raise InputError(place.fault("geometry", error.message, error.advice)) from error
@@ -138,10 +134,11 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
             ) from error
     root = file.part or ""
     solid = _solid(source, file, root)
+    notes: tuple[str, ...] = ()
     if any(isinstance(table, files.Turned) for table in file.solids.values()):
         from fmopt.task.round_solids import round_notes
 
-        notes += round_notes(file)
+        notes = round_notes(file)
     try:
         part = replace(part_of(file.name, solid, features), notes=notes)
     except GeometryError as error:
@@ -160,7 +157,7 @@ def _balls(file: files.ModelFile) -> list[tuple[Array, float]]:
 
 
 def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
-    """The object tree of a checked model file, its frames checked, after [LeeHuang1985] section 3.
+    """The object tree of a checked model file, after [LeeHuang1985] section 3.
 
     A mesh, and a part with a feature that none of its solids make (a hole that others leave between them), becomes its
     convex hull less convex bodies.
@@ -169,47 +166,26 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
         InputError: no solid comes out, or a feature breaks a rule; at its place in the file.
     """
     from fmopt.task.object_model.classify import MADE, Claim, is_made, object_tree
-    from fmopt.task.object_model.frames import CENTRAL, checked
     from fmopt.task.object_model.tree import chain_of
 
-    features = [_feature(name, feature) for name, feature in file.features.items()]
-    claims = {
-        name: Claim(feature.classification or "", feature.solids or ()) for name, feature in file.features.items()
-    }
-    found = unstated(source, file)
+    whole = {name: feature for name, feature in file.features.items() if feature.is_whole}
+    features = [_feature(name, feature) for name, feature in whole.items()]
+    claims = {name: Claim(feature.classification or "", feature.solids or ()) for name, feature in whole.items()}
     try:
         chain = _whole_chain(source, file)
-        if all(claims[feature.name].terms or is_made(chain, feature) for feature in features):
-            tree = object_tree(file.name, chain, features, claims)
-            if not found or any(claim.terms for claim in claims.values()) or _is_central(tree):
-                return checked(tree, found)
+        if chain and all(claims[feature.name].terms or is_made(chain, feature) for feature in features):
+            return object_tree(file.name, chain, features, claims)
         chain = chain_of(_hull_less_others(source, file, chain), file.name)
-        return checked(object_tree(file.name, chain, features, claims), found)
+        return object_tree(file.name, chain, features, claims)
     except TaskError as error:
         key = ("features", error.feature) if error.feature in file.features else ("features",)
         advice = error.advice
-        if file.profile is not None and error.rule == CENTRAL:  # nothing is found on it
-            advice = "move the frame's origin there"
-        elif not file.solids and error.rule == MADE:
+        if not file.solids and error.rule == MADE:
             advice = "check the feature's frame"
         raise InputError(source.place(key, of_key=True).fault("frame-rule", error.message, advice)) from error
     except GeometryError as error:
         place = source.place(("solids", file.part) if file.part else ("mesh", "file"), of_key=True)
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
-
-
-def _is_central(tree: ObjectTree) -> bool:
-    """Whether all frames obey the rules beside the solids that their features are made of.
-
-    One that was found may be that of several solids together, of which none is the feature.
-    """
-    from fmopt.task.object_model.frames import checked
-
-    try:
-        checked(tree)
-    except (TaskError, GeometryError):
-        return False
-    return True
 
 
 def _hull_less_others(source: Source, file: files.ModelFile, chain: Chain) -> csg.Solid:
@@ -328,47 +304,6 @@ def _prism(table: files.Prism) -> tuple[csg.Solid, tuple[csg.Solid, ...]]:
     convex = is_convex(table.polygon)
     outer = csg.Prism(table.polygon, height) if convex else stack([(0.0, table.polygon), (height, table.polygon)])
     return outer, tuple(stack([(-proud, hole), (height + proud, hole)]) for hole in table.holes)
-
-
-def unstated(source: Source, file: files.ModelFile) -> tuple[str, ...]:
-    """The names of the features of which a model file leaves something to be found."""
-    stated = source.data.get("features", {})
-    return tuple(name for name in file.features if not {"at", "length"} <= set(stated.get(name, {})))
-
-
-def bare_part(source: Source, file: files.ModelFile) -> Part:
-    """The part of a checked model file with solids or a mesh, its features as they are found on it.
-
-    Raises:
-        InputError: no solid comes out, or nothing is found on it; at its place in the file.
-        ResourceError: a STEP file without the extra that reads it.
-    """
-    from fmopt.geometry.mating_features import found_features
-    from fmopt.geometry.part import mesh_part, part_of
-
-    try:
-        if file.mesh is not None:
-            return mesh_part(file.name, imported(source, file.mesh))
-        part = part_of(file.name, _solid(source, file, file.part or ""))
-        return replace(part, features=found_features(part.polyhedron, part.pieces))
-    except GeometryError as error:
-        if file.mesh is not None:
-            place = source.place(("mesh", "file"))
-            raise InputError(place.fault("geometry", error.message, error.advice)) from error
-        place = source.place(("solids", file.part or ""), of_key=True)
-        raise InputError(place.fault("geometry", error.message, error.advice)) from error
-
-
-def _found(feature: Feature, kind: str) -> str:
-    """A feature that the model file leaves to be found, as it would be written there."""
-    x, y, z, *turn = feature.frame.vector().tolist()
-    at = ", ".join(f"{1e3 * value + 0.0:.9g}" for value in (x, y, z))  # + 0.0: no −0
-    about = ", ".join(f"{math.degrees(angle) + 0.0:.9g}" for angle in turn)
-    through = ", through" if feature.through else ""
-    return (
-        f"found: [features.{feature.name}] of the {kind}, {feature.kind}, at = [{at}] mm, turn = [{about}] deg, "
-        f"length = {1e3 * feature.length:.9g} mm{through}"
-    )
 
 
 def _feature(name: str, table: files.MatingFeature) -> Feature:

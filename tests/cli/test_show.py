@@ -32,7 +32,7 @@ def fmopt(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) ->
 
 
 DRAWN = {
-    "models/square_hole_block.toml": {"part", "scene", "found"},
+    "models/square_hole_block.toml": {"part", "scene"},
     "problems/square_peg.toml": {"parts", "scene", "diagrams"},
     "problems/assemblies/lee_huang_bush.toml": {"seat_bush", "insert_peg"},
 }
@@ -91,7 +91,7 @@ REFUSED = {
     "no such drawing": (
         ["show", str(ROOT / "models/square_peg.toml"), "--what", "tube"],
         2,
-        "choose from part, scene, found; fmopt show",
+        "choose from part, scene; fmopt show",
     ),
     "no such format": (["show", str(ROOT / "models/square_peg.toml"), "--out", "x.pdf"], 2, "choose from .svg, .png"),
     "a scene as SVG": (

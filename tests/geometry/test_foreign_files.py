@@ -300,10 +300,9 @@ def test_the_kernels_process_ends_with_its_owner(block: Path, tmp_path: Path) ->
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("width", ["2e-8", "6e-5"])
-def test_a_solid_of_next_to_no_thickness_is_refused(width: str, tmp_path: Path) -> None:
+def test_a_solid_of_next_to_no_thickness_is_refused(tmp_path: Path) -> None:
     KINDS["model"](tmp_path)
-    edit(Path("models/keyed_shaft.toml"), "across = 20 ", f"across = {width} ")
+    edit(Path("models/keyed_shaft.toml"), "across = 20 ", "across = 2e-8 ")
     code, said = run(("check", "problems/keyed_shaft.toml"))
     assert code == 2
     assert "models/keyed_shaft.toml" in said

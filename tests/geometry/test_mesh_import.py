@@ -11,8 +11,9 @@ import pytest
 import trimesh
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.clearance import mating_clearance
-from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Prism, Solid, Union
+from fmopt.geometry.clearance import Clearance, mating_clearance
+from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, Union
+from fmopt.geometry.fit.find import Fit, find
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_import import Imported, load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
@@ -22,6 +23,7 @@ from tests.shared.solids import frustum
 
 ROD = rounded((0.012, 0.008), 0.03, 0.0005)
 PLATE = plate((0.0123, 0.0083))
+HOLE = Feature("hole", "hollow", at(z=0.01), 0.01, through=True)
 
 
 def mesh_of(solid: Solid) -> Imported:
@@ -33,71 +35,67 @@ def part_of(name: str, solid: Solid) -> Part:
     return mesh_part(name, mesh_of(solid))
 
 
-def seated(part: Part, name: str) -> Part:
-    return rebased(part, part.feature(name).frame)
+def found(moving: Solid, fixed: Solid) -> Fit:
+    return find(mesh_of(moving).body, mesh_of(fixed).body)
+
+
+def measured(moving: Part, fixed: Part) -> Clearance:
+    """In the frames in which they are found to mate."""
+    fit = find(moving.polyhedron, fixed.polyhedron)
+    return mating_clearance(rebased(moving, fit.solid), rebased(fixed, fit.hollow), 0.01)
 
 
 def test_peg_and_hole_are_found_with_frames_that_agree() -> None:
     peg, block = part_of("rod", ROD), part_of("plate", PLATE)
-    assert [(f.name, f.kind, f.length, f.through) for f in peg.features] == [("peg", "solid", 0.03, False)]
-    assert [(f.name, f.kind, f.length, f.through) for f in block.features] == [("hole", "hollow", 0.01, True)]
-    np.testing.assert_array_equal(block.features[0].frame.p, [0.0, 0.0, 0.01])
-    clearance = mating_clearance(seated(peg, "peg"), seated(block, "hole"), 0.01)
+    fit = find(peg.polyhedron, block.polyhedron)
+    assert (fit.exchanged, fit.depth, fit.hole, fit.peg, fit.through, fit.alike) == (False, 0.01, 0.01, 0.03, True, 1)
+    np.testing.assert_array_equal(fit.hollow.p, [0.0, 0.0, 0.01])
+    clearance = measured(peg, block)
     assert clearance.play == pytest.approx((3e-4, 3e-4), abs=1e-9)
     assert clearance.per_side == pytest.approx(1.5e-4, abs=1e-9)
+    assert fit.clearance == pytest.approx(1.5e-4, abs=1e-9)
 
 
 @pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.5, -0.3, 0.8), (0.0, 1.5707963267948966, 0.0), (3.0, 0.2, 0.1)])
 def test_features_move_with_the_part(turn: tuple[float, float, float]) -> None:
     angles = np.linspace(-0.7, 0.7, 9) * np.pi
-    key = Prism(tuple((0.01 * np.cos(a), 0.01 * np.sin(a)) for a in angles), 0.05)
-    bore = Difference(Box((0.05, 0.05, 0.02)), (Placed(key, at(z=-0.01)),))
+    key, wider = (Prism(tuple((r * np.cos(a), r * np.sin(a)) for a in angles), 0.05) for r in (0.01, 0.0101))
+    bore = Difference(Box((0.05, 0.05, 0.02)), (Placed(wider, at(z=-0.01)),))
     pose = Pose(np.array([0.01, -0.02, 0.03]), exp(turn))
-    for solid, name in ((key, "peg"), (bore, "hole")):
-        (own,) = part_of("part", solid).features
-        (found,) = part_of("part", Placed(solid, pose)).features
-        assert (found.name, found.through) == (name, own.through)
-        there = pose.compose(own.frame)
-        ends = [there.p, there.p + (own.length if name == "peg" else -own.length) * there.R[:, 2]]
-        near = min(ends, key=lambda end: float(np.linalg.norm(end - found.frame.p)))
-        np.testing.assert_allclose(found.frame.p, near, atol=3e-8)
-        assert abs(found.frame.R[:, 2] @ there.R[:, 2]) == pytest.approx(1.0, abs=1e-6)
-        assert found.frame.R[:, 1] @ there.R[:, 1] == pytest.approx(1.0, abs=1e-4)
-        np.testing.assert_allclose(found.frame.R.T @ found.frame.R, np.eye(3), atol=1e-9)
+    still = found(key, bore)
+    peg, hole = found(Placed(key, pose), bore), found(key, Placed(bore, pose))
+    for own, frame, long in ((still.solid, peg.solid, still.peg), (still.hollow, hole.hollow, -still.hole)):
+        there = pose.compose(own)
+        ends = [there.p, there.p + long * there.R[:, 2]]
+        near = min(ends, key=lambda end: float(np.linalg.norm(end - frame.p)))
+        np.testing.assert_allclose(frame.p, near, atol=3e-8)
+        assert abs(frame.R[:, 2] @ there.R[:, 2]) == pytest.approx(1.0, abs=1e-6)
+        assert abs(frame.R[:, 1] @ there.R[:, 1]) == pytest.approx(1.0, abs=1e-4)
+        np.testing.assert_allclose(frame.R.T @ frame.R, np.eye(3), atol=1e-9)
+    assert [peg.clearance, hole.clearance] == pytest.approx(2 * [still.clearance], abs=1e-9)
 
 
 def test_a_headed_pin_leads_with_its_shank_and_a_chamfered_mouth_is_the_mouth() -> None:
     pin = Union((Box((0.008, 0.008, 0.03)), Placed(Box((0.02, 0.02, 0.005)), at(z=0.03))))
-    (shank,) = part_of("pin", pin).features
-    assert (shank.name, shank.length) == ("peg", pytest.approx(0.03))
-    np.testing.assert_allclose(shank.frame.p, 0.0, atol=1e-9)
-    mouth = frustum((0.0083, 0.0083), (0.0103, 0.0103), 0.001)
-    low = Placed(mouth, Pose(np.array([0.0, 0.0, 0.001]), exp([np.pi, 0.0, 0.0])))
-    (hole,) = part_of("plate", Difference(plate((0.0083, 0.0083)), (low,))).features
-    assert hole.through
-    np.testing.assert_allclose(hole.frame.R[:, 2], [0.0, 0.0, -1.0], atol=1e-12)
-    np.testing.assert_allclose(hole.frame.p, 0.0, atol=1e-9)
+    mouth = Placed(frustum((0.0083, 0.0083), (0.0103, 0.0103), 0.001), at(z=0.009))
+    fit = found(pin, Difference(plate((0.0083, 0.0083)), (mouth,)))
+    np.testing.assert_allclose(fit.solid.vector(), 0.0, atol=1e-9)
+    np.testing.assert_allclose(fit.hollow.vector(), [0.0, 0.0, 0.01, 0.0, 0.0, 0.0], atol=1e-9)
+    assert (fit.through, fit.depth) == (True, pytest.approx(0.03))
 
 
-def test_several_features_are_numbered_by_size() -> None:
+@pytest.mark.parametrize(
+    ("across", "mouth", "depth"),
+    [((0.0098, 0.0098), (0.01, 0.0, 0.01), 0.01), ((0.0078, 0.0058), (-0.012, 0.0, 0.01), 0.005)],
+)
+def test_of_several_holes_that_one_is_found_which_a_peg_fits(
+    across: tuple[float, float], mouth: tuple[float, float, float], depth: float
+) -> None:
     tools = (Placed(Box((0.008, 0.006, 0.01)), at(-0.012, 0.0, 0.005)), Placed(Box((0.01, 0.01, 0.01)), at(0.01, 0, 0)))
     boss = Placed(Box((0.004, 0.004, 0.006)), at(0.0, 0.015, 0.01))
-    part = part_of("plate", Union((Difference(Box((0.05, 0.05, 0.01)), tools), boss)))
-    kinds = {f.name: (f.kind, f.through, round(f.length, 9)) for f in part.features}
-    assert kinds == {
-        "peg": ("solid", False, 0.006),
-        "hole_1": ("hollow", True, 0.01),
-        "hole_2": ("hollow", False, 0.005),
-    }
-    np.testing.assert_allclose(part.feature("hole_2").frame.p, [-0.012, 0.0, 0.01], atol=1e-9)
-    np.testing.assert_allclose(part.feature("peg").frame.p, [0.0, 0.015, 0.016], atol=1e-9)
-
-
-def test_what_is_no_peg_or_hole_is_left_to_the_user() -> None:
-    with pytest.raises(GeometryError, match="as much a peg along one axis as along another"):
-        part_of("cube", Box((0.01, 0.01, 0.01)))
-    with pytest.raises(GeometryError, match="no peg or hole was found on it"):
-        part_of("tetrahedron", Hull(((0.0, 0.0, 0.0), (0.03, 0.002, 0.0), (0.004, 0.02, 0.001), (0.005, 0.006, 0.04))))
+    fit = found(Box((*across, 0.03)), Union((Difference(Box((0.05, 0.05, 0.01)), tools), boss)))
+    np.testing.assert_allclose(fit.hollow.vector(), [*mouth, 0.0, 0.0, 0.0], atol=1e-9)
+    assert (fit.clearance, fit.depth, fit.through) == (pytest.approx(1e-4), pytest.approx(depth), depth == 0.01)
 
 
 def bottomless() -> tuple[np.ndarray, np.ndarray]:
@@ -114,8 +112,7 @@ def test_a_far_rim_left_open_is_closed_and_told() -> None:
     assert len(mesh.body.faces) == len(whole.body.faces)
     (note,) = mesh.notes
     assert "open beside triangle" in note
-    part = mesh_part("plate", mesh)
-    assert [f.name for f in part.features] == ["hole"]
+    part = mesh_part("plate", mesh, [HOLE])
     assert part.notes == (f"warning: plate: {note}",)
 
 
@@ -134,7 +131,7 @@ def test_a_slit_around_the_far_rim_is_closed(gap: float) -> None:
     mesh = mesh_polyhedron(1e-3 * moved, split)
     assert len(mesh.mended) == 1
     assert mesh.body.volume == pytest.approx(mesh_of(PLATE).body.volume, rel=1e-6)
-    assert mesh_part("plate", mesh).feature("hole").through
+    assert find(mesh_of(ROD).body, mesh_part("plate", mesh, [HOLE]).polyhedron).through
 
 
 def test_gaps_in_mating_faces_are_refused_with_their_triangle() -> None:
@@ -143,12 +140,12 @@ def test_gaps_in_mating_faces_are_refused_with_their_triangle() -> None:
     side = wall & (points[triangles][:, :, 0].max(axis=1) < 0.0) & (np.ptp(points[triangles][:, :, 0], axis=1) == 0.0)
     mesh = mesh_polyhedron(1e-3 * points, triangles[~side])
     with pytest.raises(GeometryError, match=r"mesh 'plate' is open beside triangle \d+, .* feature 'hole' of 10 mm"):
-        mesh_part("plate", mesh)
+        mesh_part("plate", mesh, [HOLE])
     half = mesh_polyhedron(1e-3 * points, np.delete(triangles, int(np.flatnonzero(side)[0]), axis=0))
-    assert mesh_part("plate", half).polyhedron.volume == pytest.approx(mesh_of(PLATE).body.volume, rel=1e-12)
+    assert mesh_part("plate", half, [HOLE]).polyhedron.volume == pytest.approx(mesh_of(PLATE).body.volume, rel=1e-12)
     mouthless = triangles[~np.all(points[triangles][:, :, 2] == 10.0, axis=1)]
     with pytest.raises(GeometryError, match="which is 0 mm along feature 'hole'"):
-        mesh_part("plate", mesh_polyhedron(1e-3 * points, mouthless))
+        mesh_part("plate", mesh_polyhedron(1e-3 * points, mouthless), [HOLE])
     half = triangles[np.all(points[triangles][:, :, 2] == 0.0, axis=1)]
     with pytest.raises(GeometryError, match="the surface is open: edge"):
         mesh_polyhedron(1e-3 * points, half)
@@ -252,14 +249,14 @@ def test_stated_features_and_deviations_are_taken() -> None:
 
 def test_the_clearance_does_not_depend_on_how_the_meshes_lie() -> None:
     rng = np.random.default_rng(7)
-    straight = mating_clearance(seated(part_of("rod", ROD), "peg"), seated(part_of("plate", PLATE), "hole"), 0.01)
+    straight = measured(part_of("rod", ROD), part_of("plate", PLATE))
     for _ in range(4):
-        found = []
-        for solid, name in ((ROD, "peg"), (PLATE, "hole")):
+        parts = []
+        for solid in (ROD, PLATE):
             points, triangles = triangles_of(solid)
             turned = points @ exp(rng.normal(size=3)).T + rng.normal(size=3)
-            found.append(seated(mesh_part(name, mesh_polyhedron(1e-3 * turned, triangles)), name))
-        clearance = mating_clearance(*found, 0.01)
+            parts.append(mesh_part("part", mesh_polyhedron(1e-3 * turned, triangles)))
+        clearance = measured(*parts)
         assert clearance.per_side == pytest.approx(straight.per_side, abs=2e-9)
         assert clearance.play == pytest.approx(straight.play, abs=2e-9)
 
@@ -289,7 +286,7 @@ def test_a_chamfer_that_is_plane_but_for_rounding_is_plane(tmp_path: Path, times
     assert note.startswith("warning: bar: facets are up to")
     assert note.endswith("they were made plane, which is a tolerance of form")
     hole = part_of("plate", plate((0.0085, 0.0073)))
-    pair = [mating_clearance(seated(one, "peg"), seated(hole, "hole"), 0.01) for one in (part, part_of("bar", bar))]
+    pair = [measured(one, hole) for one in (part, part_of("bar", bar))]
     assert pair[0].per_side == pytest.approx(pair[1].per_side, abs=1e-6)
 
 
@@ -306,5 +303,5 @@ def test_facets_that_are_not_plane_are_named() -> None:
 def test_the_frame_of_a_round_hole_lies_along_the_model_whatever_its_numbers_are_rounded_to(decimals: int) -> None:
     bored = Difference(Box((0.04, 0.04, 0.009)), (Placed(Cylinder(0.00825, 0.02, 96), at(z=-0.005)),))
     points, triangles = triangles_of(bored)
-    part = mesh_part("plate", mesh_polyhedron(1e-3 * np.round(points, decimals), triangles))
-    np.testing.assert_array_equal(part.feature("hole").frame.R, np.eye(3))
+    plate = mesh_polyhedron(1e-3 * np.round(points, decimals), triangles)
+    np.testing.assert_array_equal(find(mesh_of(Cylinder(0.008, 0.03, 96)).body, plate.body).hollow.R, np.eye(3))

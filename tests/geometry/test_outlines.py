@@ -15,9 +15,8 @@ from shapely import Polygon, union_all
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.contact.polytope import enumerate_faces
-from fmopt.errors import GeometryError, InputError
+from fmopt.errors import GeometryError
 from fmopt.geometry import csg
-from fmopt.geometry.centre import axis, centre
 from fmopt.geometry.convex_pieces import pieces, polyhedron, union_manifold
 from fmopt.geometry.outline_solids import stack
 from fmopt.geometry.plane.convex_polygons import Convex, convex_pieces
@@ -125,21 +124,6 @@ def volume(low: families.Section, high: families.Section) -> float:
     return float((high.at - low.at) * (areas[0] + 4.0 * areas[1] + areas[2]) / 6.0)
 
 
-@pytest.mark.parametrize("family", families.PLAIN)
-def test_centre_and_axis_turn_with_an_outline_and_stay_as_a_gap_widens_it(family: str) -> None:
-    for seed in SEEDS:
-        pair = families.pair(family, seed)
-        outline, wide = np.array(pair.peg[-1].outline), np.array(pair.hole[-1].outline)
-        at, x = centre(outline), axis(outline)
-        np.testing.assert_allclose(centre(wide), at, atol=1e-7 * pair.size)
-        angle = 0.1 + seed
-        other = axis(np.array(turned(pair.hole[-1].outline, angle)))
-        back = np.array(turned((tuple(other.tolist()),), -angle))[0]
-        frames = [np.column_stack([one, (-one[1], one[0])]) for one in (x, back)]
-        seen = [Polygon((shape - at) @ frame) for shape, frame in zip((outline, wide), frames, strict=True)]
-        assert seen[1].exterior.distance(seen[0].exterior) == pytest.approx(pair.clearance, rel=1e-6)
-
-
 @pytest.mark.parametrize("family", families.FAMILIES)
 def test_every_family_is_read_as_it_was_drawn(family: str, tmp_path: Path) -> None:
     pair = families.pair(family, 0)
@@ -147,18 +131,6 @@ def test_every_family_is_read_as_it_was_drawn(family: str, tmp_path: Path) -> No
     assert measured_clearance(problem).per_side == pytest.approx(1e-3 * pair.clearance, abs=1e-8)
     assert -problem.goal[2] == pytest.approx(1e-3 * pair.depth, abs=1e-9)
     assert problem.hole.through == pair.through
-
-
-def test_a_stated_frame_may_be_off_the_line_but_is_in_a_leading_end(tmp_path: Path) -> None:
-    pair = families.pair("L", 0)
-    path = families.write_toml(pair, tmp_path)
-    with (tmp_path / "peg.toml").open("a") as model:
-        model.write('[features.peg]\nkind = "solid"\nat = [4.5, 1.2, 0]\n')
-    assert load(path).moving_feature == "peg"
-    text = (tmp_path / "peg.toml").read_text()
-    (tmp_path / "peg.toml").write_text(text.replace("at = [4.5, 1.2, 0]", "at = [4.5, 1.2, 0.3]"))
-    with pytest.raises(InputError, match=r"at = \[4.5, 1.2, 0.3\] mm is in no mouth or leading end .* at \[4.34257, "):
-        load(path)
 
 
 @pytest.mark.parametrize(
@@ -228,19 +200,15 @@ turn = [90, 0, 0]
 """
 
 
-def test_a_slot_that_is_open_to_the_side_mates_where_the_advice_says(tmp_path: Path) -> None:
+def test_a_slot_that_is_open_to_the_side_is_found(tmp_path: Path) -> None:
     bar = families.Section(0.0, ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0)))
     path = families.write_toml(replace(families.pair("4-gon", 0), peg=(bar, replace(bar, at=40.0))), tmp_path)
     (tmp_path / "block.toml").write_text(SLOTTED)
-    with pytest.raises(InputError, match=r"has no feature 'hole'; .* a slot that is open to the side, by kind"):
-        load(path)
-    mouth = '[features.hole]\nkind = "hollow"\nat = [0, -15, 20]\nturn = [0, 0, 0]\nlength = 12\n'
-    (tmp_path / "block.toml").write_text(SLOTTED + mouth)
     path.write_text(path.read_text().replace("x = 0.017\ny = 0.017", "x = 0.05\ny = 0.05"))
     problem = load(path)
     found = measured_clearance(problem)
     assert found.per_side == pytest.approx(0.05e-3, abs=1e-9)
-    assert found.play[1] == np.inf
+    assert sorted(found.play) == [pytest.approx(0.1e-3, abs=1e-9), np.inf]
 
 
 @pytest.mark.parametrize("family", ["L", "T", "U", "plus", "rectangle"])

@@ -17,9 +17,9 @@ from fmopt.errors import GeometryError, ResourceError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box as Block
 from fmopt.geometry.csg import Cylinder, Difference, Placed, Prism, Solid
-from fmopt.geometry.mating_features import found_features
+from fmopt.geometry.fit.find import find
 from fmopt.geometry.mesh.mesh_import import load_mesh
-from fmopt.geometry.part import Part, mesh_part, rebased
+from fmopt.geometry.part import mesh_part, rebased
 from fmopt.geometry.part import part_of as part_of_solid
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.python_objects import imported_of
@@ -104,10 +104,13 @@ def test_fillets_are_inside_of_their_facets(tmp_path: Path) -> None:
 def test_facets_of_fillets_are_no_ends_of_a_peg(tmp_path: Path) -> None:
     shape = step_parts.filleted(np.random.default_rng(7))
     step_parts.write(tmp_path / "part.step", shape)
-    mesh = load_step(tmp_path / "part.step")
-    (peg,) = mesh_part("part", mesh).features
-    np.testing.assert_allclose(np.abs(peg.frame.R[:, 2]), [0.0, 0.0, 1.0], atol=1e-12)
-    assert peg.length == pytest.approx(np.ptp(mesh.body.vertices[:, 2]), abs=EXACT)
+    body = load_step(tmp_path / "part.step").body
+    x, y, z = np.ptp(body.vertices, axis=0)
+    middle = Pose(np.append(0.5 * (body.vertices.min(axis=0) + body.vertices.max(axis=0))[:2], -0.005), np.eye(3))
+    hole = Difference(Block((0.1, 0.1, 0.01)), (Placed(Block((x + 2e-4, y + 2e-4, 0.02)), middle),))
+    fit = find(body, part_of_solid("plate", hole).polyhedron)
+    np.testing.assert_allclose(np.abs(fit.solid.R[:, 2]), [0.0, 0.0, 1.0], atol=1e-12)
+    assert fit.peg == pytest.approx(z, abs=EXACT)
 
 
 def test_coarser_rounds_are_said_to_be_coarser(tmp_path: Path) -> None:
@@ -118,16 +121,6 @@ def test_coarser_rounds_are_said_to_be_coarser(tmp_path: Path) -> None:
         assert mesh.chord_error == pytest.approx(0.006 * (1.0 - np.cos(np.pi / sides)), rel=1e-9)
         assert mesh.chord_error <= deviation
         assert sides & (sides - 1) == 0
-
-
-def part(solid: Solid) -> Part:
-    plain = part_of_solid("part", solid)
-    return Part("part", plain.polyhedron, plain.pieces, found_features(plain.polyhedron, plain.pieces), 0.0)
-
-
-def clearance(moving: Part, fixed: Part) -> float:
-    peg, hole = moving.features[0], fixed.features[0]
-    return mating_clearance(rebased(moving, peg.frame), rebased(fixed, hole.frame), hole.length).per_side
 
 
 def pair(kind: str, r: np.random.Generator) -> tuple[tuple[Any, Solid], tuple[Any, Solid]]:
@@ -168,16 +161,15 @@ def test_a_pair_is_the_same_as_step_as_stl_and_as_solids(kind: str, tmp_path: Pa
                 write_stl(tmp_path / f"{name}.stl", solid)
                 parts.append(mesh_part(name, load_mesh(tmp_path / f"{name}.stl", "mm")))
             else:
-                parts.append(part(solid))
-        measured.append(clearance(*parts))
-        found.append([(f.name, f.kind, f.through, *f.frame.vector(), f.length) for one in parts for f in one.features])
+                parts.append(part_of_solid(name, solid))
+        moving, fixed = parts
+        fit = find(moving.polyhedron, fixed.polyhedron)
+        seated = rebased(moving, fit.solid), rebased(fixed, fit.hollow)
+        measured.append(mating_clearance(*seated, fit.hole).per_side)
+        found.append([*fit.solid.vector(), *fit.hollow.vector(), fit.hole, fit.peg, fit.depth, fit.through])
     assert measured == pytest.approx([measured[0]] * 3, abs=MICRON)
     assert measured[0] == pytest.approx(1.2e-4, abs=MICRON if kind != "quadrilateral" else 10.0 * MICRON)
-    for other in found[1:]:
-        assert [each[:3] for each in other] == [each[:3] for each in found[0]]
-        np.testing.assert_allclose(
-            np.array([each[3:] for each in other], float), np.array([each[3:] for each in found[0]], float), atol=MICRON
-        )
+    np.testing.assert_allclose(found, found[:1] * 3, atol=MICRON)
 
 
 @pytest.mark.wide
@@ -252,8 +244,7 @@ def test_objects_of_python_become_the_same_part() -> None:
     expected = 5e-4 * np.array([x, y, 2.0 * z])
     for one in made:
         np.testing.assert_allclose(one.polyhedron.vertices.max(axis=0), expected, atol=EXACT)
-        assert [feature.name for feature in one.features] == ["peg"]
-        np.testing.assert_allclose(one.features[0].frame.R, made[0].features[0].frame.R, atol=1e-9)
+        assert one.features == ()
     ring = imported_of(([corners, 0.5 * corners], 4.0), "mm").body
     assert ring.volume == pytest.approx(0.75 * x * y * 4.0e-9)
 

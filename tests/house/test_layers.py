@@ -72,7 +72,8 @@ LIBRARIES: dict[str, frozenset[str]] = {
         | {"execution", "notebook", "runtime/ahead.py"}
     ),
     "scipy": frozenset({"geometry", "contact", "papers", "planning", "study"})
-    | {"execution/trials.py", "execution/confidence.py", "execution/engines/drake_engine.py"},
+    | {"execution/trials.py", "execution/confidence.py", "execution/engines/drake_engine.py"}
+    | {"task/object_model/goal.py"},
     "numba": frozenset({"runtime/compiled.py", "runtime/ahead.py"}),
     "threadpoolctl": frozenset({"runtime/compiled.py"}),
     "distributed": frozenset({"study/running/cluster.py"}),
@@ -84,11 +85,13 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "casadi": frozenset({"papers/basanez_suarez/surface.py", "contact/algebra.py", "planning/placement/formation.py"}),
     "mpmath": frozenset({"contact/algebra.py"}),
     "clarabel": frozenset({"planning/optimise/solvers.py"}),
-    "daqp": frozenset({"planning/optimise/solvers.py", "planning/placement/nonlinear_program.py"}),
+    "daqp": frozenset(
+        {"geometry/fit/placing.py", "planning/optimise/solvers.py", "planning/placement/nonlinear_program.py"}
+    ),
     "cvxpy": frozenset({"planning/optimise/cone_program.py", "notebook/placing.py"}),
     "manifold3d": frozenset({"geometry", "papers/lee_huang/touch.py"}),
     "OCP": frozenset({"geometry/step"}),
-    "shapely": frozenset({"planning/press", "geometry", "task/object_model", "papers/basanez_suarez", "report"}),
+    "shapely": frozenset({"planning/press", "geometry", "papers/basanez_suarez", "report"}),
     "matplotlib": frozenset({"report", "study/results/figures.py", "notebook"}),
     "mpl_toolkits": frozenset({"report/views/surface_view.py"}),
     "pydantic": frozenset({"task", "plan", "study/study_file.py"}),
@@ -102,6 +105,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "rosbags": frozenset({"plan/export/ros2.py"}),
     "IPython": frozenset({"notebook/display.py"}),
     "typer": frozenset({"cli"}),
+    "trimesh": frozenset({"geometry/mesh/archive.py"}),
     "rich": frozenset({"cli/console.py"}),
     "markdown_it": frozenset({"manual"}),
 }

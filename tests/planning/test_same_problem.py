@@ -100,7 +100,7 @@ PRESS_LIES: dict[str, tuple[Change, str]] = {
     "a lower rate": (lambda p: p["evidence"].update(min_rate=0.01), "evidence.min_rate"),
     "no friction": (lambda p: p["evidence"]["conditions"].update(friction=[0.0, 0.0]), "evidence.conditions"),
     "another feature": (
-        lambda p: p["parts"]["moving"].update(found={"side": "fixed", "feature": "nonsense", "turn": 1.0}),
+        lambda p: p["parts"]["moving"].update(found={"side": "fixed", "feature": "nonsense"}),
         "parts.moving.found",
     ),
 }

@@ -14,7 +14,7 @@ import fmopt
 from fmopt.errors import Fault, FmoptError, InputError
 from fmopt.planning.pipeline import tried
 from fmopt.task.toml.schema import model_schema, problem_schema
-from tests.shared.files.asked import generated, rectangle, solid, write
+from tests.shared.files.asked import generated, solid, write
 from tests.shared.files.step_files import write_step
 
 PACKAGE = Path(fmopt.__file__).parent
@@ -48,7 +48,6 @@ RULES: tuple[tuple[str, Rule], ...] = (
     (r"did you mean '([^']+)'\?", lambda t, m, f: _renamed(t, m[1], f)),
     (r"add '(\w+)' to \[specification\], or drop '(\w+)'", lambda t, m, f: re.sub(rf"(?m)^{m[2]} = .*\n", "", t)),
     (r"add '(\w+)' to \[([\w.]+)\]", lambda t, m, f: added(t, m[2], f'{m[1]} = "0.01 {_unit(m[1])}"')),
-    (r'say which: (feature = "\w+") under \[(\w+)\]', lambda t, m, f: added(t, m[2], m[1])),
     (r"such as (\"[^\"]+\")", lambda t, m, f: replaced(t, f, m[1])),
     (r'give either .* start = ("[^"]+")', lambda t, m, f: added(t, "uncertainty", f"start = {m[1]}")),
     (r"keep it at (?:most|least) ([\d.e+-]+ ?[\w/*]*)", lambda t, m, f: replaced(t, f, f'"{m[1]}"')),
@@ -108,7 +107,6 @@ BROKEN = {
     "ends with too much": f'{BASE}[specification]\ntermination_force = "30 N"\n',
     "half an impact": f'{BASE}[specification]\nimpact_force = "30 N"\n',
     "clearance of another part": f'{BASE}[clearance]\nx = "9 mm"\n',
-    "two holes alike": LONG.replace("plate", "twins") + BASE[BASE.index("[unc") :],
     "unit of a STEP file": f'{LONG.replace("plate.toml", "plate.step")}unit = "mm"\n{BASE[BASE.index("[unc") :]}',
     "body of a mesh": f"{LONG.replace('plate.toml', 'plate.stl')}body = 1\n{BASE[BASE.index('[unc') :]}",
 }
@@ -120,21 +118,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pair = generated(seed=1)[0]
     write(pair, here, "toml")
     write(pair, here, "stl")
-    _, plate = pair.loops()
-    write_step(here / "plate.step", solid(plate, 12.0))
-    other = tuple((x + 14.0, y) for x, y in plate[1])
-    wide = [tuple((x * 3.0, y * 2.0) for x, y in rectangle(40.0, 40.0)), plate[1], other]
-    polygons = [", ".join(f'["{x!r} mm", "{y!r} mm"]' for x, y in loop) for loop in wide]
-    tools = "".join(
-        f'[solids.hole_{k}]\nshape = "prism"\npolygon = [{polygon}]\nheight = "14 mm"\nat = [0, 0, "-1 mm"]\n'
-        for k, polygon in enumerate(polygons[1:])
-    )
-    shifted = [tuple((x + pair.shift[0], y + pair.shift[1]) for x, y in wide[0])]
-    block = ", ".join(f'["{x!r} mm", "{y!r} mm"]' for x, y in shifted[0])
-    (here / "twins.toml").write_text(
-        'part = "part"\n[solids.part]\nshape = "difference"\nof = "block"\nminus = ["hole_0", "hole_1"]\n'
-        f'[solids.block]\nshape = "prism"\npolygon = [{block}]\nheight = "12 mm"\n{tools}'
-    )
+    write_step(here / "plate.step", solid(pair.loops()[1], 12.0))
     return here
 
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,9 @@ from numpy.typing import NDArray
 from fmopt.geometry.facets import Loop, chords
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.values import Array
+
+if TYPE_CHECKING:
+    from fmopt.geometry.part import Part
 
 _MANY = 16  # planes about one axis stand for a round surface
 _MOSTLY = 0.8  # of the side faces: as many are evenly around
@@ -129,13 +134,45 @@ def through_columns(points: Array, faces: Sequence[Sequence[Loop]], planes: Plan
     return normals, offsets
 
 
-def chord_error(body: Polyhedron) -> float:
+def chord_error(body: Polyhedron, where: Callable[[Array], bool] = lambda corners: True) -> float:
     """The sagitta (m) of the arcs that chains of facets stand for, 0 where there are none.
 
     A facet counts when it has neighbours that it may be one surface with across two or more of its edges: one alone is
     a chamfer or a draft.
+
+    Args:
+        where: whether a facet with corners (n, 3) counts.
     """
     found = list(chords(body))
     neighbours = Counter(number for faces, _ in found for number in faces)
-    counted = (min(sagittas) for faces, sagittas in found if max(neighbours[number] for number in faces) > 1)
-    return max(counted, default=0.0)
+    return max(
+        (
+            min(sagittas)
+            for faces, sagittas in found
+            if max(neighbours[number] for number in faces) > 1
+            and any(where(body.vertices[list(body.faces[number].vertices)]) for number in faces)
+        ),
+        default=0.0,
+    )
+
+
+def met(moving: Part, fixed: Part, depth: float, beside: float) -> tuple[Part, Part]:
+    """Two parts in their mating frames, charged only with curved surfaces that meet the other one's on the way in.
+
+    These are the ones of the moving part that get below the mouth, and of the fixed part those beside what does.
+
+    Args:
+        depth: of the goal, m.
+        beside: how far beside its way the moving part may be, m.
+    """
+    from shapely import MultiPoint
+
+    below = moving.polyhedron.vertices[moving.polyhedron.vertices[:, 2] <= depth + beside, :2]
+    around = MultiPoint(below).convex_hull.buffer(beside)
+
+    own = chord_error(moving.polyhedron, lambda corners: bool(corners[:, 2].min() <= depth + beside))
+    walls = chord_error(fixed.polyhedron, lambda corners: around.intersects(MultiPoint(corners[:, :2]).convex_hull))
+    return (
+        replace(moving, chord_error=moving.chord_error if own else 0.0),
+        replace(fixed, chord_error=fixed.chord_error if walls else 0.0),
+    )

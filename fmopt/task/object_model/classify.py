@@ -15,7 +15,7 @@ from fmopt.errors import TaskError
 from fmopt.geometry.csg import Solid, Union
 from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.spatial.se3 import Pose
-from fmopt.task.object_model.frames import clipped, length, on_axis
+from fmopt.task.object_model.axis import clipped, length, on_axis
 from fmopt.task.object_model.tree import Chain, Feature, FeatureClass, ObjectTree, Sign, Term, instances, moved
 
 MADE = "a feature is made of instances of its own sign"

@@ -19,7 +19,6 @@ from fmopt.geometry.csg import Solid, sagitta
 from fmopt.geometry.polyhedron import placed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
-from fmopt.task.object_model.frames import check_frame
 from fmopt.task.object_model.goal import Goal, Settled, check_goal, settle
 from fmopt.task.object_model.tree import Feature, ObjectTree, moved
 from fmopt.task.object_model.workcell import EXIST, Link, LowerPair, Operand, Ref, Workcell, operand_of
@@ -191,7 +190,9 @@ def _feature(workcell: Workcell, ref: Ref) -> Feature:
         named = ", ".join(feature.name for feature in tree.features if feature.length is not None) or "none"
         message = f"the task names the object {ref.object!r} without a feature"
         raise TaskError(message, ref.object, EXIST, f"features that can be operands: {named}")
-    check_frame(tree, feature)
+    if feature.length is None:
+        message = f"the feature {feature.name!r} of {tree.name!r} has no length and no mating frame"
+        raise TaskError(message, feature.name, EXIST, "give it a length, and a frame in its mouth or leading end")
     return feature
 
 

@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from fmopt.errors import TaskError
-from fmopt.spatial.se3 import Pose, exp, left_jacobian, log
+from fmopt.spatial.se3 import Pose, exp, log
 from fmopt.spatial.values import Array
 from fmopt.task.object_model.workcell import LowerPair
 
@@ -39,7 +39,6 @@ HELD: dict[LowerPair, tuple[int, ...]] = {
     "spherical": (0, 1, 2),
 }
 _NEAR = 1e-9  # m or rad
-_STEPS = 100
 _GRID, _DESCENTS = 9, 4  # values of a free entry, 45° apart; how many of all are begun from
 
 
@@ -96,23 +95,13 @@ def settle(goal: Goal, start: Pose, pair: LowerPair, seated: float, feature: str
 
 def _nearest_rotation(fixed: Array, free: Sequence[int], start: Array, feature: str) -> Array:
     """The rotation vector with given entries but the free ones whose rotation is nearest to `start`."""
-    # With other entries beside it a rotation vector is no turn about an axis of the frame.
-    one_axis = len(free) == 1 and not fixed.any()
-    best = _twist(free[0], start) if one_axis else _searched(fixed, free, start)
+    best = _searched(fixed, free, start)
     # No rotations are more than π apart: then every goal is that far, and none the nearest.
     if _distance(best, start) > math.pi - 1e-6:
         names = ", ".join(ENTRIES[3 + i] for i in free)
         message = f"the start of {feature!r} is turned by 180 deg against every goal, which leaves {names} open"
         raise TaskError(message, feature, SETTLED, "give a number instead of free")
     return best
-
-
-def _twist(axis: int, start: Array) -> Array:
-    """The twist of a rotation about an axis of the frame: 2 atan2 of its quaternion's entry there and its real one."""
-    r = log(start)
-    half = 0.5 * float(np.linalg.norm(r))
-    along = 0.5 * r[axis] * float(np.sinc(half / np.pi))  # NumPy's sinc has the π inside
-    return np.asarray(np.eye(3)[axis] * 2.0 * math.atan2(along, math.cos(half)))
 
 
 def _searched(fixed: Array, free: Sequence[int], start: Array) -> Array:
@@ -130,25 +119,17 @@ def _searched(fixed: Array, free: Sequence[int], start: Array) -> Array:
 
 
 def _descend(q: Array, free: Sequence[int], start: Array) -> Array:
-    """Gauss-Newton steps, halved until they bring the rotation nearer.
+    """The rotation vector near one whose free entries bring its rotation the nearest to `start`."""
+    from scipy.optimize import least_squares
 
-    With e = log(exp(q) Rᵀ) the gradient of ½|e|² is J_l(q)ᵀ e, as the inverse Jacobian at e leaves e alone.
-    """
-    for _ in range(_STEPS):
-        error = log(exp(q) @ start.T)
-        J = left_jacobian(q)[:, list(free)]
-        step = np.linalg.lstsq(J, error, rcond=None)[0]  # J loses rank at a full turn
-        length = 1.0
-        while length > 1e-6:
-            trial = np.array(q)
-            trial[list(free)] -= length * step
-            if _distance(trial, start) < float(np.linalg.norm(error)):
-                break
-            length *= 0.5
-        else:
-            return q
-        q = trial
-    return q
+    def error(entries: Array) -> Array:
+        trial = np.array(q)
+        trial[list(free)] = entries
+        return log(exp(trial) @ start.T)
+
+    found = np.array(q)
+    found[list(free)] = least_squares(error, q[list(free)], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+    return found
 
 
 def _distance(q: Array, start: Array) -> float:

@@ -179,11 +179,11 @@ class Feature(Value):
     """A feature: a body that the object has (+) or lacks (−), with its frame.
 
     Args:
-        frame: in the object's frame. Of a feature with a length it obeys the rules of `frames`: on the central line,
-            an axis along it; z of a hollow feature through the mouth, of a solid one from the leading end inwards.
+        frame: in the object's frame. Of a feature with a length: z of a hollow feature out of the mouth, of a solid one
+            from the leading end inwards.
         body: in the object's frame.
         length: depth of a hole or length of a peg along z, m; None for a feature that only gives shape. Such a feature
-            is never an operand, and its frame is bound by no rule.
+            is never an operand.
         through: whether a hollow feature is open at both ends.
 
     Raises:

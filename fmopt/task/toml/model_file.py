@@ -184,6 +184,11 @@ class Mesh(Table):
     Estimated from the facets if not given; curved faces of a STEP file are faceted as finely as this, 0.01 mm if not
     given, and plane ones are exact."""
 
+    @property
+    def kind(self) -> str:
+        """What the file is, in a word."""
+        return "STEP file" if self.file.lower().endswith((".step", ".stp")) else "mesh"
+
 
 class Profile(Table):
     """A part that moves in a plane only, in place of solids: convex polygons in x and z whose union it is."""
@@ -211,6 +216,11 @@ class MatingFeature(Table):
     """Class of features to list it in, such as holes or slots; holes or pegs, by its kind, if not given."""
     solids: Annotated[tuple[Name, ...], Field(min_length=1, max_length=256)] | None = None
     """Named solids that it is made of: what a hole takes away, or a peg adds; found on its axis if not given."""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether its place and its length are known."""
+        return self.at is not None and self.length is not None
 
 
 class ModelFile(Table):

@@ -20,7 +20,8 @@ Key = tuple[str | int, ...]
 MAX_BYTES = 1_000_000
 _SYNTAX = "see https://toml.io for the syntax; numbers take a decimal point, words quotation marks"
 _PARTS = {".stl", ".obj", ".ply", ".3mf", ".glb", ".step", ".stp"}
-_FOREIGN = {".sdf", ".urdf", ".gltf", ".dae", ".off", ".iges", ".igs", ".brep", ".sldprt", ".ipt", ".x_t", ".fcstd"}
+_OTHERS = "sdf urdf xml gltf dae off amf wrl fbx 3dm iges igs brep sldprt sldasm ipt iam x_t f3d fcstd scad blend"
+_FOREIGN = {f".{end}" for end in _OTHERS.split()}
 NAME_PROBLEM = "name a problem file, which names two models under [moving] and [fixed]; or both parts, with --error"
 MAX_DEPTH = 24
 

@@ -26,14 +26,12 @@ class Body:
 class Found:
     """How a part mates, where its files do not say it: which side of the problem it is and by which feature.
 
-    `frame` is that of the feature in the model's frame (position, rotation vector), None where the model states it;
-    `turn` the angle of the peg about the axis of the hole at the goal, rad.
+    `frame` is that of the feature in the model's frame (position, rotation vector), None where the model states it.
     """
 
     side: str
     feature: str
     frame: Numbers | None
-    turn: float
 
 
 @dataclass(frozen=True)

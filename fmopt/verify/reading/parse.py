@@ -70,7 +70,7 @@ _PART = fields(
     objects="pieces exact found balls",
     optional=("exact", "found", "balls", "form"),
 )
-_FOUND = fields("parts.*.found", proved="frame turn", compared="side feature", optional=("frame",))
+_FOUND = fields("parts.*.found", proved="frame", compared="side feature", optional=("frame",))
 _BALL = fields("parts.*.balls[]", compared="vertex radius")
 _EXACT = fields("parts.*.exact[]", proved="vertex at")
 _PIECE = fields("parts.*.pieces[]", proved="vertices faces")
@@ -269,8 +269,7 @@ def _found(place: Reader) -> Found | None:
         return None
     found.only(_FOUND)
     frame = found.at("frame").numbers(6, -1e3, 1e3) if found.has("frame") else None
-    turn = found.at("turn").number(-6.3, 6.3)
-    return Found(found.at("side").text(("moving", "fixed")), found.at("feature").text(), frame, turn)
+    return Found(found.at("side").text(("moving", "fixed")), found.at("feature").text(), frame)
 
 
 def _exact(place: Reader, count: int) -> dict[int, tuple[int, int, int, int]]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fmopt.certificate.error_set import ErrorSet
-from fmopt.errors import InputError, InterferenceError, TaskError
+from fmopt.errors import InterferenceError, TaskError
 from fmopt.geometry.csg import Box, Cylinder, Placed, Prism, Solid, ring
 from fmopt.papers.lee_huang.mapping import Mapping, answered
 from fmopt.planning.pipeline import nominal_motion, synthesise
@@ -182,16 +182,6 @@ def test_starts_of_problem_files(tmp_path: Path, old: str, new: str, words: str 
     with pytest.raises(TaskError, match=words) as told:
         nominal_motion(problem, errors, RHO)
     assert told.value.rule
-
-
-def test_a_hole_without_a_mouth_is_refused_on_loading(tmp_path: Path) -> None:
-    model = (ROOT / "models" / "square_hole_block.toml").read_text(encoding="utf-8")
-    (tmp_path / "block.toml").write_text(
-        model.replace('at = [0, 0, "block_z"]', 'at = [0, 0, "block_z - depth / 2"]'), "utf-8"
-    )
-    text = shipped("square_peg").replace(str(ROOT / "models" / "square_hole_block.toml"), "block.toml")
-    with pytest.raises(InputError, match=r"block.toml:\d+:\d+: frame-rule: features.hole: .*rule:"):
-        loaded(tmp_path, text)
 
 
 def test_an_obstacle_of_the_fixed_model_off_the_planes_is_reported(tmp_path: Path) -> None:

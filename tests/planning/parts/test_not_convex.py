@@ -44,18 +44,20 @@ def test_a_leg_that_is_too_far_out_is_noticed(grown: float) -> None:
     """What a face in one wall says of one beside it holds for that one's place alone."""
     plan = copy.deepcopy(solved("U", 3))
     moved = 0
+    axis, side = _inner_side(plan)
     for body in (plan["parts"]["moving"], *plan["parts"]["moving"]["pieces"]):
         vertices = np.array(body["vertices"])
-        inner = np.abs(vertices[:, 0] - _inner_side(plan)) < 1e-9  # of the right leg, which faces the left one
-        vertices[inner, 0] -= grown
+        inner = np.abs(vertices[:, axis] - side) < 1e-9  # of one leg, which faces the other one
+        vertices[inner, axis] -= grown
         moved += int(inner.sum())
         body["vertices"] = vertices.tolist()
     assert moved > 0
     assert verify(plan).verdict != "CERTIFIED"
 
 
-def _inner_side(plan: dict[str, Any]) -> float:
-    """Where the inner side of the leg towards +x is."""
-    across = sorted({round(vertex[0], 12) for vertex in plan["parts"]["moving"]["vertices"]})
-    assert len(across) == 4
-    return float(across[2])
+def _inner_side(plan: dict[str, Any]) -> tuple[int, float]:
+    """Across which axis the legs stand, and where the inner side of the one towards that is."""
+    levels = [sorted({round(vertex[k], 12) for vertex in plan["parts"]["moving"]["vertices"]}) for k in (0, 1)]
+    axis = int(len(levels[0]) < len(levels[1]))
+    assert len(levels[axis]) == 4
+    return axis, float(levels[axis][2])

@@ -73,7 +73,7 @@ def whole_plan() -> dict[str, Any]:
     box = plan["uncertainty"]["start_box"]
     uncertainty = {**plan["uncertainty"], "sources": [{"frame": "world", "box": box}]}
     fixed = {**plan["parts"]["fixed"], "exact": [{"vertex": 0, "at": ["-1/20", "-1/20", "-1/50"]}]}
-    fixed["found"] = {"side": "fixed", "feature": "hole", "frame": ZERO, "turn": 0.0}
+    fixed["found"] = {"side": "fixed", "feature": "hole", "frame": ZERO}
     moving = plan["parts"]["moving"]
     ball = {"vertex": len(moving["vertices"]), "radius": 0.001}
     moving = {**moving, "vertices": [*moving["vertices"], [0.0, 0.0, 0.01]], "balls": [ball]}

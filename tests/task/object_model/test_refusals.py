@@ -10,7 +10,6 @@ import pytest
 from fmopt.errors import InterferenceError, TaskError
 from fmopt.geometry.csg import Box
 from fmopt.task.object_model.command import APART, CLEAR, KINDS, STALE, START, Specification, Task, answer, completed
-from fmopt.task.object_model.frames import MOUTH
 from fmopt.task.object_model.goal import FREE, INSERTED, ON_AXIS, SETTLED, Goal
 from fmopt.task.object_model.workcell import EXIST, Link, LinkKind, LowerPair, Ref, Workcell
 from tests.shared.parts.workcells import (
@@ -23,7 +22,6 @@ from tests.shared.parts.workcells import (
     feature,
     peg,
     plate,
-    round_hole,
     task,
     thing,
 )
@@ -101,17 +99,6 @@ def test_a_peg_too_thick_interferes() -> None:
     with pytest.raises(InterferenceError, match=r"at the goal peg\.shaft overlaps 'bush' by 0\.9\d* mm") as caught:
         answer(base, IN_BUSH)
     assert caught.value.interference == pytest.approx(1e-3 * math.cos(math.pi / SIDES), rel=1e-6)
-
-
-def test_a_feature_without_a_mouth() -> None:
-    closed = thing(
-        "box",
-        at(0),
-        feature("block", "+", at(0), Box((0.1, 0.1, 0.1)), None),
-        feature("void", "-", at(0, 0, 0.06), round_hole(0.02, 0.05, 0.03), 0.04),
-    )
-    error = refused(cell(closed, peg(at(0, 0, 0.2))), task("peg.shaft", "box.void"))
-    assert (error.rule, error.feature) == (MOUTH, "void")
 
 
 def test_operands_joined_by_other_links() -> None:

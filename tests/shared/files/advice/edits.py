@@ -77,8 +77,10 @@ def raw_model(folder: Path, text: str | bytes) -> Any:
     model, faults = load_model(path, Place(str(path)), {})
     if model is None or faults:
         raise InputError(*faults)
-    build_tree(model.source, model.file)
-    return build_part(model.source, model.file)
+    part = build_part(model.source, model.file)
+    if part.features:
+        build_tree(model.source, model.file)
+    return part
 
 
 def model(folder: Path, text: str) -> Any:

@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from typer.testing import CliRunner
 
 import fmopt
-from fmopt.cli import app
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Box, Cylinder
 from fmopt.geometry.mating_features import DESCRIBE
@@ -29,17 +27,10 @@ from tests.shared.files.advice.edits import (
     problem,
     written,
 )
-from tests.shared.files.advice.models import TWINS
-from tests.shared.files.advice.problems import MATED, NAMED, WHOLE
-from tests.shared.files.asked import generated, write, write_assembly
+from tests.shared.files.advice.problems import MATED, NAMED
 from tests.shared.files.mesh_damage import subdivided
 from tests.shared.files.mesh_files import plate, rounded, stl_text, triangles_of
 from tests.shared.files.packed import packed_stl
-
-
-def twins(folder: Path, text: str) -> Any:
-    """A problem of a peg and a block with two holes for it."""
-    return files(folder, {"peg.toml": SMALL, "block.toml": f"{TWINS}{UNITS}", "problem.toml": text})
 
 
 def declared(folder: Path, given: tuple[str, str, str]) -> Any:
@@ -63,17 +54,11 @@ def meshes(folder: Path, noise: float) -> Any:
     return fitted(folder, {**both, **said})
 
 
-def both(folder: Path, depth: float | None) -> Any:
-    """A STEP file of two bodies, the one so deep in the other; or each by itself."""
-    pair = generated(seed=1)[0]
-    write_assembly(folder / "both.step", pair, 7.0 if depth is None else depth)
-    if depth is None:
-        one, other = write(pair, folder, "step")
-        return fmopt.problem(one, other, "0.02 mm, 0.02 deg", folder=folder / "asked")
-    text = (
-        f'moving = {{ model = "both.step", body = "peg" }}\nfixed = {{ model = "both.step", body = "plate" }}\n{START}'
-    )
-    return files(folder, {"problem.toml": text})
+def plain(folder: Path, given: tuple[str, str]) -> Any:
+    """A problem of the peg and a block, and a feature of that which it names, or none."""
+    block, name = given
+    named = f'feature = "{name}"\n' if name else ""
+    return files(folder, {"block.toml": block + UNITS, "problem.toml": f"{LONG}{named}{START}"})
 
 
 def far_off(folder: Path, x: float) -> Any:
@@ -97,37 +82,19 @@ def bare(folder: Path, where: str) -> Any:
     return files(folder, {**said, "problem.toml": text})
 
 
-def drawn(folder: Path, name: str) -> Any:
-    """A problem of the peg and another part, which is drawn first."""
-    written(folder, PAIR)
-    drawing = folder / f"{name}.svg"
-    done = CliRunner().invoke(app, ["check", str(folder / f"{name}.toml"), "--out", str(drawing)])
-    assert done.exit_code == 0
-    assert drawing.exists()
-    return problem(folder, WHOLE.replace("block", name))
-
-
 def round_peg(sides: int) -> dict[str, str]:
     """A problem of a round peg as a mesh of so many sides."""
     rod = stl_text(*triangles_of(Cylinder(0.01, 0.05, sides)))
     return {"rod.stl": rod, "problem.toml": NAMED_STL.format('unit = "mm"\n')}
 
 
-def many(folder: Path, text: str) -> Any:
-    """A problem of a peg and a block, each with many features at one place."""
-    pegs = "".join(f'[features.p{n}]\nkind = "solid"\nat = [0, 0, 0]\nlength = 50\n' for n in range(17))
-    holes = "".join(f'[features.h{n}]\nkind = "hollow"\nat = [0, 0, 40]\nlength = 30\n' for n in range(16))
-    parts = {"peg.toml": BAR + pegs + UNITS, "block.toml": SOLID + holes + UNITS}
-    return files(folder, {**parts, "problem.toml": text})
-
-
 WIDE = '[solids.wide]\nshape = "box"\nsize = [24, 24, 40]\nat = [60, 0, 10]\n'
 TWO = BLOCK.replace("60, 60, 40", "200, 60, 40").replace('["pocket"]', '["pocket", "wide"]') + WIDE
-BAR, SOLID = PEG[: PEG.index("[features")], BLOCK[: BLOCK.index("[features")]
+BARE_BLOCK = BLOCK[: BLOCK.index("[features")]
+PEG_TOO = '[features.p]\nkind = "solid"\nat = [15, 0, 0]\nlength = 40\n'
 BARE = 'set unit = "m" where the file is named, under [moving], [fixed] or [mesh], or by --unit m, if that is meant'
 CENTIMETRES = "[uncertainty.start]\nposition = 2\nangle = 1"
 CHECK = "check the units of the model files, [mesh] unit among them, and which features are to mate; "
-SMALL = PEG.replace("20, 20, 50", "9.8, 9.8, 50") + UNITS
 CASES: tuple[Case, ...] = (
     edited(
         "a feature misspelt",
@@ -137,6 +104,15 @@ CASES: tuple[Case, ...] = (
         f"{MATED}{START}",
     ),
     edited("no such feature", "features: hole", problem, MATED.replace('"hole"', '"slot"') + START, f"{MATED}{START}"),
+    edited(
+        "no such feature of a part that states none",
+        f"leave 'feature' out, to have it found with the other part; or {DESCRIBE}",
+        plain,
+        (BARE_BLOCK, "slot"),
+        (BARE_BLOCK, ""),
+        (BLOCK.replace("[features.hole]", "[features.slot]"), "slot"),
+    ),
+    edited("a peg each", DESCRIBE, plain, (f"{BARE_BLOCK}{PEG_TOO}", ""), (BLOCK, "")),
     edited(
         "two pegs",
         NAMED,
@@ -160,61 +136,8 @@ CASES: tuple[Case, ...] = (
         ("2 mm", "mm", "wide"),
     ),
     edited("facets off their planes", "export the mesh with more digits, its plane faces plane", meshes, 0.01, 0.0),
-    edited(
-        "bodies apart",
-        "export the assembly with the parts seated; or export each part on its own and name both files",
-        both,
-        -5.0,
-        7.0,
-        None,
-        slow=True,
-    ),
     edited("a feature elsewhere", "check where the feature is", far_off, 5000, 0),
     edited("metres for millimetres", BARE, bare, "", "moving", "mesh", "--unit"),
-    edited(
-        "two holes alike",
-        'say which: feature = "hole_1" under [fixed]',
-        twins,
-        f"{LONG}{START}",
-        f'{LONG}feature = "hole_1"\n{START}',
-    ),
-    edited(
-        "two holes alike, in short",
-        'say which: fixed = { model = "block.toml", feature = "hole_1" }',
-        twins,
-        WHOLE,
-        f'moving = "peg.toml"\nfixed = {{ model = "block.toml", feature = "hole_1" }}\n{START}',
-    ),
-    edited(
-        "many alike",
-        'say which, such as feature = "p0" under [moving] and feature = "h0" under [fixed]',
-        many,
-        f"{LONG}{START}",
-        LONG.replace("[fixed]", 'feature = "p0"\n[fixed]\nfeature = "h0"') + START,
-    ),
-    edited(
-        "a peg for a hole",
-        "check that the files are those of a peg and of a part with a hole for it, each drawn by: fmopt check FILE "
-        "--out FILE.svg",
-        drawn,
-        "peg",
-        "block",
-    ),
-    edited(
-        "a found feature misspelt",
-        f"did you mean 'hole_1'?; they were found, and for another one {DESCRIBE}",
-        twins,
-        f'{LONG}feature = "hole1"\n{START}',
-        f'{LONG}feature = "hole_1"\n{START}',
-    ),
-    edited(
-        "no such feature was found",
-        f"features: hole_1, hole_2; they were found, and for another one {DESCRIBE}",
-        twins,
-        f'{LONG}feature = "slot"\n{START}',
-        f'{LONG}feature = "hole_1"\n{START}',
-        f'{LONG}feature = "hole_2"\n{START}',
-    ),
 )
 
 

@@ -149,7 +149,7 @@ CASES: tuple[Case, ...] = (
     edited("no such object", "its objects: peg, block", assembly, GIVEN.replace('"peg.peg"', '"pin.peg"'), GIVEN),
     edited("no such feature", "its features: whole, hole", assembly, GIVEN.replace("block.hole", "block.slot"), GIVEN),
     edited("an object for a feature", "features that can be operands: peg", named, "", "peg"),
-    edited("a feature without frame", "give it a length, and a frame on its central line", twin, "", SECOND),
+    edited("a feature without frame", "give it a length, and a frame in its mouth or leading end", twin, "", SECOND),
     edited("one object", "name features of two objects", assembly, GIVEN.replace("block.hole", "peg.peg"), GIVEN),
     edited("two pegs", NAMED, assembly, GIVEN.replace("block.hole", "rest.peg") + REST, GIVEN + REST),
     edited(

@@ -1,0 +1,419 @@
+"""The fit of two solids: which end of one goes into which opening of the other, where, how deep, with what clearance.
+
+Of all candidates the fit is the one with the largest area of walls within 2 % of the width of the other's, then 5, 10.
+One that interferes gives way to one that goes in and has half of that. Of equals the one with the least clearance is
+taken, of these the deeper one, then the one whose smaller end leads, then the one with the wider mouth, then the one
+that turns the solid the least.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.centre import axis, centre, is_round
+from fmopt.geometry.fit import search
+from fmopt.geometry.fit.layers import INSIDE, Layers, Outline, common, openings
+from fmopt.geometry.fit.placing import Facing, Placement, moved
+from fmopt.geometry.fit.search import SHARES, Candidate, Led, largest
+from fmopt.geometry.fit.seat import Way, most_room
+from fmopt.geometry.mating_features import DESCRIBE
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+
+_FITS = 0.1  # of the width: a closed opening with less room than that is one that the solid fits
+_EQUAL = 0.02  # of the wall area
+_HALF, _CLOSE = 0.5, 0.05  # of the wall area, and of the width: what goes in and is taken before what does not
+_SAME, _EQUALLY = 1e-6, 1e-7  # m: of depths, and of clearances
+_ANGLE = 1e-6  # rad
+_MOST_OF = 0.25  # of the walls that are within the largest share: a smaller share that finds so many of them tells
+_OTHER_END = 0.4  # of the wall area, which the other end of a solid has at least
+_INTERFERING, _TRIES = 3, 4  # turns
+_MOUTH = 4.0  # times the hull of what goes in: a wider opening is no mouth of it
+_NANO = 9  # decimals of coordinates in m
+_OVERLAP = 0.15  # of the section's area, by which it may overlap before it is placed
+_LITTLE = 1e-3  # of an area
+_NEAR = 1e-4  # rad
+_EXACT = 1e-9  # m
+_NOISE = 5e-4  # of the height of material: slabs that are thinner tell nothing of its openings
+_BESIDE = 1e-7  # m: how far above and below a mouth it is cut
+_ROUNDS = 3  # of depth and place, which depend on each other
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What is stated of how a solid mates: whether it goes in or is gone into, and by which frames in its model."""
+
+    kind: str | None = None
+    frames: tuple[Pose, ...] = ()
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A solid in an opening of another one.
+
+    Args:
+        exchanged: whether the part that moves is the one with the opening.
+        solid: frame of what goes in, in its model: the origin in its tip, z back into the part.
+        hollow: frame of the opening in its model: the origin in its mouth, z out of it, x along its longest side.
+        clearance: on each side, m; negative by how much what goes in would have to shrink.
+        depth: of the tip below the mouth, m, the axes of the two frames on each other.
+        hole: depth of the opening, m.
+        peg: how long what goes in is, m.
+        through: whether the opening goes through.
+        alike: how many openings fit alike.
+    """
+
+    exchanged: bool
+    solid: Pose
+    hollow: Pose
+    clearance: float
+    depth: float
+    hole: float
+    peg: float
+    through: bool
+    alike: int = 1
+
+    @property
+    def pose(self) -> Pose:
+        """The pose of the solid's model in that of the other one, seated."""
+        down = Pose(np.array([0.0, 0.0, -self.depth]), np.eye(3))
+        return self.hollow.compose(down).compose(self.solid.inverse())
+
+
+def find(
+    moving: Polyhedron,
+    fixed: Polyhedron,
+    stated: Sequence[Stated] = (Stated(), Stated()),
+    depth: float | None = None,
+    seated: Pose | None = None,
+) -> Fit:
+    """The fit of two solids in any frames.
+
+    Args:
+        stated: of the moving and the fixed one.
+        depth: of the goal below the mouth, m; the first stop of the straight way in if None.
+        seated: pose of the moving solid in the frame of the fixed one, which counts where it can be reached straight.
+
+    Raises:
+        GeometryError: nothing goes into anything.
+    """
+    bodies = (moving, fixed)
+    roles = [(a, b) for a, b in ((0, 1), (1, 0)) if stated[a].kind != "hollow" and stated[b].kind != "solid"]
+    if seated is not None:
+        poses = seated, seated.inverse()
+        there = [(one, a) for a, b in roles for one in _standing(bodies[a], bodies[b], poses[a])]
+        if there:
+            one, a = min(there, key=lambda one: (-round(one[0].walls[-1], 12), one[0].depth))
+            return _fit(_Seat(one, depth, one.material.high - one.depth), a == 1, 1)
+    # A solid is led against z of its frame, and z of an opening looks out of it.
+    solids = [[Led(Layers(bodies[a], search.upright(z))) for z in _ways(bodies[a], stated[a])] for a, _ in roles]
+    others = [[Layers(bodies[b], search.upright(z)) for z in _ways(bodies[b], stated[b])] for _, b in roles]
+    ways = list(zip(solids, others, strict=True))
+    found = list[tuple[Candidate, int]]()
+    for closed in (True, False):
+        for (a, b), way in zip(roles, ways, strict=True):
+            found += [(one, a) for one in search.candidates(*way, closed) if _is_stated(one, stated[b].frames)]
+        if any(abs(one.clearance) < _FITS * one.width and one.walls[-1] > 0.0 for one, _ in found):
+            break
+    best = _best([one for one, _ in found])
+    if not best:
+        raise _no_fit([one for one, _ in found])
+    seats = [_Seat(one, depth) for one in _places(best)]
+    chosen = _first(seats, depth)
+    side = next(a for one, a in found if one.led is chosen.candidate.led)
+    like = [seat for seat in seats if abs(seat.clearance - chosen.clearance) <= _EQUALLY]
+    ways_in = {(id(seat.own), id(seat.other)) for seat in like}
+    return _fit(chosen, side == 1, max(len(like) // max(len(ways_in), 1), 1))
+
+
+def _is_stated(one: Candidate, frames: Sequence[Pose]) -> bool:
+    """Whether an opening is in the frame of a hollow feature that is stated, if any is."""
+    at = [one.material.turn @ frame.p for frame in frames if one.material.turn[2] @ frame.R[:, 2] > 1.0 - _LITTLE]
+    return not frames or any(one.opening.distance(shapely.Point(point[:2])) <= _SAME for point in at)
+
+
+def _standing(solid: Polyhedron, other: Polyhedron, pose: Pose) -> Iterator[Candidate]:
+    """A solid as it stands in another one, by each direction in which it can be drawn out straight.
+
+    Args:
+        pose: of the solid in the frame of the other one.
+    """
+    ways = [*search.directions(other), *(pose.R @ way for way in search.directions(solid))]
+    for out in ways:
+        material = Layers(other, search.upright(out))
+        led, shift = Led(Layers(solid, material.turn @ pose.R)), material.turn @ pose.p
+        pivot, at = np.zeros(2), np.array([shift[0], shift[1], 0.0])
+        depth = material.high - (led.layers.low + float(shift[2]))
+        way = Way(led, material, pivot)
+        if depth <= _SAME or way.is_blocked(depth, at, _SAME):
+            continue
+        for height in reversed(material.middles):
+            swept = way.swept(max(height - material.high + depth, INSIDE))
+            around = opening_around(material.section(height), swept.shape, at, pivot)
+            if around is not None:
+                where = (led, len(led.swept) - 1, material, height, *around, pivot, at)
+                found = Candidate(*where, 0.0, search.width_of(led.swept[-1]), depth, ())
+                if (area := search.walls(found))[-1] > 0.0:
+                    yield replace(found, walls=area)
+
+
+def _ways(body: Polyhedron, stated: Stated) -> list[Array]:
+    return [frame.R[:, 2] for frame in stated.frames] or search.directions(body)
+
+
+def _no_fit(found: Sequence[Candidate]) -> GeometryError:
+    """Nothing goes in, with what comes the nearest."""
+    message = "nothing of the one goes into an opening of the other"
+    if found:
+        near = max(found, key=lambda one: one.clearance)
+        message += f": the nearest is too thick by {-1e3 * near.clearance:.4g} mm a side"
+    return GeometryError(message, f"check the units of both, and that one has an opening for the other; or {DESCRIBE}")
+
+
+def _best(found: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates with the largest area of walls along walls, or as good as that, and their other ends."""
+    area = np.array([one.walls for one in found]).reshape(len(found), len(SHARES))
+    most = area.max(axis=0, initial=0.0)
+    if most[-1] == 0.0:
+        return []
+    share = int(np.argmax(most > _MOST_OF * most[-1]))
+    tied = [one for one in found if one.walls[share] >= (1.0 - _EQUAL) * most[share]]
+    free = [one for one in found if one.walls[-1] > _HALF * most[share] and 0.0 < one.clearance < _CLOSE * one.width]
+    if free and all(one.clearance <= 0.0 for one in tied):
+        tied = [one for one in free if one.walls[-1] >= (1.0 - _EQUAL) * max(one.walls[-1] for one in free)]
+    others = [one for one in found if one.walls[share] > _OTHER_END * most[share] and one not in tied]
+    ends = [one for one in others if any(one.led is not two.led and _same_opening(one, two) for two in tied)]
+    return [*tied, *ends]
+
+
+def _places(found: Sequence[Candidate]) -> list[Candidate]:
+    """Of each pair of directions and place the candidate with the most room; of one that interferes, three."""
+    kept = list[Candidate]()
+    for one in sorted(found, key=lambda one: -round(one.clearance, 9)):
+        alike = [other for other in kept if one.led is other.led and one.material is other.material]
+        there = [other for other in alike if _same_opening(one, other)]
+        if len(there) < (1 if one.clearance > 0.0 or (there and there[0].clearance > 0.0) else _INTERFERING):
+            kept.append(one)
+    return kept
+
+
+def _same_opening(one: Candidate, other: Candidate) -> bool:
+    """Whether two candidates are on one line through the material, and one line of the solid, whatever end leads."""
+    across = abs(float(one.material.turn[2] @ other.material.turn[2]))
+    own = abs(float(one.led.layers.turn[2] @ other.led.layers.turn[2]))
+    return min(own, across) > 1.0 - _LITTLE and float(np.linalg.norm(_foot(one) - _foot(other))) < _FITS * one.width
+
+
+def _foot(one: Candidate) -> Array:
+    """The point (3,) of a candidate's line that is nearest to the origin of the material's model, m."""
+    middle = moved(one.led.swept[-1].shape.centroid, one.pivot, one.at).coords[0]
+    return np.asarray(one.material.turn[:2].T @ np.array(middle))
+
+
+class _Seat:
+    """A candidate at its seat: as deep as the straight way goes, or as a goal states, where it has the most room."""
+
+    def __init__(self, candidate: Candidate, depth: float | None = None, tip: float | None = None) -> None:
+        """Seats it.
+
+        Args:
+            depth: of the goal below the mouth, m; that of `tip` if None, a height (m), or the first stop.
+        """
+        self.candidate, self.own, self.other = candidate, candidate.led.layers, candidate.material
+        self.way = Way(candidate.led, candidate.material, candidate.pivot)
+        self.at, self.clearance = candidate.at, candidate.clearance
+        before = math.inf
+        for _ in range(_ROUNDS):
+            self._go_down(depth, tip)
+            if abs(self.tip - before) <= _EXACT:
+                break
+            before, pairs = self.tip, self.way.pairs(self.other.high - self.tip)
+            if not pairs:  # stuck before it is in
+                self.clearance = -candidate.width
+                break
+            self.clearance, self.at = most_room(pairs, self.way.pivot, self.at, candidate.width, candidate.closed)
+
+    def _go_down(self, stated: float | None, tip: float | None) -> None:
+        """Height of the tip, of the mouth and of the far end of the opening, m, and whether it is open there."""
+        depth, self.stopped = self.way.stop(self.at, max(-self.clearance, 0.0)) if tip is None else (0.0, True)
+        self.tip = self.other.high - depth if tip is None else tip
+        self.mouth, self.bottom, self.through = self._run()
+        long = self.own.high - self.own.low
+        if tip is None and self.through and self.tip < self.bottom - _SAME and not (self.stopped and self._has_head()):
+            self.tip = self.bottom if self.stopped else max(self.bottom, self.mouth - long)
+            self.stopped = False
+        if stated is not None:
+            self.tip = self.mouth - stated
+
+    def _has_head(self) -> bool:
+        """Whether what stops it rests on the rim of the mouth."""
+        over = self._put(self.own.section(self.own.low + self.mouth - self.tip + _BESIDE).shape)
+        under = self.other.section(self.mouth - _BESIDE).shape
+        return bool(common(under, over) > _SAME * under.length)
+
+    def _put(self, shape: BaseGeometry) -> BaseGeometry:
+        return moved(shape, self.way.pivot, self.at)
+
+    def _run(self) -> tuple[float, float, bool]:
+        thin = _NOISE * (self.other.high - self.other.low)
+        slabs = [(float(a), float(b)) for a, b in pairwise(self.other.bounds) if b - a > thin]
+        top = bottom = next(k for k, (a, b) in enumerate(slabs) if a <= self.candidate.height <= b)
+        while top + 1 < len(slabs) and self.opening(0.5 * sum(slabs[top + 1])) is not None:
+            top += 1
+        while bottom > 0 and self.opening(0.5 * sum(slabs[bottom - 1])) is not None:
+            bottom -= 1
+        if bottom == 0:
+            return slabs[top][1], slabs[0][0], True
+        first = self._put(self.way.swept(INSIDE).shape)
+        below = self.other.section(0.5 * sum(slabs[bottom - 1])).shape
+        return slabs[top][1], slabs[bottom][0], bool(common(below, first) < _LITTLE * first.area)
+
+    @property
+    def walls(self) -> tuple[float, ...]:
+        """Area of its walls that run along walls, m²."""
+        depth = self.other.high - self.tip
+        return search.walls(replace(self.candidate, at=self.at, clearance=self.clearance, depth=depth))
+
+    def opening(self, height: float) -> shapely.Polygon | None:
+        """The opening at a height, m, that holds what sweeps by there; None where it is wide, or there is none."""
+        swept = self.way.swept(max(height - self.tip, INSIDE)).shape
+        around = opening_around(self.other.section(height), swept, self.at, self.way.pivot)
+        return None if around is None else around[0]
+
+    def angle_at(self, at: Array) -> float:
+        """How far the solid's model would be turned against the other one's, rad."""
+        cosine = 0.5 * (float(np.trace(self.other.turn.T @ _about(float(at[2])) @ self.own.turn)) - 1.0)
+        return math.acos(min(max(cosine, -1.0), 1.0))
+
+    @property
+    def rank(self) -> tuple[float, ...]:
+        """How the solid's model is turned, and where the opening looks."""
+        return (round(self.angle_at(self.at), 6), *(-np.round(self.other.turn[2][::-1], 6)).tolist())
+
+    @property
+    def rim(self) -> float:
+        """Area of the opening in its mouth, m²."""
+        opening = self.opening(self.mouth - INSIDE)
+        return self.candidate.opening.area if opening is None else float(opening.area)
+
+    @property
+    def end(self) -> float:
+        """Area of the end that leads, m²."""
+        return float(self.own.section(self.own.low + INSIDE).shape.area)
+
+
+def opening_around(
+    material: Outline, swept: BaseGeometry, at: Array, pivot: Array
+) -> tuple[shapely.Polygon, bool] | None:
+    """The opening of a section that holds the largest part of what sweeps by, if it is no wider, and if it is closed.
+
+    Args:
+        at, pivot: (3,) and (2,), where what sweeps by is placed.
+    """
+    most, part = _MOUTH * swept.convex_hull.area, largest(moved(swept, pivot, at))
+    for opening, closed in openings(material):
+        if opening.area < most and common(opening, part) > 0.5 * part.area:
+            return opening, closed
+    return None
+
+
+def _about(angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _first(seats: Sequence[_Seat], depth: float | None) -> _Seat:
+    """The seat in the opening with the least room, at the end with the most of it there.
+
+    Of equals the deepest, then that with the smaller end first, then into the wider mouth, then the least turned one.
+    """
+    most = max(seat.walls[-1] for seat in seats)
+    groups = list[list[_Seat]]()
+    for seat in seats:
+        if seat.walls[-1] > _OTHER_END * most or not most:
+            there = [group for group in groups if _same_opening(group[0].candidate, seat.candidate)]
+            if there:
+                there[0].append(seat)
+            else:
+                groups.append([seat])
+    roomy = [max(group, key=lambda seat: seat.clearance) for group in groups]
+    free = [seat for seat in roomy if seat.clearance > 0.0]
+    best = min(free, key=lambda seat: seat.clearance) if free else max(roomy, key=lambda seat: seat.clearance)
+    near = sorted((seat for group in groups for seat in group), key=lambda seat: seat.clearance)
+    roomiest = {(id(seat.own), id(seat.other)): seat for seat in near if abs(seat.clearance - best.clearance) <= _SAME}
+    left = [*roomiest.values()]
+    deepest = max(seat.mouth - seat.tip for seat in left)
+    left = [seat for seat in left if seat.mouth - seat.tip >= deepest - _SAME]
+    smallest = min(seat.end for seat in left)
+    left = [seat for seat in left if seat.end <= smallest * (1.0 + _LITTLE)]
+    widest = max(seat.rim for seat in left)
+    left = [seat for seat in left if seat.rim >= widest * (1.0 - _LITTLE)]
+    return min((_best_turned(seat, depth) for seat in left), key=lambda seat: seat.rank)
+
+
+def _best_turned(seat: _Seat, depth: float | None) -> _Seat:
+    """A seat at the turn with the most room, of those that leave as much the one that turns the solid the least."""
+    one = seat.candidate
+    swept, material = one.led.swept[one.slab], one.material.section(one.height)
+    size, facing = math.sqrt(swept.shape.convex_hull.area), (Facing(swept, material, one.pivot),)
+    placed = [
+        Placement(facing, at, size, _EXACT).improved(0.05 * size)
+        for overlap, at in search.started(swept, material, one.opening, every=True)
+        if overlap <= _OVERLAP * swept.shape.area
+    ]
+    most = max((other.clearance for other in placed), default=one.clearance)
+    roomy = [other for other in placed if other.clearance > max(most, one.clearance) - _EQUALLY]
+    for other in sorted(roomy, key=lambda other: seat.angle_at(other.at))[:_TRIES]:
+        if most <= one.clearance + _EQUALLY and seat.angle_at(other.at) > seat.angle_at(seat.at) - _NEAR:
+            break
+        tried = _Seat(replace(one, at=other.at, clearance=other.clearance), depth)
+        alike = np.allclose(tried.walls, seat.walls, rtol=_EQUAL, atol=0.0) and abs(tried.tip - seat.tip) <= _SAME
+        if alike and tried.clearance >= seat.clearance - _EQUALLY:
+            return tried
+    return seat
+
+
+def _fit(seat: _Seat, exchanged: bool, alike: int) -> Fit:
+    own, other, one = seat.own, seat.other, seat.candidate
+    depth = seat.mouth - seat.tip
+    opening = seat.opening(0.5 * (seat.mouth + max(seat.bottom, seat.tip)) + INSIDE) or one.opening
+    corners = np.array(orient(opening).exterior.coords)[:-1]
+    swept = moved(largest(one.led.swept[one.slab].shape), one.pivot, seat.at)
+    middle = centre(corners)
+    if not swept.convex_hull.contains(shapely.Point(middle)):  # of an opening that is longer than what goes in
+        middle = centre(np.array(orient(swept).exterior.coords)[:-1])
+    if is_round(corners):  # along the model's axis that lies the most across
+        across = other.turn[:2].T
+        far = np.hypot(*across.T)
+        x = max(across[far > 0.5] / far[far > 0.5, None], key=lambda d: np.round(other.turn[:2].T @ d, 6).tolist())
+    else:
+        x = axis(corners, other.turn[:2])
+    R = other.turn.T @ np.array([[x[0], -x[1], 0.0], [x[1], x[0], 0.0], [0.0, 0.0, 1.0]])
+    hollow = _clean(other.turn.T @ np.append(middle, seat.mouth), R)
+    turn = _about(float(seat.at[2]))
+    shift = np.append(seat.at[:2] - turn[:2, :2] @ one.pivot, seat.tip - own.low)
+    seated = Pose(other.turn.T @ shift, other.turn.T @ turn @ own.turn).inverse().compose(hollow)
+    tip = seated.compose(Pose(np.array([0.0, 0.0, -depth]), np.eye(3)))
+    hole = max(seat.mouth - seat.bottom, 0.0 if seat.through else depth)
+    peg = depth if seat.stopped and depth < hole - _SAME else max(own.high - own.low, depth)
+    solid = _clean(tip.p, tip.R)
+    return Fit(exchanged, solid, hollow, seat.clearance, depth, hole, peg, seat.through, alike)
+
+
+def _clean(point: Array, R: Array) -> Pose:
+    """A pose with whole nanometres, and entries of its rotation that are 0 or ±1 but for rounding just that."""
+    kept = np.where(np.abs(R) < _ANGLE, 0.0, R)
+    x = kept[:, 0] / np.linalg.norm(kept[:, 0])
+    z = kept[:, 2] - (kept[:, 2] @ x) * x
+    z /= np.linalg.norm(z)
+    return Pose(np.round(point, _NANO) + 0.0, np.column_stack([x, np.cross(z, x), z]) + 0.0)

@@ -1,0 +1,300 @@
+"""Candidates for what goes where: an end of one solid in an opening of another one, placed for the greatest clearance.
+
+A candidate is a direction of each solid, what of the one sweeps by up to some height, and an opening of the other's
+material. Which of them is the fit is told by the walls: a fit is where walls run along walls. The least clearance tells
+nothing, as sections across odd directions touch by chance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations, pairwise, product
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from fmopt.geometry.fit.layers import Layers, Outline, common, openings, united
+from fmopt.geometry.fit.placing import Facing, Placement, moved
+from fmopt.geometry.polyhedron import Polyhedron, plane_basis
+from fmopt.spatial.values import Array
+
+_AXES, _DRAFTED, _LARGEST = 3, 2, 2  # directions that the surface runs along, or nearly so; normals of large faces
+_FACES = 16  # normals whose cross products are tried as axes
+_APART = math.cos(math.radians(1.0))  # of directions that differ
+_ALONG, _DRAFT, _ACROSS = 0.01, 0.1, 0.9999  # cosines of normals across a direction, of drafts, and along it
+_HEIGHTS = 5  # at which what sweeps by is held against openings
+_GROWN = 1.002  # times the area of a section, below which what sweeps by further up is the same
+_LEAST_ROOM, _MOST_ROOM, _MOST_ROOM_OPEN = 0.8, 4.0, 6.0  # area of an opening: of the section, and of its hull
+_LIKE = 1e-3  # of their areas: openings that differ by less are one
+_LONGEST = 3  # sides of an outline that are turned to those of an opening
+_TURN_GRID = 12
+_ONE_TURN = 0.02  # rad: turns that differ by less are one
+_PLACED, _MOST_PLACED = 3, 8  # turns of least overlap that are placed, and of none at all
+_OVERLAP = 0.15  # of the section's area, by which it may overlap before it is placed
+_TIGHTEST, _LOOSEST = -0.08, 0.25  # of the width: clearances of candidates
+_IN_HULL = 0.5  # of the section's area, which is to lie inside the hull of the material
+_ROUGHLY = 1e-5  # of the width: accuracy of a clearance in the search
+_GIVEN = 1e-8  # m: what a section gives up so that what touches does not overlap
+_SAMPLES = 200  # points of an outline
+_LOOSE = 2.0  # times that: walls with so much room between them do not count
+SHARES = (0.02, 0.05, 0.1, 0.25)  # of the width: walls so near count
+
+
+@dataclass(frozen=True, eq=False)
+class Led:
+    """A solid that is led along a direction: its layers, tip down."""
+
+    layers: Layers
+
+    @cached_property
+    def swept(self) -> tuple[Outline, ...]:
+        """What of it passes a place on the way up to the top of each slab of the search."""
+        found = list[Outline]()
+        for section in self.layers.sections:
+            grown = section.shape if not found else united([found[-1].shape, section.shape])
+            more = not found or grown.area > found[-1].shape.area * (1.0 + 1e-9)
+            found.append(Outline.of(grown.simplify(1e-9)) if more else found[-1])
+        return tuple(found)
+
+    @cached_property
+    def heights(self) -> tuple[int, ...]:
+        """Slabs above which more sweeps by, at most five of them."""
+        areas = [one.shape.area for one in self.swept]
+        last = [k for k, (a, b) in enumerate(pairwise([*areas, math.inf])) if a > 0.0 and b > _GROWN * a]
+        return tuple(dict.fromkeys(last[round(x)] for x in np.linspace(0, len(last) - 1, min(_HEIGHTS, len(last)))))
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A solid, swept up to a slab, in an opening of other material at `at` (3,) of its pivot (2,).
+
+    Args:
+        closed: whether the opening is closed all round.
+        height: of the section whose opening it is, m.
+        depth: of the tip below the top of the material, m, by the slabs of the search.
+        walls: area of walls that run along walls, m², for each of `SHARES`.
+    """
+
+    led: Led
+    slab: int
+    material: Layers
+    height: float
+    opening: shapely.Polygon
+    closed: bool
+    pivot: Array
+    at: Array
+    clearance: float
+    width: float
+    depth: float
+    walls: tuple[float, ...]
+
+
+def directions(body: Polyhedron) -> list[Array]:
+    """Unit vectors (3,), both signs: axes that most of the surface runs along, then normals of the largest faces."""
+    area = np.array([_area(body, number) for number in range(len(body.faces))])
+    # Facets of one face of a mesh differ by little: the largest of those that are alike stands for all.
+    order = np.argsort(-area, kind="stable")
+    alike = np.round(200.0 * body.normals[order])
+    _, first, group = np.unique(alike, axis=0, return_index=True, return_inverse=True)
+    heaviest = np.argsort(-np.bincount(group.ravel(), area[order]), kind="stable")[:_FACES]
+    widest = body.normals[order[first[heaviest]]]
+    crossed = [np.cross(a, b) for a, b in combinations(widest, 2)]
+    axes = np.array([*(v / np.linalg.norm(v) for v in crossed if np.linalg.norm(v) > 0.05), *widest])
+    cosine = np.abs(axes @ body.normals.T)
+    across = 1e-3 * ((cosine > _ACROSS) @ area)
+    straight, drafted = (
+        axes[np.argsort(-np.round(((cosine < most) @ area + across) / area.sum(), 9), kind="stable")]
+        for most in (_ALONG, _DRAFT)
+    )
+    kept = list[Array]()
+    for more, some in ((_AXES, straight), (_DRAFTED, drafted), (_LARGEST, widest)):
+        most = len(kept) + more
+        for axis in some[:more] if some is drafted else some:
+            if len(kept) < most and all(abs(axis @ other) < _APART for other in kept):
+                kept.append(axis)
+    return [sign * axis for axis in kept for sign in (1.0, -1.0)]
+
+
+def _area(body: Polyhedron, number: int) -> float:
+    face = body.faces[number]
+    outer, *holes = (body.vertices[list(loop)] @ plane_basis(face.normal) for loop in face.loops)
+    return float(shapely.Polygon(outer, holes).area)
+
+
+def upright(direction: Array) -> Array:
+    """A rotation (3, 3) that takes a direction (3,) to +z, quarter turns where it lies along an axis."""
+    x = np.eye(3)[int(np.argmin(np.abs(np.round(direction, 6))))]
+    x = x - (x @ direction) * direction
+    x /= np.linalg.norm(x)
+    return np.vstack([x, np.cross(direction, x), direction])
+
+
+def candidates(solids: Sequence[Led], materials: Sequence[Layers], closed: bool) -> Iterator[Candidate]:
+    """All candidates of some directions, in openings that are closed all round or in those that are not."""
+    for led, material in product(solids, materials):
+        for slab in led.heights:
+            swept, seen = led.swept[slab], list[shapely.Polygon]()
+            room = (_LEAST_ROOM * largest(swept.shape).area, (_MOST_ROOM if closed else _MOST_ROOM_OPEN) * _hull(swept))
+            for height in reversed(material.middles):
+                for opening, is_closed in openings(material.section(height)):
+                    if is_closed is closed and room[0] < opening.area < room[1] and not _known(opening, seen):
+                        seen.append(opening)
+                        yield from _placed(led, slab, material, height, opening, closed)
+
+
+def largest(shape: BaseGeometry) -> shapely.Polygon:
+    """The largest region of a plane shape."""
+    return max(shapely.get_parts(shape), key=lambda part: part.area)
+
+
+def _hull(outline: Outline) -> float:
+    return float(outline.shape.convex_hull.area)
+
+
+def _known(opening: shapely.Polygon, seen: Sequence[shapely.Polygon]) -> bool:
+    most = _LIKE * opening.area
+    return any(abs(o.area - opening.area) < most and o.symmetric_difference(opening).area < 2.0 * most for o in seen)
+
+
+def width_of(outline: Outline) -> float:
+    """How wide an outline is across its longest extent, m."""
+    corners = np.asarray(outline.shape.minimum_rotated_rectangle.exterior.coords)
+    return float(np.hypot(*np.diff(corners[:3], axis=0).T).min())
+
+
+def turns(outline: Outline, material: Outline, opening: shapely.Polygon) -> list[float]:
+    """Turns to try, rad: those that bring the longest sides together, or several prongs to holes, and a grid."""
+    own, other = (_headings(one) for one in (outline, Outline.of(opening)))
+    prongs = _towards(shapely.get_parts(outline.shape), largest(outline.shape))[:1]
+    holes = _towards([one for one, _ in openings(material)], opening) if prongs else []
+    kept = list[float]()
+    sides = [b - a + half for a in own for b in other for half in (0.0, math.pi)]
+    # Around a round surface of many facets the best turn is none that brings sides together.
+    between = [sides[0] + share * math.tau / len(outline.start) for share in (0.3, -0.3)]
+    for turn in (*(b - a for a in prongs for b in holes), *sides, *between, *_GRID):
+        turn = (turn + math.pi) % math.tau - math.pi
+        if all(abs((turn - known + math.pi) % math.tau - math.pi) > _ONE_TURN for known in kept):
+            kept.append(turn)
+    return kept
+
+
+def _towards(others: Sequence[shapely.Polygon], one: shapely.Polygon) -> list[float]:
+    """Where the others of some regions lie, seen from one, rad, the farthest first."""
+    here = np.array(one.centroid.coords[0])
+    ways = [np.array(other.centroid.coords[0]) - here for other in others]
+    far = sorted((way for way in ways if np.hypot(*way) > _GIVEN), key=lambda way: -round(float(np.hypot(*way)), 9))
+    return [math.atan2(way[1], way[0]) for way in far[:_MOST_PLACED]]
+
+
+_GRID = tuple(k * math.tau / _TURN_GRID for k in range(_TURN_GRID))
+
+
+def _headings(outline: Outline) -> list[float]:
+    steps = outline.end - outline.start
+    longest = np.argsort(-np.round(np.hypot(*steps.T), 9), kind="stable")[:_LONGEST]
+    return [float(angle) for angle in np.arctan2(steps[longest, 1], steps[longest, 0])]
+
+
+def started(
+    outline: Outline, material: Outline, opening: shapely.Polygon, every: bool = False
+) -> list[tuple[float, Array]]:
+    """Where (3,) to begin to place an outline in an opening, the few with the least overlap (m²) first, or all."""
+    pivot, middle = (np.array(one.centroid.coords[0]) for one in (largest(outline.shape), opening))
+    hull, found = material.shape.convex_hull, list[tuple[float, float, Array]]()
+    for turn in turns(outline, material, opening):
+        at = np.append(middle, turn)
+        put = moved(outline.shape, pivot, at)
+        found.append((common(put, material.shape), -common(put, hull), at))
+    found.sort(key=lambda one: one[:2])
+    none = sum(overlap < _GIVEN**2 for overlap, _, _ in found)
+    few = len(found) if every else max(_PLACED, min(none, _MOST_PLACED))
+    return [(overlap, at) for overlap, _, at in found[:few]]
+
+
+def _placed(
+    led: Led, slab: int, material: Layers, height: float, opening: shapely.Polygon, closed: bool
+) -> Iterator[Candidate]:
+    swept, section = led.swept[slab], material.section(height)
+    part, width, size = largest(swept.shape), width_of(swept), math.sqrt(_hull(swept))
+    pivot = np.array(part.centroid.coords[0])
+    facing = (Facing(swept, section, pivot),)
+    for overlap, at in started(swept, section, opening):
+        if overlap > _OVERLAP * swept.shape.area:
+            continue
+        placed = Placement(facing, at, size, _ROUGHLY * width).improved(0.05 * size)
+        if not _TIGHTEST * width < placed.clearance < _LOOSEST * width:
+            continue
+        if common(moved(part, pivot, placed.at), section.shape.convex_hull) < _IN_HULL * part.area:
+            continue
+        depth = _reach(led, material, pivot, placed.at, min(placed.clearance, 0.0))
+        where = (led, slab, material, height, opening, closed, pivot, placed.at)
+        found = Candidate(*where, placed.clearance, width, depth, ())
+        yield replace(found, walls=walls(found))
+
+
+def _reach(led: Led, material: Layers, pivot: Array, at: Array, spare: float) -> float:
+    """How far the tip gets below the top of the material, m, as far as the slabs of the search tell."""
+    own = led.layers.edges - led.layers.low
+    put = [moved(one.shape.buffer(spare - _GIVEN, join_style="mitre"), pivot, at) for one in led.swept]
+
+    def free(slab: int, section: Outline) -> bool:
+        return not section.shape.intersects(put[slab]) or (
+            common(section.shape, put[slab]) <= 1e-9 * section.shape.area
+        )
+
+    top, done = material.high, 0.0
+    known = dict[tuple[int, int], bool]()
+    full = top - material.low
+    depths = {round(float(top - e + a), 10) for e in material.edges for a in own}
+    for ahead in sorted(depth for depth in depths if depth > 1e-10):
+        tip = top - 0.5 * (done + ahead)
+        for j, section in enumerate(material.sections):
+            if (up := material.edges[j + 1] - tip) > 0.0:
+                k = min(max(int(np.searchsorted(own, up)) - 1, 0), len(put) - 1)
+                if (k, j) not in known:
+                    known[k, j] = free(k, section)
+                if not known[k, j]:
+                    return done
+        done = min(ahead, full)
+        if done == full:
+            break
+    return done
+
+
+def walls(candidate: Candidate) -> tuple[float, ...]:
+    """Area of the walls of a seated solid, m², that lie within shares of its width of the material."""
+    own, material = candidate.led.layers, candidate.material
+    shift = material.high - candidate.depth - own.low
+    cuts = np.unique(np.concatenate([own.edges + shift, material.edges]))
+    found, known = np.zeros(len(SHARES)), dict[tuple[int, int], Array]()
+    for low, high in pairwise(cuts):
+        middle = 0.5 * (low + high)
+        if material.low < middle < material.high and own.low < middle - shift < own.high:
+            key = (
+                int(np.searchsorted(own.edges, middle - shift)) - 1,
+                int(np.searchsorted(material.edges, middle)) - 1,
+            )
+            if key not in known:
+                known[key] = _beside(candidate, own.sections[key[0]], material.sections[key[1]])
+            found += (high - low) * known[key]
+    return tuple(found.tolist())
+
+
+def _beside(candidate: Candidate, own: Outline, material: Outline) -> Array:
+    """Length (k,) of an outline that lies within shares of the width of material, m."""
+    if own.is_empty or material.is_empty:
+        return np.zeros(len(SHARES))
+    near = np.array(SHARES) * candidate.width
+    rim = moved(own.shape, candidate.pivot, candidate.at).boundary
+    points = [
+        shapely.line_interpolate_point(ring, np.linspace(0.0, ring.length, count, endpoint=False))
+        for ring in shapely.get_parts(rim)
+        for count in (max(8, math.ceil(_SAMPLES * ring.length / rim.length)),)
+    ]
+    far, s = shapely.distance(np.concatenate(points), material.shape), candidate.clearance
+    within = (far[:, None] < max(s, 0.0) + near).mean(axis=0)
+    return np.asarray(np.where((-near < s) & (s < _LOOSE * near), within * rim.length, 0.0))
