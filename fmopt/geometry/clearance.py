@@ -22,7 +22,7 @@ from fmopt.geometry.convex_pieces import faceted, union_manifold
 from fmopt.geometry.facets import place
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron, diameter, placed, plane_basis
-from fmopt.geometry.section import section_limit
+from fmopt.geometry.section import section_limit, shrunk
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
 
@@ -292,11 +292,8 @@ def overlap_shrunk(peg: MultiPolygon, hole: MultiPolygon, offset: float) -> bool
     Args:
         offset: m, not negative.
     """
-    with np.errstate(invalid="ignore"):  # GEOS raises the flag where a mitre has no corner
-        # Mitred, as reflex corners of a thinner peg would stay corners.
-        shrunk = peg.buffer(-offset, join_style="mitre", mitre_limit=1e3) if offset > 0.0 else peg
     # 1e-15 m², 1 nm by 1 µm: less is what rounding leaves where they touch.
-    return bool(shrunk.intersection(hole).area > 1e-6 * _TOUCH)
+    return bool(shrunk(peg, offset).intersection(hole).area > 1e-6 * _TOUCH)
 
 
 def _travel(peg: MultiPolygon, hole: MultiPolygon) -> tuple[float, float, float, float]:

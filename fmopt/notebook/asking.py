@@ -19,7 +19,8 @@ from fmopt.errors import Fault, InputError
 from fmopt.geometry.bodies import bodies_of
 from fmopt.notebook.problem import Problem, load
 from fmopt.runtime import output
-from fmopt.task.mesh_source import MESHES, STEP
+from fmopt.task.mesh_source import MESHES
+from fmopt.task.toml.model_file import STEP
 from fmopt.task.toml.problem_file import error_of
 from fmopt.task.toml.units import QuantityError
 

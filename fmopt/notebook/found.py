@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from fmopt.notebook.asking import SIDES, quoted
 from fmopt.task.explain import explain
-from fmopt.task.mesh_source import MESHES, STEP
+from fmopt.task.mesh_source import MESHES
+from fmopt.task.toml.model_file import STEP
 
 if TYPE_CHECKING:
     from fmopt.geometry.clearance import Clearance

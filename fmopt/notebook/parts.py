@@ -12,9 +12,10 @@ import numpy as np
 from fmopt.errors import Fault, FmoptError, GeometryError, InputError
 from fmopt.geometry.bodies import bodies_of
 from fmopt.plan import STDIO
-from fmopt.task.mesh_source import HOLD_BODIES, MESHES, STEP
+from fmopt.task.mesh_source import HOLD_BODIES, MESHES
 from fmopt.task.model import Bare, load_model
 from fmopt.task.solid_tree import build_part, build_tree
+from fmopt.task.toml.model_file import STEP
 from fmopt.task.toml.source import Place, read
 
 if TYPE_CHECKING:

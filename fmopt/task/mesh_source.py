@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
 from fmopt.spatial.values import remembered
 from fmopt.task.sizes import implausible
-from fmopt.task.toml.model_file import Mesh
+from fmopt.task.toml.model_file import STEP, Mesh
 from fmopt.task.toml.source import Source, read_bytes
 from fmopt.task.toml.tables import NAME
 
@@ -19,15 +19,9 @@ if TYPE_CHECKING:
     from fmopt.geometry.part import Part
 
 MAX_MESH_BYTES = 100_000_000
-STEP = (".step", ".stp")
 OWN_UNIT = (*STEP, ".3mf", ".glb")  # files that say the unit of their numbers
 HOLD_BODIES = (*STEP, ".obj")  # files that may hold several bodies by name
 MESHES = (".stl", ".obj", ".ply", *OWN_UNIT)
-
-
-def is_step(mesh: Mesh) -> bool:
-    """Whether the file that a model names is a STEP file, which says its unit itself."""
-    return Path(mesh.file).suffix.lower() in STEP
 
 
 def says_unit(mesh: Mesh) -> bool:
@@ -74,16 +68,16 @@ def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
 def _own_unit_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
     if mesh.unit is not None:
         place = source.place(("mesh", "unit"), of_key=True)
-        kind = "STEP" if is_step(mesh) else Path(mesh.file).suffix.removeprefix(".").upper()
+        kind = "STEP" if mesh.is_step else Path(mesh.file).suffix.removeprefix(".").upper()
         yield place.fault("conflict", f"a {kind} file says its unit itself", "remove 'unit'")
-    if is_step(mesh) and mesh.deviation == 0.0:
+    if mesh.is_step and mesh.deviation == 0.0:
         message = "curved faces cannot be cut into facets that lie in them"
         yield source.place(("mesh", "deviation")).fault("zero", message, "give a deviation such as 0.01 mm")
 
 
 def deviation(mesh: Mesh) -> float | None:
     """How far the curved surfaces are stated to lie from the facets of a mesh, m; facets of STEP files are measured."""
-    return None if is_step(mesh) else mesh.deviation
+    return None if mesh.is_step else mesh.deviation
 
 
 @remembered(1)
@@ -97,7 +91,7 @@ def imported(source: Source, mesh: Mesh) -> Imported:
     place = source.place(("mesh", "file"))
     path = _path(source, mesh)
     try:
-        if is_step(mesh):
+        if mesh.is_step:
             from fmopt.geometry.step.step_import import DEVIATION, load_step
 
             return load_step(path, mesh.deviation or DEVIATION, str(mesh.body or ""))

@@ -47,7 +47,8 @@ class Model:
     @property
     def kind(self) -> str:
         """What its shape is read from, in a word."""
-        return "part" if self.file.mesh is None else self.file.mesh.kind
+        mesh = self.file.mesh
+        return "part" if mesh is None else "STEP file" if mesh.is_step else "mesh"
 
     def completed(self, features: Mapping[str, MatingFeature], notes: Iterable[str]) -> Model:
         """The model with the features that were found, and what is to be said of it."""

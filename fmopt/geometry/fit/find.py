@@ -1,6 +1,6 @@
 """The fit of two solids: which end of one goes into which opening of the other, where, how deep, with what clearance.
 
-Of all candidates the fit is the one with the largest area of walls within 2 % of the width of the other's, then 5, 10.
+The fit is the candidate with the largest area of walls within 2 % of the width of the other's, then 5, 10, 25.
 One that interferes gives way to one that goes in and has half of that. Of equals the one with the least clearance is
 taken, of these the deeper one, then the one whose smaller end leads, then the one with the wider mouth, then the one
 that turns the solid the least.
@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -21,13 +22,13 @@ from shapely.geometry.polygon import orient
 from fmopt.errors import GeometryError
 from fmopt.geometry.centre import axis, centre, is_round
 from fmopt.geometry.fit import search
-from fmopt.geometry.fit.layers import INSIDE, Layers, Outline, common, openings
-from fmopt.geometry.fit.placing import Facing, Placement, moved
+from fmopt.geometry.fit.layers import INSIDE, Layers, Outline, common
+from fmopt.geometry.fit.placing import moved
 from fmopt.geometry.fit.search import SHARES, Candidate, Led, largest
 from fmopt.geometry.fit.seat import Way, most_room
 from fmopt.geometry.mating_features import DESCRIBE
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.spatial.se3 import Pose
+from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array
 
 _FITS = 0.1  # of the width: a closed opening with less room than that is one that the solid fits
@@ -40,7 +41,6 @@ _OTHER_END = 0.4  # of the wall area, which the other end of a solid has at leas
 _INTERFERING, _TRIES = 3, 4  # turns
 _MOUTH = 4.0  # times the hull of what goes in: a wider opening is no mouth of it
 _NANO = 9  # decimals of coordinates in m
-_OVERLAP = 0.15  # of the section's area, by which it may overlap before it is placed
 _LITTLE = 1e-3  # of an area
 _NEAR = 1e-4  # rad
 _EXACT = 1e-9  # m
@@ -160,11 +160,12 @@ def _standing(solid: Polyhedron, other: Polyhedron, pose: Pose) -> Iterator[Cand
         for height in reversed(material.middles):
             swept = way.swept(max(height - material.high + depth, INSIDE))
             around = opening_around(material.section(height), swept.shape, at, pivot)
-            if around is not None:
+            if around is not None:  # the highest one will do
                 where = (led, len(led.swept) - 1, material, height, *around, pivot, at)
                 found = Candidate(*where, 0.0, search.width_of(led.swept[-1]), depth, ())
                 if (area := search.walls(found))[-1] > 0.0:
                     yield replace(found, walls=area)
+                break
 
 
 def _ways(body: Polyhedron, stated: Stated) -> list[Array]:
@@ -278,7 +279,7 @@ class _Seat:
         below = self.other.section(0.5 * sum(slabs[bottom - 1])).shape
         return slabs[top][1], slabs[bottom][0], bool(common(below, first) < _LITTLE * first.area)
 
-    @property
+    @cached_property
     def walls(self) -> tuple[float, ...]:
         """Area of its walls that run along walls, m²."""
         depth = self.other.high - self.tip
@@ -292,7 +293,7 @@ class _Seat:
 
     def angle_at(self, at: Array) -> float:
         """How far the solid's model would be turned against the other one's, rad."""
-        cosine = 0.5 * (float(np.trace(self.other.turn.T @ _about(float(at[2])) @ self.own.turn)) - 1.0)
+        cosine = 0.5 * (float(np.trace(self.other.turn.T @ exp([0.0, 0.0, at[2]]) @ self.own.turn)) - 1.0)
         return math.acos(min(max(cosine, -1.0), 1.0))
 
     @property
@@ -300,13 +301,13 @@ class _Seat:
         """How the solid's model is turned, and where the opening looks."""
         return (round(self.angle_at(self.at), 6), *(-np.round(self.other.turn[2][::-1], 6)).tolist())
 
-    @property
+    @cached_property
     def rim(self) -> float:
         """Area of the opening in its mouth, m²."""
         opening = self.opening(self.mouth - INSIDE)
         return self.candidate.opening.area if opening is None else float(opening.area)
 
-    @property
+    @cached_property
     def end(self) -> float:
         """Area of the end that leads, m²."""
         return float(self.own.section(self.own.low + INSIDE).shape.area)
@@ -321,15 +322,10 @@ def opening_around(
         at, pivot: (3,) and (2,), where what sweeps by is placed.
     """
     most, part = _MOUTH * swept.convex_hull.area, largest(moved(swept, pivot, at))
-    for opening, closed in openings(material):
+    for opening, closed in material.openings:
         if opening.area < most and common(opening, part) > 0.5 * part.area:
             return opening, closed
     return None
-
-
-def _about(angle: float) -> Array:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _first(seats: Sequence[_Seat], depth: float | None) -> _Seat:
@@ -365,12 +361,7 @@ def _best_turned(seat: _Seat, depth: float | None) -> _Seat:
     """A seat at the turn with the most room, of those that leave as much the one that turns the solid the least."""
     one = seat.candidate
     swept, material = one.led.swept[one.slab], one.material.section(one.height)
-    size, facing = math.sqrt(swept.shape.convex_hull.area), (Facing(swept, material, one.pivot),)
-    placed = [
-        Placement(facing, at, size, _EXACT).improved(0.05 * size)
-        for overlap, at in search.started(swept, material, one.opening, every=True)
-        if overlap <= _OVERLAP * swept.shape.area
-    ]
+    placed = [*search.placements(swept, material, one.opening, _EXACT, every=True)]
     most = max((other.clearance for other in placed), default=one.clearance)
     roomy = [other for other in placed if other.clearance > max(most, one.clearance) - _EQUALLY]
     for other in sorted(roomy, key=lambda other: seat.angle_at(other.at))[:_TRIES]:
@@ -400,7 +391,7 @@ def _fit(seat: _Seat, exchanged: bool, alike: int) -> Fit:
         x = axis(corners, other.turn[:2])
     R = other.turn.T @ np.array([[x[0], -x[1], 0.0], [x[1], x[0], 0.0], [0.0, 0.0, 1.0]])
     hollow = _clean(other.turn.T @ np.append(middle, seat.mouth), R)
-    turn = _about(float(seat.at[2]))
+    turn = exp([0.0, 0.0, seat.at[2]])
     shift = np.append(seat.at[:2] - turn[:2, :2] @ one.pivot, seat.tip - own.low)
     seated = Pose(other.turn.T @ shift, other.turn.T @ turn @ own.turn).inverse().compose(hollow)
     tip = seated.compose(Pose(np.array([0.0, 0.0, -depth]), np.eye(3)))

@@ -60,6 +60,20 @@ class Outline:
         """Whether there is no region."""
         return not len(self.start)
 
+    @cached_property
+    def hull(self) -> BaseGeometry:
+        """The convex hull of the region."""
+        return self.shape.convex_hull
+
+    @cached_property
+    def openings(self) -> list[tuple[shapely.Polygon, bool]]:
+        """The free regions inside the hull, each with whether it is closed all round."""
+        return [
+            (region, bool(region.distance(self.hull.exterior) > _OPEN))
+            for region in (() if self.is_empty else shapely.get_parts(without(self.hull, self.shape)))
+            if region.geom_type == "Polygon" and region.area > _SMALL * self.hull.area
+        ]
+
     def is_like(self, other: Outline) -> bool:
         """Whether two outlines differ by less than rounding."""
         if len(self.start) != len(other.start):
@@ -199,16 +213,3 @@ def common(shape: BaseGeometry, other: BaseGeometry) -> float:
         return float(shapely.intersection(shape, other).area)
     except shapely.GEOSException:
         return float(shapely.intersection(shape, other, grid_size=_GRID).area)
-
-
-def openings(material: Outline) -> list[tuple[shapely.Polygon, bool]]:
-    """The free regions inside the hull of a section, each with whether it is closed all round."""
-    if material.is_empty:
-        return []
-    hull = material.shape.convex_hull
-    free = shapely.get_parts(without(hull, material.shape))
-    return [
-        (region, bool(region.distance(hull.exterior) > _OPEN))
-        for region in free
-        if region.geom_type == "Polygon" and region.area > _SMALL * hull.area
-    ]

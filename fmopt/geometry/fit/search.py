@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from fmopt.geometry.fit.layers import Layers, Outline, common, openings, united
+from fmopt.geometry.fit.layers import Layers, Outline, common, united
 from fmopt.geometry.fit.placing import Facing, Placement, moved
 from fmopt.geometry.polyhedron import Polyhedron, plane_basis
 from fmopt.spatial.values import Array
@@ -35,6 +35,7 @@ _TURN_GRID = 12
 _ONE_TURN = 0.02  # rad: turns that differ by less are one
 _PLACED, _MOST_PLACED = 3, 8  # turns of least overlap that are placed, and of none at all
 _OVERLAP = 0.15  # of the section's area, by which it may overlap before it is placed
+_FIRST = 0.05  # of the size: the first steps of a placement
 _TIGHTEST, _LOOSEST = -0.08, 0.25  # of the width: clearances of candidates
 _IN_HULL = 0.5  # of the section's area, which is to lie inside the hull of the material
 _ROUGHLY = 1e-5  # of the width: accuracy of a clearance in the search
@@ -138,9 +139,12 @@ def candidates(solids: Sequence[Led], materials: Sequence[Layers], closed: bool)
     for led, material in product(solids, materials):
         for slab in led.heights:
             swept, seen = led.swept[slab], list[shapely.Polygon]()
-            room = (_LEAST_ROOM * largest(swept.shape).area, (_MOST_ROOM if closed else _MOST_ROOM_OPEN) * _hull(swept))
+            room = (
+                _LEAST_ROOM * largest(swept.shape).area,
+                (_MOST_ROOM if closed else _MOST_ROOM_OPEN) * swept.hull.area,
+            )
             for height in reversed(material.middles):
-                for opening, is_closed in openings(material.section(height)):
+                for opening, is_closed in material.section(height).openings:
                     if is_closed is closed and room[0] < opening.area < room[1] and not _known(opening, seen):
                         seen.append(opening)
                         yield from _placed(led, slab, material, height, opening, closed)
@@ -149,10 +153,6 @@ def candidates(solids: Sequence[Led], materials: Sequence[Layers], closed: bool)
 def largest(shape: BaseGeometry) -> shapely.Polygon:
     """The largest region of a plane shape."""
     return max(shapely.get_parts(shape), key=lambda part: part.area)
-
-
-def _hull(outline: Outline) -> float:
-    return float(outline.shape.convex_hull.area)
 
 
 def _known(opening: shapely.Polygon, seen: Sequence[shapely.Polygon]) -> bool:
@@ -170,7 +170,7 @@ def turns(outline: Outline, material: Outline, opening: shapely.Polygon) -> list
     """Turns to try, rad: those that bring the longest sides together, or several prongs to holes, and a grid."""
     own, other = (_headings(one) for one in (outline, Outline.of(opening)))
     prongs = _towards(shapely.get_parts(outline.shape), largest(outline.shape))[:1]
-    holes = _towards([one for one, _ in openings(material)], opening) if prongs else []
+    holes = _towards([one for one, _ in material.openings], opening) if prongs else []
     kept = list[float]()
     sides = [b - a + half for a in own for b in other for half in (0.0, math.pi)]
     # Around a round surface of many facets the best turn is none that brings sides together.
@@ -199,36 +199,38 @@ def _headings(outline: Outline) -> list[float]:
     return [float(angle) for angle in np.arctan2(steps[longest, 1], steps[longest, 0])]
 
 
-def started(
-    outline: Outline, material: Outline, opening: shapely.Polygon, every: bool = False
-) -> list[tuple[float, Array]]:
-    """Where (3,) to begin to place an outline in an opening, the few with the least overlap (m²) first, or all."""
+def placements(
+    outline: Outline, material: Outline, opening: shapely.Polygon, tolerance: float, every: bool = False
+) -> Iterator[Placement]:
+    """An outline placed in an opening from the few turns with the least overlap, or from all with little.
+
+    Args:
+        tolerance: of the clearance, m.
+    """
     pivot, middle = (np.array(one.centroid.coords[0]) for one in (largest(outline.shape), opening))
-    hull, found = material.shape.convex_hull, list[tuple[float, float, Array]]()
+    found = list[tuple[float, float, Array]]()
     for turn in turns(outline, material, opening):
         at = np.append(middle, turn)
         put = moved(outline.shape, pivot, at)
-        found.append((common(put, material.shape), -common(put, hull), at))
+        found.append((common(put, material.shape), -common(put, material.hull), at))
     found.sort(key=lambda one: one[:2])
     none = sum(overlap < _GIVEN**2 for overlap, _, _ in found)
-    few = len(found) if every else max(_PLACED, min(none, _MOST_PLACED))
-    return [(overlap, at) for overlap, _, at in found[:few]]
+    size, facing = math.sqrt(outline.hull.area), (Facing(outline, material, pivot),)
+    for overlap, _, at in found if every else found[: max(_PLACED, min(none, _MOST_PLACED))]:
+        if overlap <= _OVERLAP * outline.shape.area:
+            yield Placement(facing, at, size, tolerance).improved(_FIRST * size)
 
 
 def _placed(
     led: Led, slab: int, material: Layers, height: float, opening: shapely.Polygon, closed: bool
 ) -> Iterator[Candidate]:
     swept, section = led.swept[slab], material.section(height)
-    part, width, size = largest(swept.shape), width_of(swept), math.sqrt(_hull(swept))
+    part, width = largest(swept.shape), width_of(swept)
     pivot = np.array(part.centroid.coords[0])
-    facing = (Facing(swept, section, pivot),)
-    for overlap, at in started(swept, section, opening):
-        if overlap > _OVERLAP * swept.shape.area:
-            continue
-        placed = Placement(facing, at, size, _ROUGHLY * width).improved(0.05 * size)
+    for placed in placements(swept, section, opening, _ROUGHLY * width):
         if not _TIGHTEST * width < placed.clearance < _LOOSEST * width:
             continue
-        if common(moved(part, pivot, placed.at), section.shape.convex_hull) < _IN_HULL * part.area:
+        if common(moved(part, pivot, placed.at), section.hull) < _IN_HULL * part.area:
             continue
         depth = _reach(led, material, pivot, placed.at, min(placed.clearance, 0.0))
         where = (led, slab, material, height, opening, closed, pivot, placed.at)

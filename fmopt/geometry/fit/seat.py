@@ -11,6 +11,7 @@ import shapely
 
 from fmopt.geometry.fit.layers import INSIDE, MERGED, Layers, Outline, common, united
 from fmopt.geometry.fit.placing import Facing, Placement, moved
+from fmopt.geometry.section import shrunk
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -126,11 +127,6 @@ class Way:
             half = 0.5 * (clear + stuck)
             clear, stuck = (clear, half) if self.is_blocked(half, at, spare) else (half, stuck)
         return clear, True
-
-
-def shrunk(shape: BaseGeometry, by: float) -> BaseGeometry:
-    """A plane shape drawn in by a distance, m, its corners still corners."""
-    return shape.buffer(-by, join_style="mitre", mitre_limit=1e3) if by else shape
 
 
 def most_room(

@@ -29,6 +29,8 @@ from fmopt.task.toml.tables import (
     fault,
 )
 
+STEP = (".step", ".stp")
+
 
 class ModelUnits(Table):
     """The units of the plain numbers of this file; what has its unit beside it needs none here."""
@@ -185,9 +187,9 @@ class Mesh(Table):
     given, and plane ones are exact."""
 
     @property
-    def kind(self) -> str:
-        """What the file is, in a word."""
-        return "STEP file" if self.file.lower().endswith((".step", ".stp")) else "mesh"
+    def is_step(self) -> bool:
+        """Whether it is a STEP file, which says its unit itself."""
+        return self.file.lower().endswith(STEP)
 
 
 class Profile(Table):
