@@ -21,7 +21,7 @@ for name, part in (("peg", shipped.moving), ("plate", shipped.fixed)):
     mesh.export(folder / f"{name}.stl")
 
 # %% [markdown]
-# A model file says what a mesh does not: its unit. Where it mates may be left out, as here: it is found from both parts.
+# A model file says what a mesh does not: its unit. Where it mates may be left out, as here: both parts tell it.
 # (Or `[features.NAME]` says it: the frame of a peg stands in the centre of its leading face, z back into the part; that
 # of a hole in the centre of its mouth, z out of it.)
 
