@@ -1,6 +1,7 @@
 """All faces of a polyhedron of half-spaces, with exact incidences: also flat, unbounded, degenerate, or with lines.
 
-Degenerate vertices are kept as they are; nothing is perturbed.
+Its vertices and rays come from Qhull, its faces from the planes that hold these. Degenerate vertices are kept as they
+are; nothing is perturbed.
 """
 
 from __future__ import annotations
@@ -10,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmopt.contact.face_lattice import Bits, closed_faces, distinct, ordered, simple_faces
-from fmopt.contact.half_spaces import INCIDENCE, corners_of, pointed
+from fmopt.contact.face_lattice import Bits, closed_sets
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.spatial.values import Array, Value
 
-_COARSER = (INCIDENCE, 10.0 * INCIDENCE, 100.0 * INCIDENCE)  # how close corners are one, where faces do not fit
+INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
+_MERGE_REACHES = (0.0, INCIDENCE, 10.0 * INCIDENCE, 100.0 * INCIDENCE)  # within which corners are one, until faces fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,19 +60,22 @@ def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
         SolverError: the hull cannot be computed, or corners lie too close together for their planes to be told.
     """
     cut = _Cut.of(normals, offsets)
-    corners, incidence, simple = cut.corners()
-    if simple:
-        active, dimensions, points = simple_faces(corners, incidence)
-    else:
-        active, dimensions, points = closed_faces(corners, incidence)
-        for reach in _COARSER:
-            if not _is_one_solid(dimensions, cut.rows.shape[1]):
-                active, dimensions, points = closed_faces(*_told_apart(corners, incidence, reach))
-        if not _is_one_solid(dimensions, cut.rows.shape[1]):
-            raise SolverError(f"the {len(corners)} corners of {len(cut.rows)} half-spaces cannot be told apart")
-        order = ordered(active, dimensions)
-        active, dimensions, points = active[order], dimensions[order], points[order]
-    return Faces(cut.planes(active), dimensions + cut.lineality, points, cut.lineality)
+    corners, incidence = cut.corners()
+    for reach in _MERGE_REACHES:
+        close, held = _merge_corners(corners, incidence, reach) if reach else (corners, incidence)
+        members, active, dimensions = closed_sets(held)
+        # The polyhedron itself is its one largest face.
+        if len(dimensions) and dimensions[0] <= cut.rows.shape[1] and not (dimensions[1:] == dimensions[0]).any():
+            points = _means(close, held[:, -1], members)
+            return Faces(cut.planes(active), dimensions + cut.lineality, points, cut.lineality)
+    raise SolverError(f"the {len(corners)} corners of {len(cut.rows)} half-spaces cannot be told apart")
+
+
+def first_equal(rows: Array) -> NDArray[np.intp]:
+    """For each row (n, k) the index (n,) of the first row equal to it within the incidence tolerance."""
+    tolerance = INCIDENCE * np.abs(rows).max(axis=1, initial=0.0)
+    near = (np.abs(rows[:, None] - rows) <= tolerance[:, None]).all(axis=2)
+    return np.array([np.flatnonzero(row)[0] for row in near], dtype=np.intp)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,58 +107,84 @@ class _Cut(Value):
         size = np.sqrt((rows * rows).sum(axis=1))
         rows, levels = rows / size[:, None], np.asarray(offsets, dtype=np.float64) / size
         interior, equal = _interior(rows, levels)
-        flat = _null_space(rows[equal])
-        inner, slack, kinds, everywhere, axes = pointed(rows, levels, equal, interior, flat)
-        return _Cut(inner, slack, kinds, everywhere, interior, axes, flat.shape[1] - axes.shape[1])
+        _, flat = _spans(rows[equal])
+        # One after the other: the order of the terms decides the last digits.
+        slack = np.subtract.reduce(np.column_stack([levels, rows * interior]), axis=1)
+        within = rows @ flat
+        length = np.sqrt((within * within).sum(axis=1))
+        cuts = ~equal & (length > 1e-7)
+        everywhere = equal | (~cuts & (np.abs(slack) <= INCIDENCE))
+        within, slack, length = within[cuts], slack[cuts], length[cuts]
+        basis, _ = _spans(within)
+        inner, slack = within @ basis / length[:, None], slack / length
+        first = first_equal(inner / -slack[:, None])
+        for row, equal_row in enumerate(first):
+            first[row] = first[equal_row]
+        distinct, kinds = np.unique(first, return_inverse=True)
+        kinds_of_all = np.full(len(rows), -1)
+        kinds_of_all[cuts] = kinds
+        lineality = flat.shape[1] - basis.shape[1]
+        return _Cut(inner[distinct], slack[distinct], kinds_of_all, everywhere, interior, flat @ basis, lineality)
 
-    def corners(self) -> tuple[Array, Bits, bool]:
+    def corners(self) -> tuple[Array, Bits]:
         """Vertices and unit rays in the coordinates of the whole polyhedron (m, n), in the order of what holds them.
 
+        With s ≥ 0 homogenising, the polyhedron is the cone {(q, s): rows·q − levels s ≥ 0}; a facet n·u + b ≤ 0 of the
+        dual is its ray (q, s) = (−n, −b), cut where s = 1 or at infinity.
+
         Returns:
-            these, which rows hold each (m, q + 1), the last column being the row at infinity, and whether each corner
-            lies on just r of them.
+            these, and which rows hold each (m, q + 1), the last column being the row at infinity.
         """
         if self.rows.shape[1] == 0:
-            return self.interior[None], np.zeros((1, 1), dtype=bool), True
-        equations = _hull(self.rows / -self.levels[:, None])
-        corners, incidence, simple = corners_of(equations, self.rows, self.levels)
-        order = distinct(incidence)
-        incidence = incidence[order]
-        return corners[order] @ self.axes.T + ~incidence[:, -1:] * self.interior, incidence, simple
+            return self.interior[None], np.zeros((1, 1), dtype=bool)
+        homogeneous = -_hull(self.rows / -self.levels[:, None])
+        finite = homogeneous[:, -1] > 1e-9
+        corners = homogeneous[:, :-1] / np.where(finite, homogeneous[:, -1], 1.0)[:, None]
+        residual = corners @ self.rows.T - finite[:, None] * self.levels
+        tolerance = INCIDENCE * np.maximum(1.0, np.linalg.norm(corners, axis=1))
+        incidence = np.column_stack([residual <= tolerance[:, None], ~finite])
+        incidence, order = np.unique(incidence, axis=0, return_index=True)
+        return corners[order] @ self.axes.T + ~incidence[:, -1:] * self.interior, incidence
 
     def planes(self, on: Bits) -> Bits:
         """Which of all planes hold faces or corners (m, k), by which rows do (m, q)."""
-        if len(self.levels) == len(self.kinds):
-            return on
-        real, found = self.kinds >= 0, np.tile(self.everywhere, (len(on), 1))
-        found[:, real] = on[:, self.kinds[real]]
-        return found
+        cuts, held = self.kinds >= 0, np.tile(self.everywhere, (len(on), 1))
+        held[:, cuts] = on[:, self.kinds[cuts]]
+        return held
 
 
-def _is_one_solid(dimensions: NDArray[np.intp], most: int) -> bool:
-    """Whether faces of these dimensions can be those of one polytope: all of it is its one largest face."""
-    largest = int(dimensions.max())
-    return largest <= most and int(np.count_nonzero(dimensions == largest)) == 1
+def _means(corners: Array, rays: Bits, members: Bits) -> Array:
+    """For each face the mean of its vertices plus the mean of its rays (n, r).
+
+    Args:
+        corners: vertices and rays (m, r).
+        rays: which of them are rays (m,).
+        members: the corners of each face (n, m).
+    """
+    from scipy.sparse import csr_array
+
+    # A sparse product adds corners one after the other, so that the last digits are the same on all machines.
+    sums = csr_array(members)
+    points = np.zeros((len(members), corners.shape[1]))
+    for side in (~rays, rays):
+        points += sums @ (side[:, None] * corners) / np.maximum(sums @ side.astype(np.float64), 1.0)[:, None]
+    return points
 
 
-def _told_apart(corners: Array, incidence: Bits, tolerance: float) -> tuple[Array, Bits]:
+def _merge_corners(corners: Array, incidence: Bits, tolerance: float) -> tuple[Array, Bits]:
     """Corners (m, n), those that rounding alone tells apart made one, with the planes (m, k) of all of them."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
+    from scipy.spatial.distance import cdist
 
     reach = tolerance * np.maximum(1.0, np.linalg.norm(corners, axis=1))
-    pairs = cKDTree(corners).query_pairs(float(reach.max()), output_type="ndarray")
-    one, other = pairs.T
-    near = np.linalg.norm(corners[one] - corners[other], axis=1) <= np.minimum(reach[one], reach[other])
-    one, other = pairs[near & (incidence[one, -1] == incidence[other, -1])].T
-    links = coo_array((np.ones(len(one)), (one, other)), shape=(len(corners), len(corners)))
-    count, group = connected_components(links, directed=False)
-    first = np.unique(group, return_index=True)[1]
+    near = (cdist(corners, corners) <= np.minimum(reach[:, None], reach)) & (incidence[:, -1:] == incidence[:, -1])
+    count, group = connected_components(coo_array(near), directed=False)
+    _, first = np.unique(group, return_index=True)
     held = np.zeros((count, incidence.shape[1]), dtype=bool)
     np.logical_or.at(held, group, incidence)
-    order = distinct(held)
-    return corners[first][order], held[order]
+    held, order = np.unique(held, axis=0, return_index=True)
+    return corners[first[order]], held
 
 
 def _interior(rows: Array, levels: Array) -> tuple[Array, Bits]:
@@ -223,10 +253,9 @@ def _hull(points: Array) -> Array:
     raise SolverError(f"the faces of {k} half-spaces could not be enumerated: {reason}")
 
 
-def _null_space(rows: Array) -> Array:
-    """Orthonormal columns spanning the vectors normal to all rows."""
+def _spans(rows: Array) -> tuple[Array, Array]:
+    """Orthonormal columns: those that span the rows, the axes where rows span everything, and those normal to rows."""
     n = rows.shape[1]
-    if len(rows) == 0:
-        return np.eye(n)
     _, s, Vt = np.linalg.svd(rows)
-    return np.asarray(Vt[int(np.sum(s > 1e-7)) :].T)
+    rank = int(np.sum(s > 1e-7))
+    return np.eye(n) if rank == n else Vt[:rank].T, np.eye(n) if rank == 0 else Vt[rank:].T

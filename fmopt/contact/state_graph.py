@@ -10,24 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import pairwise
-from typing import TypeVar
+from itertools import compress
 
 import numpy as np
 
 from fmopt.contact.c_surface import values_and_rows
-from fmopt.contact.face_lattice import Numbers, covers, held
+from fmopt.contact.face_lattice import covers
 from fmopt.contact.facet_bounds import Bound
-from fmopt.contact.half_spaces import first_equal
-from fmopt.contact.polytope import Faces, enumerate_faces
+from fmopt.contact.polytope import Faces, enumerate_faces, first_equal
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
-
-Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,26 +43,6 @@ class ContactState(Value):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", frozen(self.point, 6, name="point"))
-
-    @staticmethod
-    def all_of(
-        ids: Sequence[str], contacts: Sequence[tuple[str, ...]], dimensions: Sequence[int], points: Array
-    ) -> tuple[ContactState, ...]:
-        """Many states, whose points are checked and frozen together: a tenth of the time.
-
-        Args:
-            points: (n, 6), local coordinates in m and rad.
-        """
-        found = []
-        for name, touching, dimension, point in zip(
-            ids, contacts, dimensions, frozen(points, len(ids), 6), strict=True
-        ):
-            # Past the constructor: its checks were made on all points at once.
-            state = object.__new__(ContactState)
-            own = state.__dict__
-            own["id"], own["contacts"], own["dimension"], own["point"] = name, touching, dimension, point
-            found.append(state)
-        return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,27 +73,17 @@ class ContactGraph(Value):
 
 def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
     """The contact-state graph of a local space and its faces."""
-    n, names = len(faces.points), np.array([contact.id for contact in space.contacts], dtype=np.object_)
-    ends, rows = held(faces.active)
-    contacts = _cut(names[rows].tolist(), ends)
-    # Only free space has no contact, and it is the first, being of the largest dimension.
-    ids = _ids(n) if contacts[0] else ("free", *_ids(n)[1:])
+    names = [contact.id for contact in space.contacts]
     # Points are made in scaled units, of clearances, in which the program is well conditioned.
-    states = ContactState.all_of(ids, contacts, faces.dimensions.tolist(), space.scale * faces.points)
-    sons, son, fathers, father = covers(faces.active, faces.dimensions)
-    return ContactGraph(space, states, _cut(son.tolist(), sons), _cut(father.tolist(), fathers))
-
-
-@lru_cache
-def _ids(n: int) -> tuple[str, ...]:
-    """Names of as many states."""
-    return tuple(f"s{i}" for i in range(n))
-
-
-def _cut(listed: Sequence[Item], ends: Numbers) -> tuple[tuple[Item, ...], ...]:
-    """A list in n pieces, by where they begin and the last one ends (n + 1,)."""
-    whole = tuple(listed)
-    return tuple([whole[begin:end] for begin, end in pairwise(ends.tolist())])
+    points = space.scale * faces.points
+    states = []
+    for i, (row, dimension) in enumerate(zip(faces.active.tolist(), faces.dimensions.tolist(), strict=True)):
+        contacts = tuple(compress(names, row))
+        # Only free space has no contact, and it is the first, being of the largest dimension.
+        states.append(ContactState(f"s{i}" if contacts else "free", contacts, dimension, points[i]))
+    covered = covers(faces.active, faces.dimensions)
+    sons, fathers = (tuple(tuple(np.flatnonzero(row).tolist()) for row in side) for side in (covered, covered.T))
+    return ContactGraph(space, tuple(states), sons, fathers)
 
 
 @dataclass(frozen=True, eq=False)

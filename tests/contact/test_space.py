@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fmopt.contact.polytope import Faces, enumerate_faces
+from fmopt.contact.polytope import Faces, enumerate_faces, first_equal
 from fmopt.contact.primitive import near_contacts
 from fmopt.contact.state_graph import LocalSpace, Scale, faces, local_space
 from fmopt.errors import InfeasibleError
@@ -90,6 +90,33 @@ def test_a_row_that_touches_in_one_vertex_belongs_to_it() -> None:
     found = enumerate_faces(square, np.array([0.0, 0.0, -1.0, -1.0, 0.0]))
     assert found.count() == {0: 4, 1: 4, 2: 1}
     assert found.active.tolist().count([True, True, False, False, True]) == 1
+
+
+def test_rows_that_are_equal_are_told_by_the_first_of_them() -> None:
+    rng = np.random.default_rng(2)
+    kinds = rng.normal(size=(9, 6)) * 10.0 ** rng.integers(-3, 4, size=(9, 1))
+    of = rng.integers(9, size=40)
+    rows = kinds[of] * (1.0 + 1e-10 * rng.uniform(-1.0, 1.0, size=(40, 1)))
+    assert np.array_equal(first_equal(rows), [np.flatnonzero(of == kind)[0] for kind in of])
+    assert len(first_equal(np.empty((0, 6)))) == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_corners_that_rounding_tells_apart_are_one(seed: int) -> None:
+    cross = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 4), axis=-1).reshape(-1, 4)
+    levels = -1.0 + 2e-8 * np.random.default_rng(seed).uniform(-1.0, 1.0, 16)
+    assert enumerate_faces(cross, levels).count() == {0: 8, 1: 24, 2: 32, 3: 16, 4: 1}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_lines_in_a_polyhedron_change_nothing_but_dimensions(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows, levels = rng.integers(-1, 2, size=(9, 3)) + 0.0, -rng.integers(0, 2, size=9) - 0.0
+    rows, levels = np.vstack([np.eye(3), rows[rows.any(axis=1)]]), np.append(-np.ones(3), levels[rows.any(axis=1)])
+    within, found = enumerate_faces(rows, levels), enumerate_faces(rows @ rng.normal(size=(3, 6)), levels)
+    assert found.lineality == 3
+    assert found.active.tolist() == within.active.tolist()
+    assert found.dimensions.tolist() == (within.dimensions + 3).tolist()
 
 
 def test_no_common_point_is_refused() -> None:
