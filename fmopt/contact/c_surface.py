@@ -113,18 +113,6 @@ def _rows(values: Array, *shape: int) -> Array:
     return found if found.flags.writeable else found.copy()
 
 
-def values_and_rows(
-    contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose
-) -> tuple[Array, Array]:
-    """Signed distances f (k,) in m and gradients N (k, 6) of the contacts at a pose; see `Surfaces`.
-
-    Args:
-        contacts: in the order of the answers.
-        pose: of the moving part in the B-frame.
-    """
-    return Surfaces.of(contacts, moving, fixed).values_and_rows(pose)
-
-
 @remembered(_MEMORY)
 def _surfaces(moving: Polyhedron, fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...]) -> Surfaces:
     places, tables = list[int](), list[Records]()
@@ -206,22 +194,7 @@ def definition(kind: Kind) -> Definition:
 @remembered(_NUMBERS)
 def parameters(moving: Polyhedron, fixed: Polyhedron, contact: PrimitiveContact) -> Array:
     """The numbers (n,) of a contact's C-surface function, in the order of its definition."""
-    match contact.kind:
-        case Kind.VERTEX_FACE:
-            face = fixed.faces[contact.fixed_feature]
-            return frozen([*moving.vertices[contact.moving[0]], *face.normal, face.offset])
-        case Kind.BALL_FACE:
-            face, centre = fixed.faces[contact.fixed_feature], contact.moving[0]
-            return frozen([*moving.vertices[centre], *face.normal, face.offset, moving.radii[centre]])
-        case Kind.FACE_VERTEX:
-            face = moving.faces[contact.moving_feature]
-            return frozen([*face.normal, *fixed.vertices[contact.fixed[0]], face.offset])
-        case Kind.EDGE_EDGE:
-            a, b = moving.vertices[list(contact.moving)]
-            q, r = fixed.vertices[list(contact.fixed)]
-            return frozen([*(b - a) / np.linalg.norm(b - a), *a, *(r - q) / np.linalg.norm(r - q), *q])
-        case _:
-            assert_never(contact.kind)
+    return frozen(_numbers(moving, fixed, contact.kind, [contact])[0])
 
 
 @compiled

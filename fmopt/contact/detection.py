@@ -100,11 +100,7 @@ def vertices_at_faces(corners: Corners, walls: Walls, T: Array, reach: float, an
             inward = turned_back(T, (-normal[0], -normal[1], -normal[2]))
             # The chord of a small angle is less than the angle: the arcsine makes an angle of it again.
             if math.asin(min(_from_cone(corners.away[i], corners.arcs[i], inward), 1.0)) <= angle:
-                # Next to an edge of the face there is no need to ask on which side of it.
-                near[i, f] = (
-                    _from_edges(walls, f, x) - corners.radii[i] <= limit
-                    or face_distance(walls, f, x) - corners.radii[i] <= limit
-                )
+                near[i, f] = face_distance(walls, f, x) - corners.radii[i] <= limit
     return near
 
 
@@ -143,20 +139,6 @@ def edges_at_edges(own: Ridges, other: Ridges, T: Array, reach: float, angle: fl
                 continue
             near[i, j] = arc_angle(left, right, row(other.arcs[j], 0), row(other.arcs[j], 1)) <= angle
     return near
-
-
-@part
-def _from_edges(walls: Walls, face: int, x: Vector) -> float:
-    """Distance from a point to the edges of a face, m."""
-    found = np.inf
-    for s in range(walls.begun[face], walls.begun[face + 1]):
-        # Squares are compared, and one root is taken in the end.
-        u, v = plus(row(walls.tails, s), -1.0, x), plus(row(walls.heads, s), -1.0, x)
-        e = plus(v, -1.0, u)
-        t = min(max(-dot(u, e) / dot(e, e), 0.0), 1.0)
-        w = plus(u, t, e)
-        found = min(found, dot(w, w))
-    return math.sqrt(found)
 
 
 @part

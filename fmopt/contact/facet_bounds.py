@@ -23,8 +23,6 @@ _MEMORY, _SIDES = 1024, 16
 
 INSIDE = 1e-9  # m; a pose no further than this inside a bound is on it
 
-_REMEMBERED = 1024
-
 
 @dataclass(frozen=True)
 class Bound:
@@ -35,8 +33,6 @@ class Bound:
 
 
 Clause: TypeAlias = tuple[tuple[Bound, ...], ...]
-
-
 """Alternatives, each a set of bounds that hold together; one of them must."""
 
 
@@ -260,7 +256,7 @@ def _edge_clauses(
     return tuple(((bound,),) for bound in found)
 
 
-@remembered(_REMEMBERED)
+@remembered(_MEMORY)
 def face_clauses(polyhedron: Polyhedron, face: int) -> tuple[tuple[tuple[int, ...], ...], ...]:
     """The region of a face as clauses of alternatives, each naming the faces across edges that bound together.
 
@@ -351,7 +347,7 @@ class Crossings:
         return bytes((3 * steep + 1 + np.sign(slope)).astype(np.uint8))
 
 
-@remembered(_REMEMBERED)
+@remembered(_MEMORY)
 def _crossings(moving: Polyhedron, fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...]) -> Crossings:
     edges = [contact for contact in contacts if contact.kind is Kind.EDGE_EDGE]
     own, other = ([c.moving_feature for c in edges], [c.fixed_feature for c in edges])

@@ -22,7 +22,7 @@ from fmopt.contact.primitive import matrices
 from fmopt.contact.state_graph import LocalSpace
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose, turns
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +52,6 @@ class Poses(Value):
         """Rotations with positions beside them (n, 3, 4), m."""
         return matrices(self.p, self.R)
 
-    def moved(self, X: Array) -> Poses:
-        """Each pose at its own local coordinates X (n, 6)."""
-        return Poses(self.p + X[:, :3], turns(X[:, 3:]) @ self.R)
-
     def local(self, pose: Pose) -> Array:
         """Local coordinates X (n, 6) of these poses around one, for turns below a right angle."""
         T = self.R @ pose.R.T
@@ -76,14 +72,8 @@ class Poses(Value):
         return Pose(self.p[i], self.R[i])
 
     def each(self) -> tuple[Pose, ...]:
-        """All of them, checked and frozen together: a tenth of the time."""
-        found = []
-        for p, R in zip(frozen(self.p), frozen(self.R), strict=True):
-            # Past the constructor: its checks were made on all at once.
-            pose = object.__new__(Pose)
-            pose.__dict__.update(p=p, R=R)
-            found.append(pose)
-        return tuple(found)
+        """All of them."""
+        return tuple(map(Pose, self.p, self.R))
 
 
 @dataclass(frozen=True, eq=False)

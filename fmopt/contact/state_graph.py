@@ -14,7 +14,7 @@ from itertools import compress
 
 import numpy as np
 
-from fmopt.contact.c_surface import values_and_rows
+from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.face_lattice import covers
 from fmopt.contact.facet_bounds import Bound
 from fmopt.contact.polytope import Faces, enumerate_faces, first_equal
@@ -178,7 +178,7 @@ def local_space(
     units = scale.units
     signs = np.concatenate([np.ones(len(contacts)), [-bound.sign for bound in within.limits]])
     listed = (*contacts, *(bound.contact for bound in within.limits))
-    f, N = values_and_rows(listed, moving, fixed, pose)
+    f, N = Surfaces.of(listed, moving, fixed).values_and_rows(pose)
     # In scaled units gradients are of like size; unit rows make offsets distances in clearances.
     rows = signs[:, None] * N * units
     size = np.linalg.norm(rows, axis=1)

@@ -8,7 +8,7 @@ import sympy
 
 from fmopt.contact import generate
 from fmopt.contact.algebra import Definition
-from fmopt.contact.c_surface import Surfaces, contact_wrench, definition, over, parameters, records, values_and_rows
+from fmopt.contact.c_surface import Surfaces, contact_wrench, definition, over, parameters, records
 from fmopt.contact.definitions import CONTACTS
 from fmopt.contact.derive import derived, latex
 from fmopt.contact.facet_bounds import BoundTable, bounds
@@ -59,7 +59,7 @@ def numbers_of(contact: PrimitiveContact, fixed: Polyhedron) -> dict[str, np.nda
 def test_definitions_in_numpy_sympy_and_casadi_agree_with_the_kernels(
     fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
 ) -> None:
-    f, N = values_and_rows(contacts, PEG, fixed, pose)
+    f, N = Surfaces.of(contacts, PEG, fixed).values_and_rows(pose)
     for contact, value, row in zip(contacts, f, N, strict=True):
         kind, numbers = definition(contact.kind), numbers_of(contact, fixed)
         assert float(kind(pose.p, pose.R, **numbers)) == pytest.approx(value, abs=1e-16)

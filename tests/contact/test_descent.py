@@ -191,7 +191,7 @@ def test_moves_are_local_coordinates() -> None:
         T = np.column_stack([turns(rng.normal(size=(1, 3)))[0], rng.normal(size=3)])
         step = size * rng.normal(size=6)
         descent._move(scale, step, T, moved)
-        expected = Poses(T[None, :, 3], T[None, :, :3]).moved((scale * step)[None]).matrices[0]
+        expected = Poses.around(Pose(T[:, 3], T[:, :3]), (scale * step)[None]).matrices[0]
         np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-15)
 
 

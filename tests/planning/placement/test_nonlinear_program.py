@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmopt.contact.c_surface import values_and_rows
+from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import near_contacts
 from fmopt.errors import SolverError
 from fmopt.geometry.csg import Box, convex_polyhedron
@@ -85,9 +85,8 @@ def test_numbers_of_primitive_contacts_are_rows_as_they_stand() -> None:
     contacts = near_contacts(moving, fixed, pose, 0.03, 0.3)
     assert len({contact.kind for contact in contacts}) == 3
     rows = [Row.of(contact, moving, fixed) for contact in contacts]
-    for one, other in zip(
-        evaluate(rows, pose, np.zeros(6)), values_and_rows(contacts, moving, fixed, pose), strict=True
-    ):
+    expected = Surfaces.of(contacts, moving, fixed).values_and_rows(pose)
+    for one, other in zip(evaluate(rows, pose, np.zeros(6)), expected, strict=True):
         assert one == pytest.approx(other, abs=1e-14)
 
 
