@@ -43,7 +43,7 @@ def closed_sets(incidence: Bits) -> tuple[Bits, Bits, NDArray[np.intp]]:
 
 
 def covers(active: Bits, dimensions: NDArray[np.intp]) -> Bits:
-    """Which face (row) has which face (column) on its boundary, one dimension lower (n, n).
+    """Which face (row index) has which face (column index) on its boundary, one dimension lower (n, n).
 
     Args:
         active: the planes that hold each face (n, k).
