@@ -8,7 +8,7 @@ A motion in + is stopped at t when some error in the box brings the parts into a
 nominal pose, has a negative component there: going on, f would fall. The linearisation's remainder is on the side of
 contact, so that where s = 0 no error in the box makes a contact of that degree.
 
-Whether contact is possible within the box of pose errors: small linear programs, by the simplex method.
+Whether contact is possible within the box of pose errors: small linear programs, solved together by HiGHS.
 
 Contact is possible when a candidate's bounds can hold with f ≤ 0 and also with f ≥ 0, that is, when
 
@@ -19,7 +19,6 @@ over |eᵢ| ≤ aᵢ is not negative.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -31,7 +30,6 @@ from fmopt.geometry.part import Part
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, Stops, intervals
 from fmopt.papers.lee_huang.touch import Body, Indices, Linear, candidates, linear
 from fmopt.plan.diagnostics import Interval
-from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.values import Array, Value, frozen
 
 _PER_LEG = 8  # samples of a leg besides the passings of vertex levels
@@ -39,9 +37,8 @@ _TOUCHING = -1e-9  # slack in scaled units that still counts as touching
 _LEVER = 1e-9  # N (–) or N·m per N below which a contact does not stop a degree
 _TIME = 1e-12  # of T
 
-_SMALL = 1e-13  # a rate below which a variable is not worth moving, or does not move another
-_GREEDY = 40  # steps along the steepest variable; from then on the first that gains, which cannot go round in circles
-_MOST = 400  # steps
+# HiGHS ends at a vertex, whose value has no error but rounding; presolve would only cost time.
+_EXACT = {"presolve": False, "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,137 +260,35 @@ def slack(made: Linear, half_widths: Array, remainder: float, unit: float) -> Ar
     return np.asarray(value.reshape(2, n).min(axis=0))
 
 
-@compiled
 def maximin(c: Array, B: Array) -> Array:
     """max over |u| ≤ 1 of min_k (c_k + B_k·u), (n,); its bound where that is negative.
 
-    Rows that no other can fall below, or that repeat the one before, are left out. nan where the method did not end.
+    All n programs are blocks of one, with a variable t for each, so that HiGHS is called once. Rows that no other can
+    fall below, or that repeat the one before, are left out. nan where the method did not end.
 
     Args:
         c: (n, k).
         B: (n, k, 6), for u in the box |u| ≤ 1.
     """
-    count, rows = c.shape
-    found, reach = np.empty(count), np.empty(rows)
-    some, those = np.empty(rows), np.empty((rows, 6))
-    for i in range(count):
-        most = math.inf
-        for k in range(rows):
-            reach[k] = 0.0
-            for j in range(6):
-                reach[k] += abs(B[i, k, j])
-            most = min(most, c[i, k] + reach[k])
-        kept = 0
-        for k in range(rows):
-            if c[i, k] - reach[k] < most and not (k > 0 and _same(c[i], B[i], k)):
-                some[kept] = c[i, k]
-                for j in range(6):
-                    those[kept, j] = B[i, k, j]
-                kept += 1
-        found[i] = most
-        if most >= 0.0 and kept > 1:
-            value = _highest(some, those, kept)
-            found[i] = value if math.isnan(value) else min(most, value)
+    from scipy.optimize import linprog
+    from scipy.sparse import csr_array
+
+    reach = np.abs(B).sum(axis=2)
+    found = np.asarray((c + reach).min(axis=1))
+    kept = (c - reach < found[:, None]) & (found >= 0.0)[:, None]
+    kept[:, 1:] &= (c[:, 1:] != c[:, :-1]) | np.any(B[:, 1:] != B[:, :-1], axis=2)
+    asked = np.flatnonzero(kept.sum(axis=1) > 1)
+    if not asked.size:
+        return found
+    block, k = np.nonzero(kept[asked])
+    rows = np.column_stack([-B[asked[block], k], np.ones(len(block))])  # t − B_k·u ≤ c_k
+    columns = 7 * block[:, None] + np.arange(7)
+    shape = len(block), 7 * len(asked)
+    program = csr_array((rows.ravel(), columns.ravel(), np.arange(0, rows.size + 1, 7)), shape=shape)
+    limits = np.tile([(-1.0, 1.0)] * 6 + [(-np.inf, np.inf)], (len(asked), 1))
+    limits[6::7, 1] = found[asked]
+    answer = linprog(
+        np.tile([0.0] * 6 + [-1.0], len(asked)), A_ub=program, b_ub=c[asked[block], k], bounds=limits, options=_EXACT
+    )
+    found[asked] = np.nan if answer.x is None else answer.x[6::7]
     return found
-
-
-@part
-def _same(c: Array, B: Array, k: int) -> bool:
-    """Whether a row repeats the one before."""
-    apart = abs(c[k] - c[k - 1])
-    for j in range(6):
-        apart += abs(B[k, j] - B[k - 1, j])
-    return bool(apart == 0.0)
-
-
-@part
-def _highest(c: Array, B: Array, rows: int) -> float:
-    """max over |u| ≤ 1 of t = min_k (c_k + B_k·u) over the first rows, by the simplex method for bounded variables.
-
-    Variables lie between 0 and a limit: 0 to 5 are the ways of the u from where the bound of one row is reached, with
-    limit 2, the others the slacks s_k = c_k + B_k·u − t. Columns of T are the variables that are 0, and what is then
-    left; its rows are the others, in which t stands for the slack of the row that is lowest at first.
-    """
-    T, limit = np.empty((rows, 8)), np.full(6 + rows, np.inf)
-    free, kept = np.arange(7), np.arange(6, 6 + rows)
-    limit[:6] = 2.0
-    goal = _begun(c, B, rows, T)
-    free[6] = 6 + goal
-    for step in range(_MOST):
-        column = _entering(T, goal, free, step < _GREEDY)
-        if column < 0:
-            return float(T[goal, 7])
-        _moved(T, goal, column, free, kept, limit)
-    return math.nan
-
-
-@part
-def _begun(c: Array, B: Array, rows: int, T: Array) -> int:
-    """Fills T for the corner of |u| ≤ 1 where the lowest of all bounds is reached; returns the lowest row there."""
-    first, least = 0, math.inf
-    for k in range(rows):
-        most = c[k]
-        for j in range(6):
-            most += abs(B[k, j])
-        if most < least:
-            first, least = k, most
-    lowest = 0
-    for k in range(rows):
-        T[k, 6], T[k, 7] = 1.0, c[k]
-        for j in range(6):
-            T[k, j] = B[k, j] if B[first, j] < 0.0 else -B[k, j]
-            T[k, 7] -= T[k, j]
-        if T[k, 7] < T[lowest, 7]:
-            lowest = k
-    T[lowest, 6] = -1.0
-    for k in range(rows):
-        if k != lowest:
-            T[k, 7] -= T[lowest, 7]
-            for j in range(6):
-                T[k, j] -= T[lowest, j]
-    return lowest
-
-
-@part
-def _entering(T: Array, goal: int, free: Indices, greedy: bool) -> int:
-    """The column along which t grows most, or the first variable along which it does; −1 when there is none."""
-    best = -1
-    for j in range(7):
-        if T[goal, j] <= _SMALL:
-            continue
-        if best < 0 or (T[goal, j] > T[goal, best] if greedy else free[j] < free[best]):
-            best = j
-    return best
-
-
-@part
-def _moved(T: Array, goal: int, column: int, free: Indices, kept: Indices, limit: Array) -> None:
-    """Moves the variable of a column until it, or one that moves with it, is 0 or at its limit; these change places."""
-    step, row = limit[free[column]], -1
-    for i in range(len(T)):
-        if i == goal or abs(T[i, column]) <= _SMALL:
-            continue
-        room = T[i, 7] if T[i, column] < 0.0 else limit[kept[i]] - T[i, 7]
-        room = max(room, 0.0) / abs(T[i, column])
-        if room < step or (room == step and row >= 0 and kept[i] < kept[row]):
-            step, row = room, i
-    if row < 0:  # it is at its limit: what is left of that takes its place
-        for i in range(len(T)):
-            T[i, 7] += step * T[i, column]
-            T[i, column] = -T[i, column]
-        return
-    if T[row, column] > 0.0:  # likewise for the other
-        for j in range(8):
-            T[row, j] = -T[row, j]
-        T[row, 7] += limit[kept[row]]
-    rate = -T[row, column]
-    T[row, column] = -1.0
-    for j in range(8):
-        T[row, j] /= rate
-    for i in range(len(T)):
-        if i != row:
-            rate = T[i, column]
-            T[i, column] = 0.0
-            for j in range(8):
-                T[i, j] += rate * T[row, j]
-    free[column], kept[row] = kept[row], free[column]

@@ -174,24 +174,15 @@ def test_a_program_that_does_not_end_is_reported(monkeypatch):
         slack_module.slack(empty, np.ones(6), 0.0, 1.0)
 
 
-def test_a_program_that_takes_too_many_steps_is_not_a_number(monkeypatch):
-    monkeypatch.setattr(slack_module, "_MOST", 1)
-    monkeypatch.setattr(slack_module, "_highest", slack_module._highest.py_func)
-    rng = np.random.default_rng(0)
-    found = slack_module.maximin.py_func(rng.normal(0.5, 1.0, (40, 9)), rng.normal(0.0, 0.5, (40, 9, 6)))
-    assert np.isnan(found).any()
-
-
 @pytest.mark.parametrize("rows", [1, 2, 3, 5, 21])
 @pytest.mark.parametrize("ties", [False, True], ids=["any", "ties"])
-def test_the_simplex_method_agrees_with_the_linear_program(rows, ties):
+def test_programs_solved_together_are_solved_one_by_one(rows, ties):
     """Also where rows repeat or leave several corners equally good; the bound where that is below 0."""
     rng = np.random.default_rng(rows)
     c, B = rng.normal(0.5, 1.0, (40, rows)), rng.normal(0.0, 0.5, (40, rows, 6)) * (rng.random((40, 1, 6)) > 0.3)
     if ties:
         c, B = np.round(np.repeat(c, 2, axis=1)), np.round(np.repeat(B, 2, axis=1))
     found, cost = slack_module.maximin(c, B), [0.0] * 6 + [-1.0]
-    assert np.array_equal(found, slack_module.maximin.py_func(c, B))
     for value, offsets, slopes in zip(found, c, B, strict=True):
         A = np.column_stack([-slopes, np.ones(len(slopes))])
         answer = linprog(cost, A_ub=A, b_ub=offsets, bounds=[(-1.0, 1.0)] * 6 + [(None, None)])
