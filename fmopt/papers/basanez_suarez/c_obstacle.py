@@ -1,19 +1,15 @@
-"""Cc: all configurations at which any basic contact is possible, the union of the CU of all of them.
-
-Polygons that contain Cc at many orientations, from convex pieces that cover the sets CUl.
-"""
+"""Cc: all configurations at which any basic contact is possible, the union of the CU of all of them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmopt.errors import GeometryError
 from fmopt.papers.basanez_suarez.contact import CU, FULL, Kind, basic_contacts, core_gap
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.sources import Deviations
@@ -21,9 +17,6 @@ from fmopt.spatial.values import Array, Value, frozen
 
 if TYPE_CHECKING:
     from shapely import MultiPolygon
-
-
-_BATCH = 20_000  # convex pieces at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +149,6 @@ class PossibleContacts(Value):
     def polygons(self, phi: ArrayLike, tolerance: float) -> list[MultiPolygon]:
         """For each φ a polygon (m) that contains Cc there and is nowhere farther from it than `tolerance`.
 
-        Each CUl is covered by convex pieces, one for each part of the turn ±ε_φ that is short enough.
-
         Args:
             phi: (k,), rad.
             tolerance: m.
@@ -165,111 +156,10 @@ class PossibleContacts(Value):
         Raises:
             GeometryError: the tolerance is not positive.
         """
-        if not tolerance > 0.0:
-            raise GeometryError(f"polygons of Cc to a tolerance of {tolerance} m", "give a positive one")
-        return cover(self.tables, np.atleast_1d(np.asarray(phi, dtype=np.float64)), tolerance)
+        from shapely import MultiPolygon, get_parts, union_all
 
-
-def cover(tables: Sequence[Table], phi: Array, tolerance: float) -> list[MultiPolygon]:
-    """For each φ the union (m) of the pieces of all contacts possible; see `PossibleContacts.polygons`.
-
-    Args:
-        phi: (k,), rad.
-        tolerance: m.
-    """
-    from shapely import MultiPolygon, convex_hull, get_parts, linestrings, union_all
-
-    hulls: list[list[Any]] = [[] for _ in phi]
-    for table in tables:
-        one, other = table.allowed(phi)
-        # Edges that swing through their foot are cut there, as the hull of a piece would else be too wide.
-        contact, centres, swung = _edges(table, tolerance)
-        for i in range(0, len(one), _BATCH):
-            batch = slice(i, i + _BATCH)
-            pair, row = np.nonzero(other[batch, None] == contact)
-            index, corners = _corners(
-                phi[one[batch][pair]],
-                centres[row],
-                swung[row],
-                table.spread[contact[row]],
-                table.radius[contact[row]],
-                tolerance,
-            )
-            for k, hull in zip(one[batch][pair][index], convex_hull(linestrings(corners)), strict=True):
-                hulls[k].append(hull)
-    # In turn around their middle: unions of neighbours are simple, and take a fraction of the time.
-    unions = [union_all(_in_turn(group)) for group in hulls]
-    return [MultiPolygon([part for part in get_parts(union) if part.area > 0.0]) for union in unions]
-
-
-def _in_turn(hulls: list[Any]) -> NDArray[np.object_]:
-    """Hulls in the order in which they surround their middle: neighbours are united first, a third faster."""
-    from shapely import centroid, get_coordinates
-
-    group = np.array(hulls, dtype=object)
-    to = get_coordinates(centroid(group))
-    to = to - to.mean(axis=0) if len(to) else to
-    return np.asarray(group[np.argsort(np.arctan2(to[:, 1], to[:, 0]), kind="stable")])
-
-
-def _edges(table: Table, tolerance: float) -> tuple[NDArray[np.intp], Array, Array]:
-    """Contacts as pairs of points c + R(φ) v, the ends of an edge that moves along: index, c and v (m, 2, 2).
-
-    An edge of the grasped object is cut at the foot of the perpendicular from the reference point, as the hull of a
-    turning edge is close to what it sweeps only when its distance from there grows along it. With the foot at t₁ and t₂
-    from the ends, the hull is farther out by 2 ε_φ t₁ t₂ / (t₁ + t₂) to first order; a quarter of the tolerance lets
-    an edge stay whole.
-    """
-    n = len(table.low)
-    if table.kind is Kind.TYPE_1:
-        return np.arange(n), table.edge, -np.repeat(table.vertex[:, None], 2, axis=1)
-    start, e = table.edge[:, 0], table.edge[:, 1] - table.edge[:, 0]
-    along = -np.sum(start * e, axis=1) / np.sum(e * e, axis=1)
-    length = np.hypot(e[:, 0], e[:, 1])
-    # Only where the bulge over the foot is worth it.
-    cut = (along > 0.0) & (along < 1.0) & (2.0 * table.spread * along * (1.0 - along) * length > 0.25 * tolerance)
-    foot = start + along[:, None] * e
-    first = np.stack([start, np.where(cut[:, None], foot, table.edge[:, 1])], axis=1)
-    second = np.stack([foot, table.edge[:, 1]], axis=1)[cut]
-    contact = np.concatenate([np.arange(n), np.flatnonzero(cut)])
-    return contact, np.repeat(table.vertex[contact, None], 2, axis=1), -np.concatenate([first, second])
-
-
-def _corners(
-    phi: Array, centres: Array, swung: Array, spread: Array, radius: Array, tolerance: float
-) -> tuple[NDArray[np.intp], Array]:
-    """Points (m, k, 2) whose hulls cover edges c + R(φ + δ) v, |δ| ≤ spread, widened by the disc; the edge of each.
-
-    The arc of each end is within a triangle, the disc within a polygon. Half of the tolerance is for the disc. A part
-    of the turn by ±s leaves the hull farther out than the sweep by at most 2 s² times the reach, for which there is a
-    quarter.
-    """
-    n_parts = _parts(float(spread.max(initial=0.0)), float(np.hypot(*swung.T).max(initial=0.0)), tolerance)
-    half = spread / n_parts
-    index = np.repeat(np.arange(len(phi)), n_parts)
-    middle = phi[:, None] + half[:, None] * (2.0 * np.arange(n_parts) + 1.0 - n_parts)
-    angle = middle.ravel()[:, None] + half[index, None] * np.array([-1.0, 0.0, 1.0])
-    # Tips of the arc, and where tangents at them meet: the hull of these holds the arc.
-    scale = np.stack([np.ones(len(index)), 1.0 / np.cos(half[index]), np.ones(len(index))], axis=1)
-    c, s = scale * np.cos(angle), scale * np.sin(angle)
-    v = swung[index]
-    x = c[:, :, None] * v[:, None, :, 0] - s[:, :, None] * v[:, None, :, 1] + centres[index][:, None, :, 0]
-    y = s[:, :, None] * v[:, None, :, 0] + c[:, :, None] * v[:, None, :, 1] + centres[index][:, None, :, 1]
-    tips = np.stack([x, y], axis=-1).reshape(len(index), 1, 6, 2)
-    disc = _disc(radius[index], tolerance)
-    return index, (tips + disc[:, :, None, :]).reshape(len(index), -1, 2)
-
-
-def _parts(spread: float, reach: float, tolerance: float) -> int:
-    # The tangents' meeting point is farther out by h (1 / cos − 1), about h x²/2: a small part of the tolerance.
-    longest = min(0.5, math.sqrt(0.125 * tolerance / reach)) if reach > 0.0 else 0.5
-    return max(math.ceil(min(spread, math.pi) / longest), 1)
-
-
-def _disc(radius: Array, tolerance: float) -> Array:
-    """Corners (m, k, 2) of regular polygons that contain discs, at most half the tolerance farther out."""
-    # Half of the tolerance is left for the disc; its polygon has the true circle inside.
-    outer = radius + 0.5 * tolerance
-    corners = max(math.ceil(math.pi / math.acos(float(np.max(radius / outer, initial=0.0)))), 4)
-    theta = 2.0 * math.pi * np.arange(corners) / corners
-    return np.asarray(outer[:, None, None] * np.stack([np.cos(theta), np.sin(theta)], axis=-1))
+        found = []
+        for at in np.atleast_1d(np.asarray(phi, dtype=np.float64)).tolist():
+            sets = [cu.at(at).polygon(tolerance, "outside") for cu in self.sets if cu.range.contains(at)]
+            found.append(MultiPolygon([part for part in get_parts(union_all(sets)) if part.area > 0.0]))
+        return found

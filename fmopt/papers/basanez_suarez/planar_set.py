@@ -123,26 +123,9 @@ def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon
         tolerance: how far it may be from them, m.
         side: whether it holds the set or is held by it.
     """
-    from shapely import MultiPolygon, Polygon
-
-    rings = [ring(loop, tolerance, side) for loop in loops]
-    if len(rings) == 1 and len(rings[0]) > 3:
-        simple = Polygon(rings[0])
-        # The simple case: one loop that does not cross itself needs no winding numbers.
-        if simple.is_valid and simple.exterior.is_ccw:
-            return MultiPolygon([simple])
-    return _wound(rings)
-
-
-def ring(loop: Loop, tolerance: float, side: Side) -> Array:
-    """The closed polyline (k, 2) in m of a loop, the first point not repeated."""
-    return np.vstack([piece.curve.polyline(tolerance, SIDES[side])[:-1] for piece in loop])
-
-
-def _wound(rings: Sequence[Array]) -> MultiPolygon:
-    """What the rings wind round, a set without interior left out."""
     from shapely import LinearRing, MultiPolygon, get_parts, node, polygonize, union_all
 
+    rings = [ring(loop, tolerance, side) for loop in loops]
     lines = [LinearRing(points) for points in rings if len(points) > 2]
     if not lines:
         return MultiPolygon()
@@ -150,6 +133,11 @@ def _wound(rings: Sequence[Array]) -> MultiPolygon:
     faces = get_parts(polygonize([*get_parts(node(union_all(lines)))]))
     inside = [face for face in faces if sum(_winding(points, face.representative_point()) for points in rings) > 0]
     return MultiPolygon([part for part in get_parts(union_all(inside)) if part.area > 0.0])
+
+
+def ring(loop: Loop, tolerance: float, side: Side) -> Array:
+    """The closed polyline (k, 2) in m of a loop, the first point not repeated."""
+    return np.vstack([piece.curve.polyline(tolerance, SIDES[side])[:-1] for piece in loop])
 
 
 def _winding(points: Array, at: object) -> int:
