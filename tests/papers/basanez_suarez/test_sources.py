@@ -4,36 +4,30 @@ from __future__ import annotations
 
 import math
 import pickle
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from fmopt.errors import GeometryError
 from fmopt.papers.basanez_suarez.sources import (
-    Budget,
     Configuration,
-    GraspedSources,
-    KnownConfiguration,
-    Measurement,
-    ObservedConfiguration,
+    Deviation,
+    Grasped,
     ObservedPoints,
-    Robot,
-    Shape,
-    Slide,
-    StaticSources,
     deviations,
     edge_turn,
-    grasped_budget,
-    gripper_budget,
-    placed,
-    placed_in_turn,
-    static_budget,
 )
-from fmopt.task.sources import Deviation, Sources, start_box
+from fmopt.task.sources import Deviation as StatedDeviation
+from fmopt.task.sources import Sources, start_box
 from tests.shared.planar_sampling import disc
 
-SHAPE, FEEDER, ROBOT, SLIDE = Shape(2e-5), KnownConfiguration(1e-4), Robot(3e-4, 0.004), Slide(5e-5, 0.001)
-GRASPED = GraspedSources(SHAPE, FEEDER, ROBOT, SLIDE)
+SHAPE, FEEDER, ROBOT, SLIDE = 2e-5, Deviation(1e-4), Deviation(3e-4, 0.004), Deviation(5e-5, 0.001)
+GRASPED = Grasped(SHAPE, FEEDER, ROBOT, SLIDE)
+
+
+def epsilon_a(configuration: Configuration, point: tuple[float, float], shape: float = 0.0) -> float:
+    return float(deviations(shape, configuration, [point], GRASPED).static[0])
 
 
 def turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -54,49 +48,31 @@ def drawn_angle(rng: np.random.Generator, epsilon: float, count: int) -> np.ndar
 
 def test_sums_of_the_paper() -> None:
     # ε_pg = ε_pr + ε_pp + ε_td, ε_φg = ε_φr + ε_φd; ε_prpgv = ε_pr + ε_pg + ε_v, ε_φrφg = ε_φr + ε_φg.
-    assert gripper_budget(GRASPED).position == pytest.approx(3e-4 + 1e-4 + 5e-5, rel=1e-15)
-    assert gripper_budget(GRASPED).angle == pytest.approx(0.004 + 0.001, rel=1e-15)
-    assert grasped_budget(GRASPED).position == pytest.approx(3e-4 + 4.5e-4 + 2e-5, rel=1e-15)
-    assert grasped_budget(GRASPED).angle == pytest.approx(0.004 + 0.005, rel=1e-15)
+    assert GRASPED.in_gripper.position == pytest.approx(3e-4 + 1e-4 + 5e-5, rel=1e-15)
+    assert GRASPED.in_gripper.angle == pytest.approx(0.004 + 0.001, rel=1e-15)
+    assert GRASPED.moved.position == pytest.approx(3e-4 + 4.5e-4 + 2e-5, rel=1e-15)
+    assert GRASPED.moved.angle == pytest.approx(0.004 + 0.005, rel=1e-15)
     # ε_a = ε_v + ε_pp, or ε_m.
-    assert static_budget(StaticSources(SHAPE, FEEDER), (0.1, 0.2)).position == pytest.approx(1.2e-4, rel=1e-15)
-    assert static_budget(StaticSources(SHAPE, Measurement(7e-5)), (0.1, 0.2)).position == 7e-5
+    assert epsilon_a(FEEDER, (0.1, 0.2), SHAPE) == pytest.approx(1.2e-4, rel=1e-15)
+    assert epsilon_a(Deviation(), (0.1, 0.2), 7e-5) == 7e-5
 
 
 def test_the_start_box_has_the_same_sums() -> None:
-    stated = Sources(2e-5, None, Deviation(1e-4), Deviation(1e-4), Deviation(3e-4, 0.004), Deviation(5e-5, 0.001), 0.0)
-    box = start_box(stated, 0.0)
-    total = deviations(StaticSources(SHAPE, FEEDER), [(0.0, 0.0)], GRASPED)
+    feeder, robot, slide = StatedDeviation(1e-4), StatedDeviation(3e-4, 0.004), StatedDeviation(5e-5, 0.001)
+    box = start_box(Sources(2e-5, None, feeder, feeder, robot, slide, 0.0), 0.0)
+    total = deviations(SHAPE, FEEDER, [(0.0, 0.0)], GRASPED)
     assert box[0] == pytest.approx(total.static[0] + total.position, rel=1e-14)
     assert box[3] == pytest.approx(total.angle, rel=1e-14)
 
 
-def test_budgets_name_every_source_and_add_up() -> None:
-    for budget in (grasped_budget(GRASPED), static_budget(StaticSources(SHAPE, FEEDER), (0.0, 0.0))):
-        assert math.fsum(position for _, position, _ in budget.fractions()) == pytest.approx(1.0, rel=1e-14)
-    assert [symbol for symbol, _, _ in grasped_budget(GRASPED).fractions()] == [
-        "ε_pr, ε_φr",
-        "ε_pr, ε_φr",
-        "ε_pp",
-        "ε_td, ε_φd",
-        "ε_v",
-    ]
-    by_symbol = {share.source: share for share in grasped_budget(GRASPED).shares}
-    assert by_symbol["robot, grasping"] == by_symbol["robot, moving"].__class__(
-        "robot, grasping", "ε_pr, ε_φr", ROBOT.epsilon_pr, ROBOT.epsilon_phi_r
-    )
-    assert Budget(()).fractions() == ()
-    assert grasped_budget(GraspedSources()).fractions()[0] == ("ε_pr, ε_φr", 0.0, 0.0)
-
-
 def test_a_point_of_the_grasped_object_along_the_chain() -> None:
     rng, n = np.random.default_rng(1), 200_000
-    total, point, phi = grasped_budget(GRASPED), np.array([0.03, -0.01]), 2.5
-    in_gripper = drawn(rng, ROBOT.epsilon_pr, n) + drawn(rng, FEEDER.epsilon_pp, n) + drawn(rng, SLIDE.epsilon_td, n)
-    turn_g = drawn_angle(rng, ROBOT.epsilon_phi_r, n) + drawn_angle(rng, SLIDE.epsilon_phi_d, n)
-    turn_r = drawn_angle(rng, ROBOT.epsilon_phi_r, n)
-    held = turned(np.broadcast_to(point, (n, 2)), turn_g) + in_gripper + drawn(rng, SHAPE.epsilon_v, n)
-    world = drawn(rng, ROBOT.epsilon_pr, n) + turned(held, phi + turn_r)
+    total, point, phi = GRASPED.moved, np.array([0.03, -0.01]), 2.5
+    in_gripper = drawn(rng, ROBOT.position, n) + drawn(rng, FEEDER.position, n) + drawn(rng, SLIDE.position, n)
+    turn_g = drawn_angle(rng, ROBOT.angle, n) + drawn_angle(rng, SLIDE.angle, n)
+    turn_r = drawn_angle(rng, ROBOT.angle, n)
+    held = turned(np.broadcast_to(point, (n, 2)), turn_g) + in_gripper + drawn(rng, SHAPE, n)
+    world = drawn(rng, ROBOT.position, n) + turned(held, phi + turn_r)
     turns = turn_g + turn_r
     apart = np.hypot(*(world - turned(np.broadcast_to(point, (n, 2)), phi + turns)).T)
     assert np.abs(turns).max() <= total.angle + 1e-15
@@ -108,11 +84,11 @@ def test_a_point_of_the_grasped_object_along_the_chain() -> None:
 @pytest.mark.parametrize("point", [(0.0, 0.0), (0.05, 0.02), (-0.3, 0.1)])
 def test_an_observed_object_moves_its_points_by_no_more(point: tuple[float, float]) -> None:
     rng, n = np.random.default_rng(2), 100_000
-    configuration = ObservedConfiguration(1e-4, 0.3, (0.02, 0.01))
+    configuration = Deviation(1e-4, 0.3, (0.02, 0.01))
     lever = np.asarray(point) - configuration.about
-    angle = drawn_angle(rng, configuration.epsilon_phi_p, n)
-    moved = turned(np.broadcast_to(lever, (n, 2)), angle) - lever + drawn(rng, configuration.epsilon_pp, n)
-    bound = static_budget(StaticSources(Shape(), configuration), point).position
+    angle = drawn_angle(rng, configuration.angle, n)
+    moved = turned(np.broadcast_to(lever, (n, 2)), angle) - lever + drawn(rng, configuration.position, n)
+    bound = epsilon_a(configuration, point)
     assert np.hypot(*moved.T).max() <= bound * (1.0 + 1e-12)
     assert np.hypot(*moved.T).max() >= 0.999 * bound
 
@@ -131,55 +107,54 @@ def test_a_configuration_from_two_observed_points(point: tuple[float, float]) ->
 
     kept = (moved(configuration.first) <= 1e-3) & (moved(configuration.second) <= 1e-3)
     assert kept.sum() > 50_000
-    budget = static_budget(StaticSources(Shape(), configuration), point)
+    bound = epsilon_a(configuration, point)
     far = moved(np.asarray(point))[kept].max()
-    assert far <= budget.position * (1.0 + 1e-12)
-    assert far >= 0.9 * budget.position
+    assert far <= bound * (1.0 + 1e-12)
+    assert far >= 0.9 * bound
     assert np.abs(angle[kept]).max() <= most
 
 
 def test_an_object_handled_several_times() -> None:
     rng, n = np.random.default_rng(4), 200_000
     grasps = [np.array([0.0, 0.0]), np.array([0.04, 0.01]), np.array([-0.02, 0.03])]
-    handlings = [GraspedSources(SHAPE, FEEDER, ROBOT, SLIDE, grasp) for grasp in grasps]
-    final = placed_in_turn(FEEDER, handlings)
-    assert isinstance(final, ObservedConfiguration)
+    final = FEEDER
+    for grasp in grasps:
+        final = Grasped(SHAPE, final, ROBOT, SLIDE, grasp).placed
     # The object as a rigid motion x ↦ R x + t, after each handling seen from the grasping point.
-    angle, at = np.zeros(n), drawn(rng, FEEDER.epsilon_pp, n)
+    angle, at = np.zeros(n), drawn(rng, FEEDER.position, n)
     for grasp in grasps:
         place = turned(np.broadcast_to(grasp, (n, 2)), angle) + at - grasp
-        place = place + drawn(rng, 2.0 * ROBOT.epsilon_pr + SLIDE.epsilon_td, n)
-        angle = angle + drawn_angle(rng, 2.0 * ROBOT.epsilon_phi_r + SLIDE.epsilon_phi_d, n)
+        place = place + drawn(rng, 2.0 * ROBOT.position + SLIDE.position, n)
+        angle = angle + drawn_angle(rng, 2.0 * ROBOT.angle + SLIDE.angle, n)
         at = place + grasp - turned(np.broadcast_to(grasp, (n, 2)), angle)
     off = np.hypot(*(turned(np.broadcast_to(grasps[-1], (n, 2)), angle) + at - grasps[-1]).T)
-    assert np.abs(angle).max() <= final.epsilon_phi_p * (1.0 + 1e-12)
-    assert np.abs(angle).max() >= 0.999 * final.epsilon_phi_p
-    assert off.max() <= final.epsilon_pp * (1.0 + 1e-12)
-    assert off.max() >= 0.7 * final.epsilon_pp
+    assert np.abs(angle).max() <= final.angle * (1.0 + 1e-12)
+    assert np.abs(angle).max() >= 0.999 * final.angle
+    assert off.max() <= final.position * (1.0 + 1e-12)
+    assert off.max() >= 0.7 * final.position
     # One handling more costs more; at the same point orientation does not turn into position.
-    once = placed(handlings[0])
-    assert once.epsilon_pp == pytest.approx(2.0 * ROBOT.epsilon_pr + SLIDE.epsilon_td + FEEDER.epsilon_pp)
-    twice = placed_in_turn(FEEDER, [handlings[0]] * 2)
-    assert isinstance(twice, ObservedConfiguration)
-    assert twice.epsilon_pp == pytest.approx(2.0 * once.epsilon_pp - FEEDER.epsilon_pp)
-    assert twice.epsilon_phi_p == pytest.approx(2.0 * once.epsilon_phi_p)
-    assert final.epsilon_pp > twice.epsilon_pp
+    once = GRASPED.placed
+    assert once.position == pytest.approx(2.0 * ROBOT.position + SLIDE.position + FEEDER.position)
+    twice = Grasped(SHAPE, once, ROBOT, SLIDE).placed
+    assert twice.position == pytest.approx(2.0 * once.position - FEEDER.position)
+    assert twice.angle == pytest.approx(2.0 * once.angle)
+    assert final.position > twice.position
 
 
 def test_deviations_of_the_vertices_bound_those_of_the_edges() -> None:
-    static = StaticSources(SHAPE, ObservedConfiguration(1e-4, 0.01, (0.5, 0.5)))
+    static = Deviation(1e-4, 0.01, (0.5, 0.5))
     corners = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
-    total = deviations(static, corners, GRASPED)
-    assert total.shape == SHAPE.epsilon_v
+    total = deviations(SHAPE, static, corners, GRASPED)
+    assert total.shape == SHAPE
     for k in np.linspace(0.0, 1.0, 11):
         point = (1.0 - k) * corners[0] + k * corners[1]
-        assert static_budget(static, point).position <= max(total.static[:2]) + 1e-18
+        assert epsilon_a(static, point, SHAPE) <= max(total.static[:2]) + 1e-18
 
 
 def test_values_stay_read_only_through_pickling() -> None:
-    for value in (ObservedConfiguration(1e-4, 0.1, (1.0, 2.0)), ObservedPoints((0.0, 0.0), (1.0, 0.0), 1e-3)):
+    for value in (Deviation(1e-4, 0.1, (1.0, 2.0)), ObservedPoints((0.0, 0.0), (1.0, 0.0), 1e-3)):
         again = pickle.loads(pickle.dumps(value))
-        array = again.about if isinstance(again, ObservedConfiguration) else again.first
+        array = again.about if isinstance(again, Deviation) else again.first
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
 
@@ -187,15 +162,13 @@ def test_values_stay_read_only_through_pickling() -> None:
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: Shape(-1e-5), "epsilon_v is -1e-05"),
-        (lambda: Measurement(math.nan), "epsilon_m is nan"),
-        (lambda: KnownConfiguration(math.inf), "epsilon_pp is inf"),
-        (lambda: ObservedConfiguration(0.0, -0.1), "epsilon_phi_p is -0.1"),
-        (lambda: Robot(0.0, -1.0), "epsilon_phi_r is -1"),
-        (lambda: Slide(-1.0, 0.0), "epsilon_td is -1"),
+        (lambda: Grasped(-1e-5), "shape is -1e-05"),
+        (lambda: ObservedPoints((0.0, 0.0), (1.0, 0.0), math.nan), "epsilon_m is nan"),
+        (lambda: Deviation(math.inf), "position is inf"),
+        (lambda: Deviation(0.0, -0.1), "angle is -0.1"),
     ],
 )
-def test_negative_and_missing_numbers_are_refused(build: type[Configuration], message: str) -> None:
+def test_negative_and_missing_numbers_are_refused(build: Callable[[], object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         build()
 
