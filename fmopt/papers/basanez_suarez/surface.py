@@ -139,8 +139,6 @@ def _length(kind: Kind, geometry: Sequence[sympy.Symbol]) -> sympy.Expr:
 def casadi_function(name: str, inputs: Mapping[str, Sequence[sympy.Symbol]], outputs: Sequence[sympy.Expr]) -> Any:
     """The CasADi function (one column vector per input) ↦ column vector of the outputs.
 
-    Common subexpressions of all outputs are built once.
-
     Args:
         inputs: for each input its name and its symbols, in order.
 
@@ -153,61 +151,27 @@ def casadi_function(name: str, inputs: Mapping[str, Sequence[sympy.Symbol]], out
     known: dict[sympy.Expr, Node] = {
         symbol: columns[key][i] for key, symbols in inputs.items() for i, symbol in enumerate(symbols)
     }
-    # Unordered: the order of terms changes nothing, and sorting them costs time.
-    shared, reduced = sympy.cse(list(outputs), order="none")
-    for symbol, expression in shared:
-        known[symbol] = _translate(expression, known)
-    result = casadi.vertcat(*(casadi.SX(_translate(expression, known)) for expression in reduced))
-    return casadi.Function(name, list(columns.values()), [result], list(columns), ["value"])
+    values = casadi.vertcat(*(casadi.SX(_translate(expression, known)) for expression in outputs))
+    return casadi.Function(name, list(columns.values()), [values], list(columns), ["value"])
 
 
-def _translate(expression: sympy.Expr, known: Mapping[sympy.Expr, Node]) -> Node:
-    if expression in known:
-        return known[expression]
-    if expression.is_Number or expression is sympy.pi:
-        return float(expression)
-    # A closed table of nodes: no text is ever evaluated.
-    rule = _TABLE.get(expression.func)
-    if rule is None:
-        raise TypeError(f"{expression.func.__name__} {expression} is not in the table from SymPy to CasADi")
-    return rule(*(_translate(argument, known) for argument in expression.args))
+def _translate(expression: sympy.Expr, known: dict[sympy.Expr, Node]) -> Node:
+    """The node of an expression, by a closed table: no text is ever evaluated. `known` keeps all that were built."""
+    if expression not in known:
+        if expression.is_Number or expression is sympy.pi:
+            known[expression] = float(expression)
+        elif expression.func not in _TABLE:
+            raise TypeError(f"{expression.func.__name__} {expression} is not in the table from SymPy to CasADi")
+        else:
+            arguments = [_translate(argument, known) for argument in expression.args]
+            known[expression] = _TABLE[expression.func](arguments)
+    return known[expression]
 
 
-def _add(*terms: Node) -> Node:
-    return sum(terms[1:], terms[0])
-
-
-def _multiply(*factors: Node) -> Node:
-    return math.prod(factors[1:], start=factors[0])
-
-
-def _power(base: Node, exponent: Node) -> Node:
-    import casadi
-
-    # A root as such: a power of one half has no derivative rule of its own.
-    if exponent == 0.5:
-        return casadi.sqrt(base)
-    if exponent == -0.5:
-        return 1.0 / casadi.sqrt(base)
-    return base**exponent
-
-
-def _sin(x: Node) -> Node:
-    import casadi
-
-    return casadi.sin(x)
-
-
-def _cos(x: Node) -> Node:
-    import casadi
-
-    return casadi.cos(x)
-
-
-_TABLE: dict[Any, Callable[..., Node]] = {
-    sympy.Add: _add,
-    sympy.Mul: _multiply,
-    sympy.Pow: _power,
-    sympy.sin: _sin,
-    sympy.cos: _cos,
+_TABLE: dict[Any, Callable[[list[Node]], Node]] = {
+    sympy.Add: sum,
+    sympy.Mul: math.prod,
+    sympy.Pow: lambda pair: pair[0] ** pair[1],
+    sympy.sin: lambda angle: angle[0].sin(),
+    sympy.cos: lambda angle: angle[0].cos(),
 }
