@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,7 +39,7 @@ _LEVER = 1e-9  # N (–) or N·m per N below which a contact does not stop a deg
 _TIME = 1e-12  # of T
 
 # HiGHS ends at a vertex, whose value has no error but rounding; presolve would only cost time.
-_EXACT = {"presolve": False, "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+_EXACT: Any = {"presolve": False, "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,8 +285,8 @@ def maximin(c: Array, B: Array) -> Array:
     rows = np.column_stack([-B[asked[block], k], np.ones(len(block))])  # t − B_k·u ≤ c_k
     columns = 7 * block[:, None] + np.arange(7)
     shape = len(block), 7 * len(asked)
-    program = csr_array((rows.ravel(), columns.ravel(), np.arange(0, rows.size + 1, 7)), shape=shape)
-    limits = np.tile([(-1.0, 1.0)] * 6 + [(-np.inf, np.inf)], (len(asked), 1))
+    program: Any = csr_array((rows.ravel(), columns.ravel(), np.arange(0, rows.size + 1, 7)), shape=shape)
+    limits: Any = np.tile([(-1.0, 1.0)] * 6 + [(-np.inf, np.inf)], (len(asked), 1))
     limits[6::7, 1] = found[asked]
     answer = linprog(
         np.tile([0.0] * 6 + [-1.0], len(asked)), A_ub=program, b_ub=c[asked[block], k], bounds=limits, options=_EXACT

@@ -32,7 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.papers.lee_huang.diagram import Arc, Diagram
+from fmopt.geometry.plane.curve import Arc
+from fmopt.papers.lee_huang.diagram import Diagram
 from fmopt.papers.lee_huang.line_contact import Leg, Lines
 from fmopt.papers.lee_huang.nominal_trajectory import (
     Bits,
@@ -193,7 +194,7 @@ def _lines(moving: Diagram, fixed: Diagram, half_angle: float) -> Lines:
     """Every pair of a corner and an edge, and of a circle about the nominal centre and an edge that it stays off."""
     edge, corner, *turns = _meeting(fixed, moving, -1.0, half_angle)
     own_edge, own_corner, *own_turns = _meeting(moving, fixed, 1.0, half_angle)
-    radii = np.repeat([arc.radius for arc in moving.arcs], len(fixed.edges))
+    radii = np.repeat([arc.radius for arc in moving.arcs], len(fixed.ends))
     normals = np.tile(fixed.normals, (len(moving.arcs), 1))
     # A circle touches an edge where its centre lies on the edge moved out by the radius.
     pushed = np.tile(fixed.ends, (len(moving.arcs), 1, 1)) + radii[:, None, None] * normals[:, None]
@@ -233,15 +234,16 @@ def _meeting(one: Diagram, other: Diagram, sense: float, half_angle: float) -> t
 
 def _rounds(arc: Arc, fixed: Diagram) -> Iterator[_Round]:
     """Contacts of a circle about the nominal centre with corners and arcs: its centre stays off them by its radius."""
-    for corner in fixed.corners:
-        for first, opening in _quarters(corner.first, corner.opening):
-            yield _Round(np.array(corner.point), arc.radius, first, opening, arc.radius)
+    for point, (first, opening) in zip(fixed.points, fixed.fans.tolist(), strict=True):
+        for begin, turn in _quarters(first, opening):
+            yield _Round(point, arc.radius, begin, turn, arc.radius)
     for other in fixed.arcs:
         # A smaller circle touches a hollow one from inside, at the difference of the radii; a larger one not at all.
-        reach = other.radius - arc.radius if other.hollow else other.radius + arc.radius
+        sign = math.copysign(1.0, other.sweep)
+        reach = other.radius + sign * arc.radius
         if reach > 0.0:
-            for first, opening in _quarters(other.first, other.opening):
-                yield _Round(np.array(other.centre), reach, first, opening, arc.radius, -1.0 if other.hollow else 1.0)
+            for begin, turn in _quarters(min(other.start, other.start + other.sweep), abs(other.sweep)):
+                yield _Round(other.centre, reach, begin, turn, arc.radius, sign)
 
 
 def _quarters(first: float, opening: float) -> Iterator[tuple[float, float]]:

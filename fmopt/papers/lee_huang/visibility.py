@@ -228,13 +228,11 @@ def bends(region: Region, room: float = 0.0) -> Array:
     Args:
         room: m.
     """
-    found = []
-    for corner in of_region(region, 1e-3 * region.size).corners if not region.empty else ():
-        middle = corner.first + 0.5 * corner.opening
-        # Along the bisector, so that both sides of the corner are kept at a distance of `room`.
-        away = (room + 1e-6 * region.size) / math.cos(0.5 * corner.opening)
-        found.append(corner.point + away * np.array([math.cos(middle), math.sin(middle)]))
-    return np.array(found).reshape(-1, 2)
+    found = of_region(region, 1e-3 * region.size)
+    middle, half = found.fans[:, 0] + 0.5 * found.fans[:, 1], 0.5 * found.fans[:, 1]
+    # Along the bisector, so that both sides of the corner are kept at a distance of `room`.
+    away = (room + 1e-6 * region.size) / np.cos(half)
+    return np.asarray(found.points + away[:, None] * np.column_stack([np.cos(middle), np.sin(middle)]))
 
 
 def _shortest(points: Sequence[Array], visible: Callable[[int, int], bool]) -> tuple[Array, ...] | None:

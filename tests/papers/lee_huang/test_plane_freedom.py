@@ -9,14 +9,16 @@ from shapely import Polygon, affinity
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
 from fmopt.geometry.part import part_of
-from fmopt.papers.lee_huang.diagram import circle, polygon, together
+from fmopt.geometry.plane.curve import Arc
+from fmopt.geometry.plane.region import Region, polygon_region
+from fmopt.papers.lee_huang.diagram import of_region
 from fmopt.papers.lee_huang.freedom import freedom, half_widths
 from fmopt.papers.lee_huang.line_contact import Leg
 from fmopt.papers.lee_huang.nominal_trajectory import insertion
 from fmopt.papers.lee_huang.plane_freedom import Slice, View, freedom_on_planes, spans
 from fmopt.papers.lee_huang.uncertainty_zone import PLANES, zones
 from fmopt.spatial.se3 import Pose
-from tests.shared.parts.random_sections import loop, random_case
+from tests.shared.parts.random_sections import loop, polygon, random_case
 
 FREE = (0,) * 6
 PEG, HOLE, LONG = 0.01, 0.0101, 0.04
@@ -36,10 +38,16 @@ SIDES = [[(s * 0.03, -0.04), (s * HOLE, -0.04), (s * HOLE, 0.0), (s * 0.03, 0.0)
 THROUGH = [SIDES[0], SIDES[1][::-1]]
 
 
+def round_region(radius, sense=1.0):
+    """A disc, or with a sense of −1 its hole."""
+    return Region(((Arc(np.zeros(2), radius, 0.0, sense * 2.0 * np.pi),),))
+
+
 def views(box, walls=(BLIND,), around=None, round_peg=False):
     if around is None:
-        around = together(polygon(square(0.03)), circle((0, 0), HOLE, True)) if round_peg else MOUTH
-    own = circle((0, 0), PEG) if round_peg else polygon(square(PEG))
+        bored = Region((*polygon_region(square(0.03)).loops, *round_region(HOLE, -1.0).loops))
+        around = of_region(bored) if round_peg else MOUTH
+    own = of_region(round_region(PEG)) if round_peg else polygon(square(PEG))
     zx, zy, zz = zones(box)
     side = polygon(*walls), (Slice(polygon(upright(PEG, LONG))),)
     return View(zx, *side), View(zy, *side), View(zz, around, (Slice(own, (0.0, LONG)),))
@@ -241,7 +249,7 @@ def test_a_post_off_the_planes_is_seen_in_space_only():
     post = part_of("post", at(Box((0.001, 0.001, 0.01)), 0.0104, 0.0104, -0.01))
     box = half_widths(5e-4, 0.0)
     assert any(one.s != FREE for one in freedom(PEG_3D, post, DOWN, box))
-    empty = polygon()
+    empty = of_region(Region(()))
     zx, zy, zz = zones(box)
     corner = polygon([(0.0099, 0.0099), (0.0109, 0.0099), (0.0109, 0.0109), (0.0099, 0.0109)])
     own = Slice(polygon(upright(PEG, LONG)))

@@ -13,14 +13,13 @@ from scipy.spatial import ConvexHull
 from shapely import Polygon, affinity
 
 from fmopt.geometry.csg import Box, Solid, ring
-from fmopt.papers.lee_huang.diagram import polygon
 from fmopt.papers.lee_huang.line_contact import Leg
 from fmopt.papers.lee_huang.mapping import Mapping, Task, task_mapping
 from fmopt.papers.lee_huang.plane_freedom import spans
 from fmopt.papers.lee_huang.uncertainty_zone import PLANES
 from fmopt.spatial.values import Array
 from tests.shared.parts.figure2 import BORE, GOAL, PEG, RHO, SPEED, START, block, hexagon
-from tests.shared.parts.random_sections import loop, random_case
+from tests.shared.parts.random_sections import loop, polygon, random_case
 
 BALL, CONE = 1e-4, 0.012
 LENGTH, HIGH = 0.05, 0.04

@@ -3,6 +3,8 @@
 import numpy as np
 from shapely import Polygon, affinity
 
+from fmopt.geometry.plane.region import polygon_region
+from fmopt.papers.lee_huang.diagram import of_region
 from fmopt.papers.lee_huang.line_contact import Leg
 
 
@@ -21,3 +23,8 @@ def random_case(seed):
 
 def loop(shape):
     return np.array(shape.exterior.coords)[:-1] if shape.exterior.is_ccw else np.array(shape.exterior.coords)[:0:-1]
+
+
+def polygon(*rings):
+    """The diagram of polygons (n, 2) in m: outlines counter-clockwise, holes clockwise."""
+    return of_region(polygon_region(*rings))
