@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from fmopt.geometry.plane.conic import ConicArc
 from fmopt.geometry.plane.curve import Arc, Curve, Segment, boxes_of
 from fmopt.geometry.plane.meet import meet
-from fmopt.runtime.compiled import compiled
 from fmopt.spatial.values import Array
 
 Integers = NDArray[np.intp]
@@ -90,32 +89,17 @@ def touching_boxes(boxes: Array, others: Array, margin: float) -> Integers:
     return np.asarray(tree.query(shapely.box(*grown.T)), dtype=np.intp)
 
 
-@compiled
 def linked(i: Integers, j: Integers, size: int) -> tuple[Integers, Integers]:
     """Groups of the numbers 0 to `size` − 1 that pairs (k,) link: the group of each number, the first of each group.
 
     Groups are in the order of their first numbers.
-
-    Args:
-        i, j: (k,), one pair at each index.
     """
-    before, label, first, count = np.arange(size), np.empty(size, dtype=np.intp), np.empty(size, dtype=np.intp), 0
-    for k in range(len(i)):
-        a, b = i[k], j[k]
-        while before[a] != a:
-            before[a] = before[before[a]]
-            a = before[a]
-        while before[b] != b:
-            before[b] = before[before[b]]
-            b = before[b]
-        before[max(a, b)] = min(a, b)  # chains lead downward only, which the second loop relies on
-    for k in range(size):
-        if before[k] == k:
-            label[k], first[count] = count, k
-            count += 1
-        else:
-            label[k] = label[before[k]]
-    return label, first[:count].copy()
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    links = coo_array((np.ones(len(i), dtype=bool), (i, j)), shape=(size, size))
+    label = connected_components(links, directed=False)[1].astype(np.intp)
+    return label, np.unique(label, return_index=True)[1]
 
 
 def _split(pieces: list[Curve], owners: list[int], tolerance: float) -> tuple[list[Curve], list[int]]:

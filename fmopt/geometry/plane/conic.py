@@ -228,6 +228,8 @@ def unit_roots(coefficients: Sequence[float], touch: float) -> list[float]:
     Returns:
         The roots; none when the whole polynomial is at most `touch` in size.
     """
+    from scipy.optimize import brentq
+
     # The whole polynomial is below what counts as touching: the curves coincide, and there is no single root.
     if sum(abs(c) for c in coefficients) <= touch:
         return []
@@ -244,7 +246,7 @@ def unit_roots(coefficients: Sequence[float], touch: float) -> list[float]:
     found = [stop for stop, value in zip(stops, values, strict=True) if abs(value) <= touch]
     for a, b, fa, fb in zip(stops, stops[1:], values, values[1:], strict=False):
         if abs(fa) > touch and abs(fb) > touch and (fa < 0.0) != (fb < 0.0):
-            found.append(_bracketed(coefficients, a, b, fa))
+            found.append(brentq(lambda t: _value(coefficients, t), a, b, xtol=1e-17, rtol=1e-15))
     # A turning point at 0 or 1 is a stop twice.
     return sorted(set(found))
 
@@ -258,27 +260,3 @@ def _value(coefficients: Sequence[float], t: float) -> float:
     for c in reversed(coefficients):
         value = value * t + c
     return value
-
-
-def _bracketed(coefficients: Sequence[float], a: float, b: float, fa: float) -> float:
-    """The root in [a, b] by Newton's method kept inside a shrinking bracket."""
-    slope = [k * c for k, c in enumerate(coefficients)][1:]
-    t = 0.5 * (a + b)
-    for _ in range(80):
-        value = _value(coefficients, t)
-        if value == 0.0:
-            return t
-        if (value < 0.0) == (fa < 0.0):
-            a = t
-        else:
-            b = t
-        rate = _value(slope, t)
-        following = t - value / rate if rate != 0.0 else a
-        # Newton's step left the bracket, or would divide by nothing: the middle halves it at least.
-        if not a < following < b:
-            following = 0.5 * (a + b)
-        # Less than the spacing of doubles; the absolute part ends it at roots near 0 as well.
-        if abs(following - t) <= 1e-17 + 1e-16 * abs(t):
-            return following
-        t = following
-    return t

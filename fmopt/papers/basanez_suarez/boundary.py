@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.plane.arrangement import linked
 from fmopt.geometry.plane.curve import Arc, Segment
 from fmopt.spatial.values import Array
 
@@ -138,15 +139,10 @@ def _split(pieces: list[Piece], meet: float) -> list[_Part]:
 
 def _clusters(points: Array, tolerance: float) -> NDArray[np.intp]:
     """A number for each point, the same for points that a chain of steps within the tolerance connects."""
-    x, y = points.T
-    near = np.hypot(x[:, None] - x, y[:, None] - y) <= tolerance
-    number = np.arange(len(points))
-    while True:
-        least = np.min(np.where(near, number, len(points)), axis=1)
-        # Labels sink to the least of what is near, and chains come together: in few rounds, as clusters are small.
-        if np.array_equal(least, number):
-            return number
-        number = least
+    from scipy.spatial import cKDTree
+
+    i, j = np.reshape(cKDTree(points).query_pairs(tolerance, output_type="ndarray"), (-1, 2)).T
+    return linked(i, j, len(points))[0]
 
 
 def _chain(parts: list[_Part], tolerance: float) -> tuple[Loop, ...] | None:
