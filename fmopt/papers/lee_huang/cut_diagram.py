@@ -50,7 +50,7 @@ Limit: TypeAlias = Literal[-1, 1]
 ON_PLANE = 1e-12  # m: nearer corners and discs lie in the plane
 _EXACT = 1e-14  # of the size: what is under a root by less is rounding
 _STRAIGHT = 1e-15  # relative: flatter arcs are their chords
-_COLUMN = 1e-10  # of the size of an outline: points this close across are over each other
+_FLAT = 1e-13  # of the size of an outline, or its square: the length of a side that rounding made, a corner's area
 _LEAST_WEIGHT = 0.5  # of a conic piece: below it a rational quadratic crowds its points at the ends
 
 
@@ -320,7 +320,7 @@ def _polytope(points: Array) -> tuple[Region, Region]:
     a, b = np.repeat(above, len(below)), np.tile(below, len(above))
     share = (height[a] / (height[a] - height[b]))[:, None]
     met = np.vstack([points[height == 0.0, :2], points[a, :2] + share * (points[b, :2] - points[a, :2])])
-    outline = convex_outline(met)
+    outline = _convex_outline(met)
     found = nothing = Region(())
     if len(outline):
         found = Region((tuple(Segment(p, q) for p, q in zip(outline, np.roll(outline, -1, axis=0), strict=True)),))
@@ -328,29 +328,17 @@ def _polytope(points: Array) -> tuple[Region, Region]:
     return found if len(above) else nothing, found if len(below) else nothing
 
 
-def convex_outline(points: Array) -> Array:
+def _convex_outline(points: Array) -> Array:
     """Corners (k, 2) of the convex hull, counter-clockwise, none that rounding made; no corners when flat."""
-    if len(points) < 3:
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        outline = points[ConvexHull(points).vertices]
+    except (QhullError, ValueError):  # flat, or no points
         return np.zeros((0, 2))
-    size = float(np.max(np.ptp(points, axis=0)))
-    # Columns by rounded x: with points over each other in an order that rounding chose, the hull would turn back.
-    column = np.round(points[:, 0] / (_COLUMN * size)) if size > 0.0 else points[:, 0]
-    order = points[np.lexsort((points[:, 1], column))]  # of points over each other, which rounding puts side by side
-    slack = 1e-13 * size * size
-    halves = []
-    for run in (order, order[::-1]):
-        chain: list[Array] = []
-        for point in run:
-            # Popped where it turns right or hardly left: corners that rounding made are none.
-            while len(chain) > 1 and _area(chain[-2], chain[-1], point) <= slack:
-                chain.pop()
-            chain.append(point)
-        halves.append(chain[:-1])
-    outline = np.array(halves[0] + halves[1])
-    apart = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1) > 1e-13 * size
-    outline = outline[apart]
+    size = float(np.ptp(points, axis=0).max())
+    a = outline - np.roll(outline, 1, axis=0)
+    outline = outline[np.linalg.norm(a, axis=1) > _FLAT * size]
+    a, b = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
+    outline = outline[a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] > _FLAT * size**2]
     return outline if len(outline) > 2 else np.zeros((0, 2))
-
-
-def _area(a: Array, b: Array, c: Array) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
