@@ -2,8 +2,6 @@
 
 Every boundary point of such a set lies on the offset, by r, of one feature of its core: a vertex, an edge, an arc.
 These offset curves are cut where they meet, the parts that lie inside the set are dropped, and the rest is chained.
-
-Where lines and circles meet.
 """
 
 from __future__ import annotations
@@ -12,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +18,7 @@ from numpy.typing import NDArray
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.arrangement import linked
 from fmopt.geometry.plane.curve import Arc, Segment
+from fmopt.geometry.plane.meet import meet
 from fmopt.spatial.values import Array
 
 # Of the size: a point closer than this to a curve lies on it. Where that leaves curves open, as two of them are just
@@ -86,8 +85,8 @@ def outline(candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: 
         GeometryError: the curves do not close, because features are closer than the tolerance without being one.
     """
     # Coarser from try to try: where two curves are just about that far apart either answer may leave a loop open.
-    for meet in MEETS:
-        loops = _outline(candidates, gap, radius, meet * size)
+    for share in MEETS:
+        loops = _outline(candidates, gap, radius, share * size)
         if loops is not None:
             return loops
     raise GeometryError(
@@ -97,35 +96,36 @@ def outline(candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: 
 
 
 def _outline(
-    candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: float, meet: float
+    candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: float, tolerance: float
 ) -> tuple[Loop, ...] | None:
-    parts = _split([piece for piece in candidates if piece.curve.length > JOIN * meet], meet)
+    parts = _split([piece for piece in candidates if piece.curve.length > JOIN * tolerance], tolerance)
     if not parts:
         return ()
     middle = np.array([part.piece.curve.point(0.5) for part in parts])
-    step = PROBE * meet
+    step = PROBE * tolerance
     if radius > step:
         # A disc is wide: the middle of a piece is on the boundary, or inside by more than the tolerance.
-        kept = gap(middle) >= radius - INSIDE * meet
+        kept = gap(middle) >= radius - INSIDE * tolerance
     else:
         # Hardly any disc: beside the curve is asked, as on it distances are all rounding.
         normals = np.array([_outward(part.piece.curve) for part in parts])
         kept = gap(middle + step * normals) >= radius + 0.5 * step
-    return _chain([part for part, keep in zip(parts, kept, strict=True) if keep], JOIN * meet)
+    return _chain([part for part, keep in zip(parts, kept, strict=True) if keep], JOIN * tolerance)
 
 
-def _split(pieces: list[Piece], meet: float) -> list[_Part]:
+def _split(pieces: list[Piece], tolerance: float) -> list[_Part]:
     """The pieces cut at all nodes that lie on them; a node is a cluster of points where pieces end or meet."""
     if not pieces:
         return []
     curves = [piece.curve for piece in pieces]
     # All ends and all meetings as nodes; every curve is cut at those that it runs through.
-    points = np.vstack([np.array([curve.point(t) for curve in curves for t in (0.0, 1.0)]), meetings(curves)])
-    nodes = _clusters(points, JOIN * meet)
+    met = [one.point(t) for one, other in combinations(curves, 2) for t, _ in meet(one, other, tolerance)]
+    points = np.array([curve.point(t) for curve in curves for t in (0.0, 1.0)] + met)
+    nodes = _clusters(points, JOIN * tolerance)
     parts = []
     for i, piece in enumerate(pieces):
         t, apart = _nearest(piece.curve, points)
-        on = np.flatnonzero((apart <= meet) & (nodes != nodes[2 * i]) & (nodes != nodes[2 * i + 1]))
+        on = np.flatnonzero((apart <= tolerance) & (nodes != nodes[2 * i]) & (nodes != nodes[2 * i + 1]))
         stops = [(0.0, int(nodes[2 * i]))]
         for k in on[np.argsort(t[on], kind="stable")]:
             if nodes[k] != stops[-1][1]:
@@ -184,7 +184,7 @@ def _taken(leaving: dict[int, list[_Part]], node: int, part: _Part) -> _Part:
 def _left_turn(arriving: Segment | Arc, going: Segment | Arc) -> float:
     """Turn from one curve into the next, rad, left positive; straight back is the last choice."""
     a, b = arriving.tangent(1.0), going.tangent(0.0)
-    turn = math.atan2(float(cross(a, b)), float(a @ b))
+    turn = math.atan2(a[0] * b[1] - a[1] * b[0], float(a @ b))
     # Straight back counts as the sharpest turn to the right: a tip is gone round only if nothing else goes on.
     return turn if turn < math.pi - 1e-9 else -math.pi
 
@@ -229,58 +229,3 @@ def _nearest(curve: Segment | Arc, points: Array) -> tuple[Array, Array]:
     """Parameters (k,) of the curve's points nearest to the points (k, 2), and their distances in m."""
     t = curve.nearest(points)
     return t, np.hypot(*(points - curve.point(t)).T)
-
-
-def meetings(curves: Sequence[Segment | Arc]) -> Array:
-    """All points (k, 2) in m where the lines and circles of the curves meet."""
-    lines = [(c.start, c.end - c.start) for c in curves if isinstance(c, Segment)]
-    rounds = sorted({(*map(float, c.centre), c.radius) for c in curves if isinstance(c, Arc)})
-    L = np.reshape([np.concatenate(line) for line in lines], (-1, 4))
-    C = np.reshape(rounds, (-1, 3))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found = [_lines_meet(L), _line_circle_meet(L, C), _circles_meet(C)]
-    points = np.vstack(found)
-    return points[np.isfinite(points).all(axis=1)]
-
-
-def _lines_meet(L: Array) -> Array:
-    i, j = np.triu_indices(len(L), 1)
-    d, e, gap = L[i, 2:], L[j, 2:], L[j, :2] - L[i, :2]
-    # Parallel lines give no finite point, which is left out with all others that do not meet.
-    t = cross(gap, e) / cross(d, e)
-    return np.asarray(L[i, :2] + t[:, None] * d)
-
-
-def _line_circle_meet(L: Array, C: Array) -> Array:
-    start, d = L[:, None, :2] - C[None, :, :2], L[:, None, 2:]
-    square = np.sum(d * d, axis=-1)
-    middle = -np.sum(start * d, axis=-1) / square
-    aside = np.abs(cross(start, d)) / np.sqrt(square)
-    half = _half_chord(C[None, :, 2], aside) / np.sqrt(square)
-    points = [L[:, None, :2] + (middle + side * half)[..., None] * d for side in (-1.0, 1.0)]
-    return np.reshape(points, (-1, 2))
-
-
-def _circles_meet(C: Array) -> Array:
-    i, j = np.triu_indices(len(C), 1)
-    between = C[j, :2] - C[i, :2]
-    apart = np.hypot(between[:, 0], between[:, 1])
-    # The foot of the radical line: difference of squares as a product, which does not cancel.
-    along = 0.5 * (apart + (C[i, 2] - C[j, 2]) * (C[i, 2] + C[j, 2]) / apart)
-    half = _half_chord(C[i, 2], np.abs(along))
-    u = between / apart[:, None]
-    normal = np.stack([-u[:, 1], u[:, 0]], axis=-1)
-    points = [C[i, :2] + along[:, None] * u + (side * half)[:, None] * normal for side in (-1.0, 1.0)]
-    return np.reshape(points, (-1, 2))
-
-
-def _half_chord(radius: Array, aside: Array) -> Array:
-    """Half the chord of a circle at a distance from its centre; touching within rounding counts as touching."""
-    square = (radius - aside) * (radius + aside)
-    # Tangent to rounding counts as tangent: one meeting point, not none.
-    return np.sqrt(np.where(np.abs(square) <= 1e-14 * radius**2, 0.0, square))
-
-
-def cross(a: Array, b: Array) -> Array:
-    """a × b along the last axis, of vectors (…, 2)."""
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
