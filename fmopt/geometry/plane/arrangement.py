@@ -3,7 +3,7 @@
 Coincident edges are the normal case: pieces within the tolerance of each other become one edge that remembers how
 often each operand runs along it in either direction. Nothing is jittered.
 
-Winding numbers of exact curves: signed crossings of a ray with chords, corrected by caps between chord and arc.
+Winding numbers of exact curves: the angles that chords subtend, corrected by caps between chord and arc.
 """
 
 from __future__ import annotations
@@ -24,10 +24,9 @@ from fmopt.spatial.values import Array
 
 Integers = NDArray[np.intp]
 RELATIVE_TOLERANCE = 1e-11
-_ROOM = 1e-9  # of the size: boxes hold the shared vertices too, whose last digits may differ from the curves' ends
 
 _END = 1e-9  # of a curve's parameter: an extremum so near an end is that end
-_BLOCK = 2_000_000  # points times rows that are looked at in one go, which bounds the memory
+_BLOCK = 200_000  # points times rows that are looked at in one go, which bounds the memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,53 +218,13 @@ def _merged(
 
 
 def _windings(edges: list[Curve], vertices: Array, ends: Integers, passes: Integers) -> Integers:
-    """Winding numbers (m, k) on the right of each edge: one ray for every chain of edges, spread along the chain."""
+    """Winding numbers (m, k) on the right of each edge, asked once for every chain of edges."""
     if not edges:
         return passes
     chain, asked = _chains(edges, vertices, ends)
-    probes = np.array([edges[k].point(0.5) for k in asked])
-    slope = np.abs(np.array([edges[k].tangent(0.5) for k in asked]))
-    # The ray goes across the edge rather than along it, so that the sides it is asked for are told apart safely.
-    flat = slope[:, 0] > slope[:, 1]
     table = Table.of(edges, vertices[ends[:, 0]], vertices[ends[:, 1]])
-    boxes = boxes_of(edges)
-    boxes = boxes + _ROOM * float(np.max(np.abs(boxes))) * np.array([-1.0, -1.0, 1.0, 1.0])
-    found = np.zeros((len(asked), passes.shape[1]), dtype=np.intp)
-    # One table serves both ways: x and y exchanged, a ray upward is one to the right, and all turns change sign.
-    for turned in (False, True):
-        chosen = np.flatnonzero(flat == turned)
-        frame, order = (table.turned(), [1, 0, 3, 2]) if turned else (table, [0, 1, 2, 3])
-        points = probes[chosen][:, ::-1] if turned else probes[chosen]
-        crossed = _ray_sums(frame, boxes[:, order], points, np.array(asked)[chosen], passes)
-        found[chosen] = -crossed if turned else crossed
-    # Along the ray the own edge is not counted: what was counted is the side that the ray sets out to.
-    leaves_left = np.array([_leaves_left(edges[k], flat[row]) for row, k in enumerate(asked)])
-    found -= np.where(leaves_left[:, None], passes[asked], 0)
+    found = table.winding(np.array([edges[k].point(0.5) for k in asked]), passes, np.array(asked))
     return found[chain]  # along a chain nothing branches off, so that winding numbers stay the same
-
-
-def _leaves_left(edge: Curve, flat: bool) -> bool:
-    """Whether a ray along +y (`flat`) or +x from the middle of the edge sets out to its left."""
-    x, y = edge.tangent(0.5)
-    return bool(x > 0.0 if flat else y < 0.0)
-
-
-def _ray_sums(table: Table, boxes: Array, points: Array, own: Integers, passes: Integers) -> Integers:
-    """Signed crossings (n, k) of rays along +x with all edges but each ray's own, weighed by the operands' passes."""
-    import shapely
-
-    sums = np.zeros((len(points), passes.shape[1]), dtype=np.intp)
-    if not len(points):
-        return sums
-    tree = shapely.STRtree(shapely.box(*boxes.T))
-    # One metre past the farthest box: how far does not matter, as nothing is met beyond.
-    reach = np.full(len(points), float(boxes[:, 2].max()) + 1.0)
-    rays = shapely.linestrings(np.stack([points, np.column_stack([reach, points[:, 1]])], axis=1))
-    ray, row = tree.query(rays)
-    other = row != own[ray]
-    ray, row = ray[other], row[other]
-    np.add.at(sums, ray, table.crossings(points[ray], row)[:, None] * passes[row])
-    return sums
 
 
 def _chains(edges: list[Curve], vertices: Array, ends: Integers) -> tuple[Integers, list[int]]:
@@ -323,59 +282,39 @@ class Table:
         weight = np.array([1.0 if row is None else row.weight for row in rows])
         return Table(first, shoulder, last, weight, np.array([row is not None for row in rows], dtype=bool))
 
-    def turned(self) -> Table:
-        """The table with x and y exchanged, so that a ray along +y becomes one along +x (and turns change sign)."""
-        swap = slice(None, None, -1)
-        return Table(self.first[:, swap], self.shoulder[:, swap], self.last[:, swap], self.weight, self.curved)
-
-    def crossings(self, points: Array, rows: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Signed crossings of the ray from each point along +x with the curve in the row beside it; shape (k,).
-
-        A point on a line counts as a little to the right of it and above it.
+    def winding(self, points: Array, passes: Integers, on: Integers | None = None) -> Integers:
+        """Winding numbers (n, k) round `points` (n, 2), each row counted as often as `passes` (m, k) say.
 
         Args:
-            points: (k, 2), m.
-            rows: (k,), the row of the curve for each.
+            points: m; where rounding decides on which side of a row a point lies, it decides the answer.
+            on: (n,), a row on which each point lies, just to the right of which the answer is; None for no such row.
         """
-        a, b = self.first[rows], self.last[rows]
-        side = _turn(a, b, points)
-        drop = b[:, 1] - a[:, 1]
-        # Half-open in y: a ray through a shared vertex crosses one of the two edges there, not both or none.
-        up = (a[:, 1] <= points[:, 1]) & (points[:, 1] < b[:, 1]) & (side > 0.0)
-        down = (b[:, 1] <= points[:, 1]) & (points[:, 1] < a[:, 1]) & (side < 0.0)
-        count = up.astype(np.intp) - down
-        bent = np.flatnonzero(self.curved[rows])
+        step = max(1, _BLOCK // max(len(self.weight), 1))
+        found = np.zeros((len(points), passes.shape[1]), dtype=np.intp)
+        for k in range(0, len(points), step):
+            angles = self._angles(points[k : k + step])
+            if on is not None:
+                row = np.arange(len(angles)), on[k : k + step]
+                # From the right every curve subtends a negative angle; a point on it may seem to be on either side.
+                angles[row] = np.mod(angles[row], math.tau) - math.tau
+            found[k : k + step] = np.rint(angles @ passes / math.tau)
+        return found
+
+    def _angles(self, points: Array) -> Array:
+        """The angles (n, m) through which one turns to the left who looks along each row from each point, rad."""
+        a, b = self.first - points[:, None], self.last - points[:, None]
+        angles = np.arctan2(_cross(a, b), np.vecdot(a, b))
+        bent = np.flatnonzero(self.curved)
         if bent.size:
-            # The chord decides and the cap between chord and curve corrects it; on the chord both have to lean the same
-            # way.
-            tied = np.where(drop[bent] != 0.0, -drop[bent], b[bent, 0] - a[bent, 0])
-            beside = np.where(side[bent] != 0.0, side[bent], tied)
-            count[bent] += self._caps(points[bent], rows[bent], side[bent], beside)
-        return count
-
-    def _caps(self, points: Array, rows: NDArray[np.intp], side: Array, beside: Array) -> NDArray[np.intp]:
-        """1 where the point lies in the cap of a left-turning row, −1 in that of a right-turning one, else 0."""
-        p0, p1, p2 = self.first[rows], self.shoulder[rows], self.last[rows]
-        turn = np.sign(_turn(p0, p1, p2))
-        t0, t2 = turn * _turn(p1, p2, points), turn * _turn(p0, p1, points)
-        # The implicit form of the conic, 4 w² τ₀ τ₂ ≥ τ₁², in barycentric coordinates of the control triangle.
-        within = 4.0 * self.weight[rows] ** 2 * t0 * t2 >= side**2
-        inside = (t0 >= 0.0) & (turn * beside < 0.0) & (t2 >= 0.0) & within
-        return np.where(inside, turn, 0.0).astype(np.intp)
-
-    def winding(self, points: Array) -> NDArray[np.intp]:
-        """Winding number of all rows together round each of `points` (n, 2), shape (n,)."""
-        n, m = len(points), len(self.weight)
-        step = max(1, _BLOCK // max(m, 1))
-        rows = np.arange(m)
-        total = np.zeros(n, dtype=np.intp)
-        for k in range(0, n if m else 0, step):
-            block = points[k : k + step]
-            crossed = self.crossings(np.repeat(block, m, axis=0), np.tile(rows, len(block)))
-            total[k : k + step] = crossed.reshape(len(block), m).sum(axis=1)
-        return total
+            # The chord's angle, once more round in the cap between chord and curve.
+            turn = np.sign(_cross(self.shoulder[bent] - self.first[bent], self.last[bent] - self.first[bent]))
+            middle, a, b = self.shoulder[bent] - points[:, None], a[:, bent], b[:, bent]
+            t0, t2 = turn * _cross(middle, b), turn * _cross(a, middle)
+            # The implicit form of the conic, 4 w² τ₀ τ₂ ≥ τ₁², in barycentric coordinates of the control triangle.
+            within = (t0 >= 0.0) & (t2 >= 0.0) & (4.0 * self.weight[bent] ** 2 * t0 * t2 >= _cross(a, b) ** 2)
+            angles[:, bent] += np.where(within & (turn * angles[:, bent] < 0.0), math.tau * turn, 0.0)
+        return np.asarray(angles)
 
 
-def _turn(a: Array, b: Array, c: Array) -> Array:
-    """(b − a) × (c − a), positive when c lies to the left of a→b."""
-    return np.asarray((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0]))
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

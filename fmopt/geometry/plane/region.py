@@ -77,7 +77,7 @@ class Region(Value):
     def _table(self) -> Table:
         pieces = [[piece for curve in loop for piece in simple(curve)] for loop in self.loops]
         first = [np.array([piece.first for piece in loop]) for loop in pieces]
-        # Each piece ends where the next begins, to the bit: otherwise rays could slip through between them.
+        # Each piece ends where the next begins, to the bit.
         last = [np.roll(points, -1, axis=0) for points in first]
         flat = [piece for loop in pieces for piece in loop]
         return Table.of(flat, np.vstack(first), np.vstack(last)) if flat else Table.of([])
@@ -86,7 +86,8 @@ class Region(Value):
         """Whether each of `points` (n, 2) lies inside, shape (n,); on the boundary rounding decides."""
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         # At least one, not odd: overlapping outer loops are inside, too.
-        return np.asarray(self._table.winding(points) >= 1)
+        rows = np.ones((len(self._table.weight), 1), dtype=np.intp)
+        return np.asarray(self._table.winding(points, rows)[:, 0] >= 1)
 
     def boundary_distance(self, points: ArrayLike) -> Array:
         """Distance (n,) in m of `points` (n, 2) from the boundary, infinite for the empty region."""
