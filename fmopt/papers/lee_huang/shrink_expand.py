@@ -277,28 +277,6 @@ def _same(made: Sequence[Solid], parts: Sequence[Solid]) -> bool:
     return all(one is other for one, other in zip(made, parts, strict=True))
 
 
-def grown(solid: Solid) -> float:
-    """By how much, at most, `enclosing` moves a round surface, m."""
-    match solid:
-        case Cylinder(radius, _, sides):
-            return radius * (1.0 / math.cos(math.pi / sides) - 1.0)
-        case Cone(bottom, top, _, sides):
-            return max(bottom, top) * (1.0 / math.cos(math.pi / sides) - 1.0)
-        case Sphere(radius, _):
-            inner = float(np.min(convex_polyhedron(solid, Pose.identity()).offsets))
-            return radius * radius / inner - radius
-        case Box() | Prism() | Wedge() | Hull():
-            return 0.0
-        case Placed(inner_solid, _):
-            return grown(inner_solid)
-        case Union(parts):
-            return max(map(grown, parts))
-        case Difference(base, tools):
-            return max(map(grown, (base, *tools)))
-        case _:
-            assert_never(solid)
-
-
 def finer(solid: Solid, sides: int) -> Solid:
     """The solid with at least so many sides for each cylinder and cone; spheres, whose faces are many, as they are."""
     match solid:

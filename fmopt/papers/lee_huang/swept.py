@@ -21,10 +21,10 @@ import numpy as np
 from fmopt.errors import InterferenceError, SolverError
 from fmopt.geometry.clearance import penetration, towards
 from fmopt.geometry.convex_pieces import pieces
-from fmopt.geometry.csg import Placed, Solid, Sphere, Union, exact_pose
+from fmopt.geometry.csg import Placed, Solid, Sphere, Union, exact_pose, sagitta
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory
-from fmopt.papers.lee_huang.shrink_expand import enclosing, finer, grown
+from fmopt.papers.lee_huang.shrink_expand import enclosing, finer
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, Value, frozen
@@ -109,10 +109,10 @@ def checked(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajecto
     for sides in _FINER:
         met = {one.moving for one in found}, {one.fixed for one in found}
         proud = sum(
-            max((grown(solid) for name, solid in side if name in names), default=0.0)
+            max((2.0 * sagitta(solid) for name, solid in side if name in names), default=0.0)
             for side, names in zip((moving, fixed), met, strict=True)
         )
-        # Deeper than polygons are proud of the true surfaces: more sides would not undo it.
+        # Deeper than polygons are proud of the true surfaces, by less than two sagittas: more sides would not undo it.
         if not found or found[0].depth > proud or proud <= 0.0:
             break
         moving, fixed = (
