@@ -5,12 +5,13 @@ from __future__ import annotations
 import functools
 import math
 import re
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from difflib import get_close_matches
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 MAX_TEXT = 200
 MAX_PARENTHESES = 16  # the parser calls itself at each
@@ -26,8 +27,7 @@ class QuantityError(ValueError):
         self.advice = advice
 
 
-@dataclass(frozen=True)
-class Dimension:
+class Dimension(NamedTuple):
     """Exponents of length, mass, time and angle."""
 
     length: int = 0
@@ -36,20 +36,11 @@ class Dimension:
     angle: int = 0
 
     def times(self, other: Dimension, sign: int = 1) -> Dimension:
-        """The dimension of a product (sign 1) or quotient (sign −1).
-
-        Args:
-            sign: 1 or −1.
-        """
-        return Dimension(
-            self.length + sign * other.length,
-            self.mass + sign * other.mass,
-            self.time + sign * other.time,
-            self.angle + sign * other.angle,
-        )
+        """The dimension of a product (sign 1) or quotient (sign −1)."""
+        return Dimension(*(one + sign * two for one, two in zip(self, other, strict=True)))
 
     def __str__(self) -> str:
-        return _NAMES.get(self, "a quantity of another kind")
+        return _WORDS.get(self, _OTHER)[0]
 
 
 RATIO = Dimension()
@@ -62,17 +53,19 @@ TORQUE = Dimension(length=2, mass=1, time=-2)
 MASS = Dimension(mass=1)
 STIFFNESS = Dimension(mass=1, time=-2)
 AREA = Dimension(length=2)
-_NAMES = {
-    RATIO: "a plain number",
-    LENGTH: "a length",
-    ANGLE: "an angle",
-    TIME: "a time",
-    SPEED: "a speed",
-    FORCE: "a force",
-    TORQUE: "a torque",
-    MASS: "a mass",
-    STIFFNESS: "a stiffness",
-    AREA: "an area",
+_OTHER = ("a quantity of another kind", 1.0, "")
+# In words, and the unit that people read, with its factor to SI.
+_WORDS = {
+    RATIO: ("a plain number", 1.0, ""),
+    LENGTH: ("a length", 1e-3, "mm"),
+    ANGLE: ("an angle", math.pi / 180.0, "deg"),
+    TIME: ("a time", 1.0, "s"),
+    SPEED: ("a speed", 1e-3, "mm/s"),
+    FORCE: ("a force", 1.0, "N"),
+    TORQUE: ("a torque", 1.0, "N*m"),
+    MASS: ("a mass", 1.0, "kg"),
+    STIFFNESS: ("a stiffness", 1e3, "N/mm"),
+    AREA: ("an area", 1e-6, "mm*mm"),
 }
 EXAMPLES = {
     RATIO: "0.01",
@@ -104,14 +97,26 @@ class Quantity:
     value: float
     dimension: Dimension
 
+    def joined(self, sign: str, other: Quantity) -> Quantity:
+        """The sum, difference, product or quotient, by the sign between the two.
+
+        Raises:
+            QuantityError: the dimensions of a sum differ, or a division by zero.
+        """
+        if sign in _SUM:
+            if self.dimension != other.dimension:
+                message = f"{self.dimension} and {other.dimension} are added"
+                raise QuantityError("wrong-unit", message, "give every number in a sum its unit")
+            return Quantity(self.value + (other.value if sign == "+" else -other.value), self.dimension)
+        if sign != "/":
+            return Quantity(self.value * other.value, self.dimension.times(other.dimension))
+        if other.value == 0.0:
+            raise QuantityError("expression", "there is a division by zero", "divide by something else")
+        return Quantity(self.value / other.value, self.dimension.times(other.dimension, -1))
+
 
 def scaled(number: float, factor: float) -> float:
-    """`number` times `factor` as decimals, so that 8.1444 mm is the float nearest to 0.0081444 m.
-
-    Args:
-        number: as it was written; infinite and nan stay as they are.
-        factor: of its unit.
-    """
+    """`number` times `factor` as decimals, so that 8.1444 mm is the float nearest to 0.0081444 m."""
     if not math.isfinite(number):
         return number
     try:
@@ -154,7 +159,14 @@ def unit(name: str) -> Quantity:
 
 
 # Digits of ASCII alone: float() would take those of any script.
-_TOKEN = re.compile(r"\s*(?:((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|([^\W\d]\w*|[°%])|([-+*/()·]))")
+_TOKEN = re.compile(
+    r"(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[^\W\d]\w*|[°%])|(?P<sign>[-+*/()·]))\s*"
+)
+_END = ("end", "the end")
+_SUM, _PRODUCT = _LEVELS = {"+", "-"}, {"*", "/", "·"}
+_Tokens: TypeAlias = deque[tuple[str, str]]  # kind and text of each that is left, then the end
+_GRAMMAR = "write numbers with units, names of parameters, + - * / and parentheses"
+_LONE = 'write a number, or one with its unit: "2 mm", "0.3 deg"'
 
 
 def evaluate(text: str, names: Mapping[str, Quantity] | None = None) -> Quantity:
@@ -163,153 +175,82 @@ def evaluate(text: str, names: Mapping[str, Quantity] | None = None) -> Quantity
     Without `names` the text is one number with a unit, `"0.5 N*m"`. With `names` it is arithmetic on names and
     numbers, `"2 * (width + 0.1 mm)"`, where a number carries at most one unit. Nothing else is understood.
 
-    Args:
-        names: quantities that it may use; a lone number with its unit if None.
-
     Raises:
         QuantityError: the text is not of this form, or dimensions do not agree.
     """
     if len(text) > MAX_TEXT:
         raise QuantityError("expression", f"the text has {len(text)} characters", f"use at most {MAX_TEXT}")
     grammar = _LONE if names is None else _GRAMMAR
-    tokens: list[tuple[str, str]] = []
-    position = 0
-    while text[position:].strip():
+    tokens, position = _Tokens(), len(text) - len(text.lstrip())
+    while position < len(text):
         found = _TOKEN.match(text, position)
         if found is None:
-            rest = text[position:].strip()
-            advice = "write a decimal point, 0.2" if rest[:1] == "," else grammar
-            raise QuantityError("expression", f"{rest[:1]!r} is not understood", advice)
-        kind = ("number", "name", "sign")[(found.lastindex or 1) - 1]
-        tokens.append((kind, found[found.lastindex or 1]))
+            advice = "write a decimal point, 0.2" if text[position] == "," else grammar
+            raise QuantityError("expression", f"{text[position]!r} is not understood", advice)
+        kind = found.lastgroup or ""
+        tokens.append((kind, found[kind]))
         position = found.end()
-    parser = _Parser(tokens, names)
-    value = parser.sum() if names is not None else parser.measure()
-    if parser.kind is not None:
-        raise QuantityError("expression", f"{parser.text!r} is not expected", grammar)
+    tokens.append(_END)
+    value = _operand(tokens, names) if names is None else _arithmetic(tokens, names)
+    if tokens[0] != _END:
+        raise QuantityError("expression", f"{tokens[0][1]!r} is not expected", grammar)
     return value
 
 
-_GRAMMAR = "write numbers with units, names of parameters, + - * / and parentheses"
-_LONE = 'write a number, or one with its unit: "2 mm", "0.3 deg"'
+def _arithmetic(tokens: _Tokens, names: Mapping[str, Quantity], depth: int = 0, level: int = 0) -> Quantity:
+    """Operands joined by the signs of a level and those that bind tighter, inside so many parentheses."""
+    if level == len(_LEVELS):
+        return _operand(tokens, names, depth)
+    value = _arithmetic(tokens, names, depth, level + 1)
+    while tokens[0][1] in _LEVELS[level]:
+        value = value.joined(tokens.popleft()[1], _arithmetic(tokens, names, depth, level + 1))
+    return value
 
 
-class _Parser:
-    """Recursive descent: sum = product (± product)*, product = factor (*/ factor)*, factor = ± factor | atom."""
+def _operand(tokens: _Tokens, names: Mapping[str, Quantity] | None, depth: int = 0) -> Quantity:
+    """A number with its unit, a name or a sum in parentheses, behind any signs; without `names` a number alone."""
+    negative = False
+    while tokens[0][1] in _SUM:
+        negative ^= tokens.popleft()[1] == "-"
+    kind, text = tokens.popleft()
+    if kind == "number":
+        value = _measured(float(text), tokens, compound=names is None)
+    elif names is None:
+        raise QuantityError("expression", f"{text!r} is not a number", _LONE)
+    elif kind == "name":
+        if text not in names:
+            advice = did_you_mean(text, names) or "define it under [parameters], above its first use"
+            raise QuantityError("unknown-parameter", f"there is no parameter {text!r}", advice)
+        value = names[text]
+    elif text == "(":
+        if depth == MAX_PARENTHESES:
+            message = f"there are more than {MAX_PARENTHESES} parentheses within one another"
+            raise QuantityError("expression", message, f"use at most {MAX_PARENTHESES}")
+        value = _arithmetic(tokens, names, depth + 1)
+        if tokens[0][1] != ")":
+            raise QuantityError("expression", f"{tokens[0][1]!r} is not expected", _GRAMMAR)
+        tokens.popleft()
+    else:
+        raise QuantityError("expression", f"{text!r} is not expected", _GRAMMAR)
+    return Quantity(-value.value, value.dimension) if negative else value
 
-    def __init__(self, tokens: list[tuple[str, str]], names: Mapping[str, Quantity] | None) -> None:
-        self._tokens = tokens
-        self._names = names
-        self._next = 0
-        self._depth = 0
 
-    @property
-    def kind(self) -> str | None:
-        return self._tokens[self._next][0] if self._next < len(self._tokens) else None
-
-    @property
-    def text(self) -> str:
-        return self._tokens[self._next][1] if self._next < len(self._tokens) else "the end"
-
-    def _take(self) -> str:
-        self._next += 1
-        return self._tokens[self._next - 1][1]
-
-    def sum(self) -> Quantity:
-        left = self._product()
-        while self.kind == "sign" and self.text in "+-":
-            sign = 1.0 if self._take() == "+" else -1.0
-            right = self._product()
-            if left.dimension != right.dimension:
-                message = f"{left.dimension} and {right.dimension} are added"
-                raise QuantityError("wrong-unit", message, "give every number in a sum its unit")
-            left = Quantity(left.value + sign * right.value, left.dimension)
-        return left
-
-    def _product(self) -> Quantity:
-        left = self._factor()
-        while self.kind == "sign" and self.text in "*/·":
-            divides = self._take() == "/"
-            right = self._factor()
-            if divides and right.value == 0.0:
-                raise QuantityError("expression", "there is a division by zero", "divide by something else")
-            value = left.value / right.value if divides else left.value * right.value
-            left = Quantity(value, left.dimension.times(right.dimension, -1 if divides else 1))
-        return left
-
-    def _factor(self) -> Quantity:
-        sign = 1.0
-        while self.kind == "sign" and self.text in "+-":
-            sign = sign if self._take() == "+" else -sign
-        atom = self._atom()
-        return Quantity(sign * atom.value, atom.dimension)
-
-    def _atom(self) -> Quantity:
-        if self.kind == "number":
-            return self._number(compound=False)
-        if self.kind == "name":
-            return self._named(self._take())
-        if self.kind == "sign" and self.text == "(":
-            self._take()
-            if self._depth == MAX_PARENTHESES:
-                message = f"there are more than {MAX_PARENTHESES} parentheses within one another"
-                raise QuantityError("expression", message, f"use at most {MAX_PARENTHESES}")
-            self._depth += 1
-            value = self.sum()
-            self._depth -= 1
-            if self.text == ")":
-                self._take()
-                return value
-        raise QuantityError("expression", f"{self.text!r} is not expected", _GRAMMAR)
-
-    def _named(self, name: str) -> Quantity:
-        names = self._names or {}
-        if name in names:
-            return names[name]
-        advice = did_you_mean(name, names) or "define it under [parameters], above its first use"
-        raise QuantityError("unknown-parameter", f"there is no parameter {name!r}", advice)
-
-    def measure(self) -> Quantity:
-        """A number with a (compound) unit and a sign."""
-        sign = 1.0
-        while self.kind == "sign" and self.text in "+-":
-            sign = sign if self._take() == "+" else -sign
-        if self.kind != "number":
-            raise QuantityError("expression", f"{self.text!r} is not a number", _LONE)
-        value = self._number(compound=True)
-        return Quantity(sign * value.value, value.dimension)
-
-    def _number(self, *, compound: bool) -> Quantity:
-        number = float(self._take())
-        if self.kind != "name":
-            return Quantity(number, RATIO)
-        factor, dimension = 1.0, RATIO
-        divides = False
-        while True:
-            part = unit(self._take())
-            factor = factor / part.value if divides else factor * part.value
-            dimension = dimension.times(part.dimension, -1 if divides else 1)
-            # In an expression a sign goes on with the arithmetic: the unit before it is a single one.
-            if not (compound and self.kind == "sign" and self.text in "*/·"):
-                return Quantity(scaled(number, factor), dimension)
-            divides = self._take() == "/"
-            if self.kind != "name":
-                raise QuantityError("unknown-unit", f"{self.text!r} is no unit", 'write a unit such as "N*m" or "mm/s"')
+def _measured(number: float, tokens: _Tokens, *, compound: bool) -> Quantity:
+    """A number with the unit that follows it, in arithmetic a single one: a sign goes on with the arithmetic."""
+    if tokens[0][0] != "name":
+        return Quantity(number, RATIO)
+    factor = unit(tokens.popleft()[1])
+    while compound and tokens[0][1] in _PRODUCT:
+        sign, (kind, name) = tokens.popleft()[1], tokens.popleft()
+        if kind != "name":
+            raise QuantityError("unknown-unit", f"{name!r} is no unit", 'write a unit such as "N*m" or "mm/s"')
+        factor = factor.joined(sign, unit(name))
+    return Quantity(scaled(number, factor.value), factor.dimension)
 
 
 def in_words(number: float, dimension: Dimension) -> str:
     """A number in SI, in the unit that people read: lengths in mm, angles in degrees."""
-    scale, name = {
-        LENGTH: (1e-3, "mm"),
-        ANGLE: (math.pi / 180.0, "deg"),
-        SPEED: (1e-3, "mm/s"),
-        FORCE: (1.0, "N"),
-        TORQUE: (1.0, "N*m"),
-        TIME: (1.0, "s"),
-        MASS: (1.0, "kg"),
-        STIFFNESS: (1e3, "N/mm"),
-        AREA: (1e-6, "mm*mm"),
-    }.get(dimension, (1.0, ""))
+    _, scale, name = _WORDS.get(dimension, _OTHER)
     return f"{number / scale:.9g} {name}".rstrip()
 
 
