@@ -131,7 +131,7 @@ def test_decimals_stay_decimals(value: float, name: str, expected: float) -> Non
     assert Reading(factors({"length": name})).quantity(value, LENGTH).value == expected
 
 
-@pytest.mark.parametrize("value", [math.inf, math.nan, -math.inf, 10**400, "1e400 mm"])
+@pytest.mark.parametrize("value", [math.inf, math.nan, -math.inf, 10**400, "1e400 mm", f"1 {'Ym*' * 14}m"])
 def test_numbers_are_finite(value: object) -> None:
     with pytest.raises(QuantityError, match="is not a finite number"):
         Reading().quantity(value, LENGTH)

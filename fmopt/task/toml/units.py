@@ -117,8 +117,8 @@ class Quantity:
 
 def scaled(number: float, factor: float) -> float:
     """`number` times `factor` as decimals, so that 8.1444 mm is the float nearest to 0.0081444 m."""
-    if not math.isfinite(number):
-        return number
+    if not (math.isfinite(number) and math.isfinite(factor)):
+        return number * factor
     try:
         return float(Fraction(repr(number)) * Fraction(repr(factor)))  # repr: the digits that were written
     except OverflowError:
