@@ -14,6 +14,7 @@ from fmopt.errors import FmoptError, InfeasibleError, PlanFormatError, ResourceE
 from fmopt.plan import STDIO, Plan
 
 if TYPE_CHECKING:
+    from fmopt.task.toml.tables import Table
     from fmopt.verify import Verdict
     from fmopt.verify.reading import document as proof
 
@@ -288,17 +289,20 @@ def schema(
     kind: Annotated[str, typer.Argument(help="problem, model, assembly, study or allocation.")] = "problem",
 ) -> None:
     """Print the JSON Schema of such files, for editors that complete and check as you type."""
-    from fmopt.study import study_file as of_studies
-    from fmopt.task.toml import schema as schemas
+    from fmopt.study.study_file import AllocationFile, StudyFile
+    from fmopt.task.toml.assembly_file import AssemblyFile
+    from fmopt.task.toml.model_file import ModelFile
+    from fmopt.task.toml.problem_file import ProblemFile
+    from fmopt.task.toml.schema import schema_text
 
-    kinds = {
-        "problem": schemas.problem_schema,
-        "model": schemas.model_schema,
-        "assembly": schemas.assembly_schema,
-        "study": of_studies.study_schema,
-        "allocation": of_studies.allocation_schema,
+    kinds: dict[str, type[Table]] = {
+        "problem": ProblemFile,
+        "model": ModelFile,
+        "assembly": AssemblyFile,
+        "study": StudyFile,
+        "allocation": AllocationFile,
     }
     found = kinds.get(kind)
     if found is None:
         raise typer.BadParameter(f"{kind!r} is none of {', '.join(kinds)}", param_hint="kind")
-    typer.echo(schemas.text(found()), nl=False)
+    typer.echo(schema_text(found), nl=False)

@@ -1,7 +1,4 @@
-"""The tables of a study file: a base problem, axes over its parameters, how they are sampled, what is computed.
-
-The published JSON Schemas of study and allocation files, for editors and other readers.
-"""
+"""The tables of a study file: a base problem, axes over its parameters, how they are sampled, what is computed."""
 
 from __future__ import annotations
 
@@ -10,7 +7,6 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field, WithJsonSchema
 
 from fmopt.task.toml.problem_file import Units
-from fmopt.task.toml.schema import DIALECT
 from fmopt.task.toml.tables import Distance, Duration, File, Name, Ratio, Table, Title
 
 # Read later: whether it is a length, an angle or a word depends on the parameters that it is for.
@@ -114,13 +110,3 @@ class AllocationFile(Table):
     gap: Ratio = 0.005
     """How near to the least possible cost is near enough, as a fraction."""
     tolerances: Annotated[tuple[Tolerance, ...], Field(max_length=32)]
-
-
-def study_schema() -> dict[str, Any]:
-    """JSON Schema of a study file with axes."""
-    return {"$schema": DIALECT, **StudyFile.model_json_schema()}
-
-
-def allocation_schema() -> dict[str, Any]:
-    """JSON Schema of a study file with tolerances."""
-    return {"$schema": DIALECT, **AllocationFile.model_json_schema()}

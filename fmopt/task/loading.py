@@ -204,9 +204,7 @@ def _plane_faults(source: Source, file: files.ProblemFile, models: Mapping[str, 
         in_plane = (*above, name) not in _OUT_OF_PLANE
         asked = in_plane or (len(models) == 2 and not profiles)
         if box is not None and asked and not {name, of_all} & box.model_fields_set:
-            place = replace(source.place(above, of_key=True), key=".".join((*above, name)))
-            advice = f"add {name!r} to [uncertainty.start], or {of_all!r} for all three axes"
-            yield place.fault("missing-key", "this key is missing", advice)
+            yield source.missing(above, name, f"add {name!r} to [uncertainty.start], or {of_all!r} for all three axes")
 
 
 def _table(file: files.ProblemFile, side: str) -> files.Operand:

@@ -75,11 +75,6 @@ def _own_unit_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
         yield source.place(("mesh", "deviation")).fault("zero", message, "give a deviation such as 0.01 mm")
 
 
-def deviation(mesh: Mesh) -> float | None:
-    """How far the curved surfaces are stated to lie from the facets of a mesh, m; facets of STEP files are measured."""
-    return None if mesh.is_step else mesh.deviation
-
-
 @remembered(1)
 def imported(source: Source, mesh: Mesh) -> Imported:
     """The mesh of a model file, in m; features, part and tree of one model are made of one reading.

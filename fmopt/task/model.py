@@ -221,7 +221,7 @@ def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
         faults.append(source.place(("part",), of_key=True).fault("conflict", message, "remove 'part'"))
     if not file.features and file.profile is not None:
         advice = "add [features.NAME] with kind, at and length: where the part mates"
-        faults.append(Place(str(source.path), key="features").fault("missing-key", "this key is missing", advice))
+        faults.append(source.missing((), "features", advice))
     if given == ["mesh"] and file.mesh is not None:
         faults += mesh_faults(source, file.mesh)
     if file.profile is not None:
@@ -279,8 +279,7 @@ def _profile_faults(source: Source, file: ModelFile, profile: Profile) -> list[F
     for name, feature in file.features.items():
         for key in ("at", "length"):
             if getattr(feature, key) is None:
-                place = replace(source.place(("features", name), of_key=True), key=f"features.{name}.{key}")
-                faults.append(place.fault("missing-key", "this key is missing", f"add {key!r} to the feature"))
+                faults.append(source.missing(("features", name), key, f"add {key!r} to the feature"))
         if feature.at is not None and (feature.at[1] != 0.0 or any(feature.turn)):
             place = source.place(("features", name), of_key=True)
             message = "a feature of a profile is turned, or beside the plane"

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -149,10 +148,8 @@ def _impact_faults(source: Source, table: files.Specification) -> Iterator[Fault
     stated = [name for name in IMPACT if getattr(table, name) is not None]
     for name in IMPACT if stated else ():
         if name not in stated:
-            place = source.place(("specification",), of_key=True)
-            message = "this key is missing"
             advice = f"add {name!r} to [specification], or drop {' and '.join(map(repr, stated))}"
-            yield replace(place, key=f"specification.{name}").fault("missing-key", message, advice)
+            yield source.missing(("specification",), name, advice)
 
 
 def configuration_faults(source: Source, sources: files.Sources | None) -> Iterator[Fault]:

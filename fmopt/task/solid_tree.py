@@ -11,9 +11,9 @@ import numpy as np
 from fmopt.errors import Fault, GeometryError, InputError, TaskError
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
-from fmopt.task.mesh_source import deviation, imported
+from fmopt.task.mesh_source import imported
 from fmopt.task.toml import model_file as files
-from fmopt.task.toml.source import Key, Place, Source
+from fmopt.task.toml.source import Key, Source
 from fmopt.task.toml.units import did_you_mean
 
 if TYPE_CHECKING:
@@ -29,8 +29,7 @@ _MERIDIANS = 16  # of the polyhedron that stands for a ball in the tree of featu
 def tree_faults(source: Source, file: files.ModelFile) -> list[Fault]:
     """Faults of the references: unknown solids, cycles, solids that nothing uses, trees that grow too large."""
     if file.part is None:
-        place = Place(str(source.path), key="part")
-        return [place.fault("missing-key", "this key is missing", "name the solid that the part is")]
+        return [source.missing((), "part", "name the solid that the part is")]
     faults = []
     references = {name: list(_references(name, solid)) for name, solid in file.solids.items()}
     for key, target in [(("part",), file.part), *(pair for pairs in references.values() for pair in pairs)]:
@@ -120,18 +119,11 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     features = [_feature(name, feature) for name, feature in file.features.items() if feature.is_whole]
     if file.mesh is not None:
         mesh = imported(source, file.mesh)
-        try:
-            return mesh_part(file.name, mesh, features, deviation(file.mesh))
-        except GeometryError as error:
-            place = source.place(("mesh", "file"))
-            raise InputError(place.fault("geometry", error.message, error.advice)) from error
+        with source.place(("mesh", "file")).solid():
+            return mesh_part(file.name, mesh, features, None if file.mesh.is_step else file.mesh.deviation)
     if file.profile is not None:
-        try:
+        with source.place(("profile", "polygons")).solid():
             return part_of(file.name, _extruded(file, file.profile), features)
-        except GeometryError as error:
-            raise InputError(
-                source.place(("profile", "polygons")).fault("geometry", error.message, error.advice)
-            ) from error
     root = file.part or ""
     solid = _solid(source, file, root)
     notes: tuple[str, ...] = ()
@@ -139,16 +131,12 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
         from fmopt.task.round_solids import round_notes
 
         notes = round_notes(file)
-    try:
+    with source.place(("solids", root), of_key=True).solid():
         part = replace(part_of(file.name, solid, features), notes=notes)
-    except GeometryError as error:
-        place = source.place(("solids", root), of_key=True)
-        raise InputError(place.fault("geometry", error.message, error.advice)) from error
-    try:
-        return with_balls(part, _balls(file)) if file.balls else part
-    except GeometryError as error:
-        place = source.place(("balls",), of_key=True)
-        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+    if file.balls:
+        with source.place(("balls",), of_key=True).solid():
+            part = with_balls(part, _balls(file))
+    return part
 
 
 def _balls(file: files.ModelFile) -> list[tuple[Array, float]]:
@@ -244,11 +232,8 @@ def _solid(source: Source, file: files.ModelFile, name: str, hollow: bool = Fals
     from fmopt.geometry import csg
 
     table = file.solids[name]
-    try:
+    with source.place(("solids", name), of_key=True).solid():
         solid = _shape(source, file, table, hollow)
-    except GeometryError as error:
-        place = source.place(("solids", name), of_key=True)
-        raise InputError(place.fault("geometry", error.message, error.advice)) from error
     if any(table.at) or any(table.turn):
         return csg.Placed(solid, Pose.from_vector([*table.at, *table.turn]))
     return solid

@@ -28,12 +28,7 @@ def on_axis(solid: Solid, pose: Pose | None = None) -> Intervals:
 
 
 def clipped(intervals: Intervals, low: float, high: float) -> Intervals:
-    """What of the intervals lies between two heights.
-
-    Args:
-        intervals: of heights, apart and in order, m.
-        low, high: m.
-    """
+    """What of the intervals lies between two heights, m."""
     cut = ((max(a, low), min(b, high)) for a, b in intervals)
     return tuple((a, b) for a, b in cut if a < b)
 

@@ -20,7 +20,7 @@ from fmopt.task.object_model.tree import Chain, Feature, FeatureClass, ObjectTre
 
 MADE = "a feature is made of instances of its own sign"
 _HOLES, _PEGS = "holes", "pegs"
-_PLURAL = {"box": "boxes", "prism": "prisms"}
+_PLURALS = {"box": "boxes", "body": "bodies"}
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,7 @@ class Claim:
 
 
 def object_tree(name: str, terms: Chain, mating: Sequence[MatingFeature], claims: Mapping[str, Claim]) -> ObjectTree:
-    """The tree of an object, its frame the global reference frame.
-
-    Args:
-        terms: its solids as a chain, in the object's frame.
-        mating: its mating features, in the object's frame.
+    """The tree of an object from its solids and its mating features, its frame the global reference frame.
 
     Raises:
         TaskError: a mating feature that no term makes up, or that does not own one it names.
@@ -82,12 +78,7 @@ def _named(left: Sequence[Term], names: Sequence[str], feature: str, sign: Sign)
 
 
 def is_made(terms: Sequence[Term], feature: MatingFeature) -> bool:
-    """Whether the feature's axis runs through a term of its sign over some of its length.
-
-    Args:
-        terms: of the part's chain.
-        feature: in the frame of the terms.
-    """
+    """Whether the feature's axis runs through a term of its sign, in the same frame, over some of its length."""
     return max(_shares(terms, feature).values(), default=0.0) > 0.0
 
 
@@ -135,12 +126,9 @@ def _bulk(term: Term, used: set[str]) -> tuple[str, Feature]:
     """
     leaves = instances(term.body)
     kinds = {leaf.key for leaf in leaves}
-    group = _plural(kinds.pop()) if len(kinds) == 1 else "bodies"
+    kind = kinds.pop() if len(kinds) == 1 else "body"
     numbered = (f"{term.name}-{i}" for i in count(2))
     name = next(name for name in chain([term.name], numbered) if name not in used)
     used.add(name)
+    group = _PLURALS.get(kind, f"{kind}s")
     return (group if term.sign == "+" else f"cut {group}"), Feature(name, term.sign, leaves[0].pose, term.body)
-
-
-def _plural(key: str) -> str:
-    return _PLURAL.get(key, f"{key}s")

@@ -8,7 +8,7 @@ frame of the grasped hole, by the inverse motion; `papers.lee_huang.hand_positio
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
@@ -45,11 +45,8 @@ class Specification:
     torque_limit: float
 
     def __post_init__(self) -> None:
-        for name, value in (
-            ("speed", self.speed),
-            ("contact force", self.contact_force),
-            ("torque limit", self.torque_limit),
-        ):
+        for key, value in asdict(self).items():
+            name = key.replace("_", " ")
             if not (math.isfinite(value) and value > 0.0):
                 raise TaskError(f"the {name} is {value}", name, "specifications are positive", "make it positive")
 
@@ -73,11 +70,9 @@ class Task(Value):
 
 @dataclass(frozen=True, eq=False)
 class Obstacle(Value):
-    """An object that takes no part in the task.
+    """An object that takes no part in the task, in the frame of the feature that stays.
 
-    Args:
-        solid: in the frame of the feature that stays, which is the B-frame unless the operands were exchanged. If they
-            were, the obstacle moves with operand 1.
+    This is the B-frame unless the operands were exchanged. If they were, the obstacle moves with operand 1.
     """
 
     name: str
@@ -86,10 +81,9 @@ class Obstacle(Value):
 
 @dataclass(frozen=True, eq=False)
 class Answer(Value):
-    """What the knowledge base says of a task.
+    """What the knowledge base says of a task, its operands `exchanged` where that fits the assumptions.
 
     Args:
-        exchanged: whether the operands were exchanged to fit the assumptions.
         moving: operand 1, with the solid feature.
         fixed: operand 2, with the hollow feature; its feature's frame is the B-frame.
         P0, PT: poses (6,) of operand 1's feature frame in the B-frame at the start and at the goal, m and rad.

@@ -56,11 +56,7 @@ class Settled:
 
 
 def settle(goal: Goal, start: Pose, pair: LowerPair, seated: float, feature: str) -> tuple[Array, tuple[Settled, ...]]:
-    """The goal (6,) in m and rad with its free entries settled, and a statement for each of them.
-
-    Args:
-        goal: entries in the frame of the fixed feature.
-        seated: p_z at full depth, m.
+    """The goal (6,) in m and rad with its free entries settled, p_z at full depth as `seated`, and why.
 
     Raises:
         TaskError: an entry that is no finite number, or a free rotation that the start does not settle.
@@ -94,19 +90,9 @@ def settle(goal: Goal, start: Pose, pair: LowerPair, seated: float, feature: str
 
 
 def _nearest_rotation(fixed: Array, free: Sequence[int], start: Array, feature: str) -> Array:
-    """The rotation vector with given entries but the free ones whose rotation is nearest to `start`."""
-    best = _searched(fixed, free, start)
-    # No rotations are more than π apart: then every goal is that far, and none the nearest.
-    if _distance(best, start) > math.pi - 1e-6:
-        names = ", ".join(ENTRIES[3 + i] for i in free)
-        message = f"the start of {feature!r} is turned by 180 deg against every goal, which leaves {names} open"
-        raise TaskError(message, feature, SETTLED, "give a number instead of free")
-    return best
+    """The rotation vector with given entries but the free ones whose rotation is nearest to `start`.
 
-
-def _searched(fixed: Array, free: Sequence[int], start: Array) -> Array:
-    """Local descents, from the nearest of a grid over the free entries and from the start's own; the best end counts.
-
+    By local descents, from the nearest of a grid over the free entries and from the start's own; the best end counts.
     Of vectors that mean the same rotation the shortest is taken. Good to about 1e-8 rad, the distance being flat.
     """
     grid = np.array(list(product(np.linspace(-math.pi, math.pi, _GRID), repeat=len(free)))).reshape(-1, len(free))
@@ -115,7 +101,13 @@ def _searched(fixed: Array, free: Sequence[int], start: Array) -> Array:
     nearest = sorted(range(1, len(trials)), key=lambda i: _distance(trials[i], start))[:_DESCENTS]
     ends = [_descend(trials[i], free, start) for i in (0, *nearest)]
     least = min(_distance(q, start) for q in ends)
-    return min((q for q in ends if _distance(q, start) <= least + _NEAR), key=lambda q: float(q @ q))
+    best = min((q for q in ends if _distance(q, start) <= least + _NEAR), key=lambda q: float(q @ q))
+    # No rotations are more than π apart: then every goal is that far, and none the nearest.
+    if _distance(best, start) > math.pi - 1e-6:
+        names = ", ".join(ENTRIES[3 + i] for i in free)
+        message = f"the start of {feature!r} is turned by 180 deg against every goal, which leaves {names} open"
+        raise TaskError(message, feature, SETTLED, "give a number instead of free")
+    return best
 
 
 def _descend(q: Array, free: Sequence[int], start: Array) -> Array:
@@ -137,11 +129,9 @@ def _distance(q: Array, start: Array) -> float:
 
 
 def check_goal(goal: Array, pair: LowerPair, deepest: float, sign: float, feature: str) -> None:
-    """Checks a settled goal against its pair.
+    """Checks a settled goal (6,) against its pair and how deep hole and peg allow, m and rad.
 
     Args:
-        goal: (6,) in the frame of the fixed feature, m and rad.
-        deepest: how deep hole and peg allow, m.
         sign: −1 where the moving feature goes towards −z (a peg in the frame of its hole), +1 the other way round.
 
     Raises:

@@ -12,8 +12,9 @@ A − B + C, and such a term keeps its own tree as its body.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import groupby
 from typing import Literal, TypeAlias
 
@@ -47,19 +48,15 @@ def chain_of(solid: Solid, name: str) -> Chain:
         case Placed(inner, pose):
             return moved_chain(chain_of(inner, name), pose)
         case Union(parts):
-            return _numbered([(part, f"{name}-{i}") for i, part in enumerate(parts, 1)])
+            return _numbered(parts, name)
         case Difference(base, tools):
-            cuts = _numbered([(tool, f"{name}-cut-{i}") for i, tool in enumerate(tools, 1)]) if tools else ()
-            return without(chain_of(base, name), cuts)
+            return without(chain_of(base, name), _numbered(tools, f"{name}-cut") if tools else ())
         case _:
             return (Term("+", name, solid),)
 
 
-def _numbered(parts: list[tuple[Solid, str]]) -> Chain:
-    first, *others = (chain_of(part, name) for part, name in parts)
-    for other in others:
-        first = joined(first, other)
-    return first
+def _numbered(solids: Sequence[Solid], name: str) -> Chain:
+    return reduce(joined, [chain_of(solid, f"{name}-{i}") for i, solid in enumerate(solids, 1)])
 
 
 def chain_solid(chain: Iterable[Term]) -> Solid:
@@ -83,11 +80,7 @@ def chain_solid(chain: Iterable[Term]) -> Solid:
 
 
 def moved(solid: Solid, pose: Pose) -> Solid:
-    """The solid moved by a pose, placements composed.
-
-    Args:
-        solid: in any frame.
-    """
+    """The solid moved by a pose, placements composed."""
     if not pose.vector().any():
         return solid  # the object itself, with what is remembered of it
     if isinstance(solid, Placed):
@@ -101,12 +94,9 @@ def moved_chain(chain: Chain, pose: Pose) -> Chain:
 
 
 def joined(first: Chain, second: Chain) -> Chain:
-    """A chain of the union of two chains.
+    """A chain of the union of two chains in one frame, neither of them empty.
 
     One is put behind the other where what the second takes away spares the first; else its tree becomes one term.
-
-    Args:
-        first, second: in one frame, neither empty.
     """
     for head, tail in ((first, second), (second, first)):
         if _spares(tail, head):
@@ -115,11 +105,7 @@ def joined(first: Chain, second: Chain) -> Chain:
 
 
 def without(base: Chain, tools: Chain) -> Chain:
-    """A chain of `base` less the solid of `tools`, which becomes one term when it takes something away itself.
-
-    Args:
-        tools: in the same frame, not empty.
-    """
+    """A chain of `base` less the solid of `tools`, not empty: one term where it takes something away itself."""
     if all(term.sign == "+" for term in tools):
         return base + tuple(replace(term, sign="-") for term in tools)
     return (*base, Term("-", tools[0].name, chain_solid(tools)))
@@ -136,13 +122,7 @@ def _spares(tail: Chain, head: Chain) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Instance(Value):
-    """A leaf of the tree: an instance of a convex primitive.
-
-    Args:
-        sign: whether it adds to the feature's body or takes away from it.
-        primitive: with its parameters, in m.
-        pose: in the object's frame.
-    """
+    """A leaf of the tree: a convex primitive at a pose in the object's frame, added or taken away."""
 
     sign: Sign
     primitive: Primitive
@@ -176,15 +156,12 @@ def _leaves(body: Solid, sign: Sign, pose: Pose) -> Iterator[Instance]:
 
 @dataclass(frozen=True, eq=False)
 class Feature(Value):
-    """A feature: a body that the object has (+) or lacks (−), with its frame.
+    """A feature: a body that the object has (+) or lacks (−), with its frame, both in the object's frame.
 
     Args:
-        frame: in the object's frame. Of a feature with a length: z of a hollow feature out of the mouth, of a solid one
-            from the leading end inwards.
-        body: in the object's frame.
+        frame: with a length: z of a hollow feature out of the mouth, of a solid one from the leading end inwards.
         length: depth of a hole or length of a peg along z, m; None for a feature that only gives shape. Such a feature
             is never an operand.
-        through: whether a hollow feature is open at both ends.
 
     Raises:
         GeometryError: a length that is not positive, or a solid feature that is through.

@@ -5,7 +5,7 @@ Operands: a feature with its direct neighbours in the trees and across the links
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -108,18 +108,10 @@ class Workcell(Value):
         """The workcell with one more object."""
         return replace(self, objects=(*self.objects, tree))
 
-    def moved(self, names: Iterable[str], move: Pose) -> Workcell:
-        """The workcell with some objects moved: a point at x goes to move.apply(x).
-
-        Args:
-            names: of objects; others stay.
-            move: in the global reference frame.
-        """
-        chosen = set(names)
-        return replace(
-            self,
-            objects=tuple(tree.at(move.compose(tree.frame)) if tree.name in chosen else tree for tree in self.objects),
-        )
+    def moved(self, names: Collection[str], move: Pose) -> Workcell:
+        """The workcell with the objects of some names moved: a global point at x goes to move.apply(x)."""
+        there = (tree.at(move.compose(tree.frame)) if tree.name in names else tree for tree in self.objects)
+        return replace(self, objects=tuple(there))
 
     def group(self, name: str, apart_from: str = "") -> tuple[str, ...]:
         """The objects that are linked to one, directly or through others, itself first."""
@@ -171,7 +163,6 @@ class Operand(Value):
     """One side of an answer.
 
     Args:
-        feature: the same, as the object's tree has it.
         solid: their solid, in the feature-operand's frame.
         true: the same less what takes away from it next to the feature-operand: filled in, a part that is not convex
             would not go into its hole.
@@ -189,11 +180,7 @@ class Operand(Value):
 
 
 def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose) -> Operand:
-    """The operand of a feature.
-
-    Args:
-        frame: of the operand in the global reference frame.
-    """
+    """The operand of a feature, whose frame is given in the global reference frame."""
     feature = workcell.object(ref.object).feature(ref.feature)
     others = frozenset(tree.name for tree in workcell.objects) - set(group)
     around = members = workcell.operand(ref, others)

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import BeforeValidator, Field
 
 from fmopt.errors import Fault
+from fmopt.task.toml.model_file import ModelUnits
 from fmopt.task.toml.source import Key, Source
 from fmopt.task.toml.tables import (
     Beside,
@@ -46,26 +47,20 @@ from fmopt.task.toml.tables import (
 from fmopt.task.toml.units import ANGLE, LENGTH, QuantityError, evaluate
 
 
-class Units(Table):
+class ProblemUnits(ModelUnits):
+    """The units of the plain numbers of this file; what has its unit beside it needs none here."""
+
+    speed: Literal["m/s", "mm/s"] = "m/s"
+    force: Literal["N", "mN", "kN"] = "N"
+    torque: Literal["N*m", "N*mm"] = "N*m"
+    time: Literal["s", "ms", "min"] = "s"
+
+
+class Units(ProblemUnits):
     """The units of the plain numbers of this file."""
 
     length: Literal["m", "cm", "mm", "um", "in"]
     angle: Literal["rad", "mrad", "deg"]
-    speed: Literal["m/s", "mm/s"] = "m/s"
-    force: Literal["N", "mN", "kN"] = "N"
-    torque: Literal["N*m", "N*mm"] = "N*m"
-    time: Literal["s", "ms", "min"] = "s"
-
-
-class ProblemUnits(Table):
-    """The units of the plain numbers of this file; what has its unit beside it needs none here."""
-
-    length: Literal["m", "cm", "mm", "um", "in"] | None = None
-    angle: Literal["rad", "mrad", "deg"] | None = None
-    speed: Literal["m/s", "mm/s"] = "m/s"
-    force: Literal["N", "mN", "kN"] = "N"
-    torque: Literal["N*m", "N*mm"] = "N*m"
-    time: Literal["s", "ms", "min"] = "s"
 
 
 class Operand(Table):

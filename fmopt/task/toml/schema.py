@@ -1,32 +1,15 @@
-"""The published JSON Schemas of problem, model and assembly files, for editors and other readers."""
+"""The published JSON Schemas of problem, model, assembly and study files, for editors and other readers."""
 
 from __future__ import annotations
 
 import json
-from typing import Any
 
-from fmopt.task.toml.assembly_file import AssemblyFile
-from fmopt.task.toml.model_file import ModelFile
-from fmopt.task.toml.problem_file import ProblemFile
+from fmopt.task.toml.tables import Table
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-def problem_schema() -> dict[str, Any]:
-    """JSON Schema of a problem file."""
-    return {"$schema": DIALECT, **ProblemFile.model_json_schema()}
-
-
-def model_schema() -> dict[str, Any]:
-    """JSON Schema of a model file."""
-    return {"$schema": DIALECT, **ModelFile.model_json_schema()}
-
-
-def assembly_schema() -> dict[str, Any]:
-    """JSON Schema of an assembly file."""
-    return {"$schema": DIALECT, **AssemblyFile.model_json_schema()}
-
-
-def text(schema: dict[str, Any]) -> str:
-    """A schema as its file holds it."""
+def schema_text(table: type[Table]) -> str:
+    """The JSON Schema of the files that a table stands for, as its own file holds it."""
+    schema = {"$schema": DIALECT, **table.model_json_schema()}
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"

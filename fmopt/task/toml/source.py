@@ -7,12 +7,13 @@ import stat
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TextIO
 
-from fmopt.errors import Fault, InputError, ResourceError
+from fmopt.errors import Fault, GeometryError, InputError, ResourceError
 from fmopt.plan import STDIO
 
 Key = tuple[str | int, ...]
@@ -36,12 +37,20 @@ class Place:
     key: str = ""
 
     def fault(self, code: str, message: str, advice: str = "") -> Fault:
-        """The fault of this place.
-
-        Args:
-            advice: what to change; empty if that is plain.
-        """
+        """The fault of this place, with what to change; empty advice if that is plain."""
         return Fault(self.file, self.line, self.column, self.key, code, message, advice)
+
+    @contextmanager
+    def solid(self) -> Iterator[None]:
+        """Refuses what is stated here where its geometry is refused inside.
+
+        Raises:
+            InputError: in place of a GeometryError.
+        """
+        try:
+            yield
+        except GeometryError as error:
+            raise InputError(self.fault("geometry", error.message, error.advice)) from error
 
 
 @dataclass(frozen=True)
@@ -54,18 +63,18 @@ class Source:
     values: Mapping[Key, tuple[int, int]]
 
     def place(self, key: Key, *, of_key: bool = False) -> Place:
-        """Where a value stands; of a key without a place, its nearest table.
-
-        Args:
-            key: names of the tables on the way, and its own; numbers in arrays.
-            of_key: whether the key itself is meant, not its value.
-        """
+        """Where a value stands, or its key; of a key without a place, its nearest table."""
         first, second = (self.keys, self.values) if of_key else (self.values, self.keys)
         for n in range(len(key), 0, -1):
             found = first.get(key[:n], second.get(key[:n]))
             if found is not None:
                 return Place(str(self.path), *found, dotted(key))
         return Place(str(self.path), 1, 1, dotted(key))
+
+    def missing(self, table: Key, name: str | int, advice: str) -> Fault:
+        """The fault of a key that a table lacks."""
+        place = replace(self.place(table, of_key=True), key=dotted((*table, name)))
+        return place.fault("missing-key", "this key is missing", advice)
 
     def get(self, key: Key) -> Any:
         """The value at `key`.
@@ -154,10 +163,7 @@ def _name(path: Path) -> str:
 
 
 def read(path: Path, cited: Place | None = None) -> Source:
-    """The TOML document of a file.
-
-    Args:
-        cited: where its name is written, for faults of the file as a whole; the file itself if None.
+    """The TOML document of a file; faults of the file as a whole stand where it is `cited`, if it is.
 
     Raises:
         InputError: the file cannot be read, is not UTF-8, or is not TOML.

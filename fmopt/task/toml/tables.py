@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeAlias, TypeVar
 
 from pydantic import (
@@ -61,8 +61,6 @@ Name: TypeAlias = Annotated[str, StringConstraints(pattern=NAME)]
 Title: TypeAlias = Annotated[str, StringConstraints(pattern=TITLE)]
 File: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=1000)]
 
-_LENGTH_ERRORS = {"too_short", "too_long"}
-
 
 class Table(BaseModel):
     """A table of a file: no unknown keys, no conversions of type, frozen."""
@@ -100,10 +98,7 @@ class Reading:
         return isinstance(value, str) and not self.broken.isdisjoint(re.findall(r"\w+", value[:MAX_TEXT]))
 
     def quantity(self, value: object, dimension: Dimension | None) -> Quantity:
-        """A number, or text with a unit, in SI.
-
-        Args:
-            dimension: what is asked for; None for a parameter: plain numbers are lengths.
+        """A number, or text with a unit, in SI; for a parameter (None) plain numbers are lengths.
 
         Raises:
             QuantityError: no number, not finite, or a quantity of another dimension.
@@ -294,22 +289,17 @@ def _fault(source: Source, schema: Mapping[str, Any], item: Mapping[str, Any]) -
     if kind == "missing" and loc and isinstance(loc[-1], int):  # an array is too short
         return _array_length(source, key)
     if kind == "missing":
-        place = source.place(key, of_key=True)
-        place = replace(place, key=dotted((*key, loc[-1])))
         text = not key and schema["properties"][loc[-1]].get("type") == "string"
-        return place.fault("missing-key", "this key is missing", _add(key, loc[-1], text))
+        return source.missing(key, loc[-1], _add(key, loc[-1], text))
     if kind == "extra_forbidden":
         known = _known_keys(schema, key[:-1], source)
         advice = did_you_mean(str(key[-1]), known) or f"known keys here: {', '.join(known)}"
         return source.place(key, of_key=True).fault("unknown-key", "there is no such key", advice)
     if loc and loc[-1] == "[key]":  # pydantic's word for an entry's name
-        code, message, advice = _words(kind, item, key[-1])
-        return source.place(key, of_key=True).fault(code, message, advice)
-    place = source.place(key)
-    if kind in _LENGTH_ERRORS:
+        return source.place(key, of_key=True).fault(*_words(kind, item, key[-1]))
+    if kind in {"too_short", "too_long"}:
         return _array_length(source, key)
-    code, message, advice = _words(kind, item, source.get(key))
-    return place.fault(code, message, advice)
+    return source.place(key).fault(*_words(kind, item, source.get(key)))
 
 
 def _add(key: Key, name: str | int, text: bool) -> str:
