@@ -13,7 +13,7 @@ from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Value
 from fmopt.task.model import load_model, overrides_of
 from fmopt.task.object_model.command import Answer, Specification, Task, answer, completed
-from fmopt.task.object_model.goal import FREE, Entry
+from fmopt.task.object_model.goal import FREE
 from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.object_model.workcell import Link, Ref, Workcell
 from fmopt.task.solid_tree import build_tree
@@ -111,7 +111,7 @@ def _trees(source: Source, reading: Reading, file: files.AssemblyFile) -> tuple[
 
 def _task(table: files.TaskTable) -> Task:
     wanted = table.specification
-    x, y, z, rx, ry, rz = (_entry(value) for value in table.goal)
+    x, y, z, rx, ry, rz = (FREE if value is None else value for value in table.goal)
     return Task(
         _ref(table.moving),
         _ref(table.fixed),
@@ -120,10 +120,6 @@ def _task(table: files.TaskTable) -> Task:
         Specification(wanted.speed, wanted.contact_force, wanted.torque_limit),
         Pose.from_vector([*table.grasp.at, *table.grasp.turn]),
     )
-
-
-def _entry(value: float | None) -> Entry:
-    return FREE if value is None else value
 
 
 def _ref(text: str) -> Ref:

@@ -181,7 +181,7 @@ def _mismatch(problem: Problem, clearance: Clearance) -> Iterator[str]:
 
 def _start(problem: Problem) -> Iterator[str]:
     yield f"lowest point {_mm(problem.approach)} mm above the mouth, tilted and beside the axis as the plan says"
-    yield f"nominal trajectory from {_pose(problem.start)} of the hole's frame"
+    yield f"nominal trajectory from {_pose(problem.start, ',')} of the hole's frame"
     x, y, z, rx, ry, rz = (float(width) for width in problem.start_box)
     listed = "as listed below" if problem.budget else "as stated"
     origin = listed if problem.sources is None else "from its sources"
@@ -213,9 +213,9 @@ def _drift(problem: Problem, clearance: Clearance) -> Iterator[str]:
         )
 
 
-def _pose(P: Array) -> str:
-    place = f"({', '.join(_mm(float(value)) for value in P[:3])}) mm"
-    return place + (f", turned by ({', '.join(_deg(float(value)) for value in P[3:])}) deg," if P[3:].any() else "")
+def _pose(P: Array, comma: str = "") -> str:
+    turn = f"{comma} turned by ({', '.join(map(_deg, P[3:]))}) deg{comma}" if P[3:].any() else ""
+    return f"({', '.join(map(_mm, P[:3]))}) mm{turn}"
 
 
 def _sources(problem: Problem) -> Iterator[str]:
@@ -268,11 +268,7 @@ def _settings(problem: Problem) -> Iterator[str]:
 
 
 def assembly_facts(assembly: Assembly, steps: Sequence[Step]) -> dict[str, Any]:
-    """The same as data: SI units, poses as (x, y, z, rotation vector).
-
-    Args:
-        steps: its tasks in order, each answered.
-    """
+    """The same as data: SI units, poses as (x, y, z, rotation vector)."""
     return {
         "valid": True,
         "title": assembly.title,
@@ -323,7 +319,7 @@ def _statements(step: Step) -> Iterator[str]:
         yield "the hollow part is in the hand: answered as if the peg moved, in the frame of the hole"
     for side, operand in (("1", found.moving), ("2", found.fixed)):
         yield f"operand {side}: {', '.join(str(ref) for ref in operand.members)}"
-    yield f"from {_stood(found.P0)} to {_stood(found.PT)}"
+    yield f"from {_pose(found.P0)} to {_pose(found.PT)}"
     yield from map(str, found.settled)
     others = ", ".join(found.carried[1:])
     if others:
@@ -331,9 +327,3 @@ def _statements(step: Step) -> Iterator[str]:
     if found.obstacles:
         yield f"obstacles: {', '.join(obstacle.name for obstacle in found.obstacles)}"
     yield f"then linked: {', '.join(f'{link.one} - {link.other} ({link.kind})' for link in step.after.links)}"
-
-
-def _stood(P: Array) -> str:
-    place = ", ".join(f"{1e3 * value:.6g}" for value in P[:3].tolist())
-    turn = ", ".join(f"{math.degrees(value):.6g}" for value in P[3:].tolist())
-    return f"({place}) mm" + (f" turned by ({turn}) deg" if P[3:].any() else "")

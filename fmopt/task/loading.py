@@ -20,7 +20,6 @@ from fmopt.geometry.part import Part, Profiles, in_order, outline, rebased, sett
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Bare, Model, load_model, overrides_of
-from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.problem import Attributes, Problem, RobotProperties, Settings, Specification, VelocityError
 from fmopt.task.sizes import (
     configuration_faults,
@@ -41,13 +40,12 @@ from fmopt.task.sources import (
     budget,
     framing,
     sources_of,
-    start_box,
     tessellation,
     total,
 )
 from fmopt.task.task_command import attributes, is_round
 from fmopt.task.toml import problem_file as files
-from fmopt.task.toml.source import NAME_PROBLEM, Source, read, read_bytes
+from fmopt.task.toml.source import NAME_PROBLEM, Source, read_bytes
 from fmopt.task.toml.tables import Reading, checked
 from fmopt.task.toml.units import LENGTH, at_most, did_you_mean, in_words
 
@@ -56,15 +54,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 _BESIDE = 0.25  # of the radius of a leading face, by which a part may be beside its way, besides its errors
-
-
-def load_problem(path: Path) -> Problem:
-    """The problem of a file.
-
-    Raises:
-        InputError: with every fault of the file and of its models.
-    """
-    return problem_of(read(path))
 
 
 def problem_of(source: Source) -> Problem:
@@ -130,23 +119,18 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
         message = "the tip is a ball, and the sources add up what they displace its leading face by"
         advice = "give [uncertainty.start]: errors of the ball's lowest point against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("not-supported", message, advice)
-    yield from _exchange_faults(source, file, models)
     yield from configuration_faults(source, sources)
     yield from force_faults(source, file.specification)
     yield from _plane_faults(source, file, models)
-    yield from _depth_faults(source, file, models)
+    yield from _pair_faults(source, file, models)
 
 
-def _exchange_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
-    """Sources with the hollow part in the hand."""
+def _pair_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
+    """Sources with the hollow part in the hand, and a goal deeper than hole and peg allow."""
     if file.uncertainty.sources is not None and _is_exchanged(file, models):
         message = "with the hollow part in the hand the sources do not say how far the peg's leading face is off"
         advice = "give [uncertainty.start]: errors of the peg's leading face against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("conflict", message, advice)
-
-
-def _depth_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
-    """A goal deeper than hole and peg allow."""
     deepest = _deepest(file, models)
     if deepest is not None and file.goal.depth is not None and file.goal.depth > deepest:
         message = f"{in_words(file.goal.depth, LENGTH)} is deeper than hole and peg allow, {at_most(deepest, LENGTH)}"
@@ -157,7 +141,7 @@ def _feature_faults(source: Source, file: files.ProblemFile, models: Mapping[str
     """Features that are not there, and two of one kind."""
     kinds = {}
     for side, model in models.items():
-        features, name = model.file.features, _table(file, side).feature
+        features, name = model.file.features, file.operand(side).feature
         if name is None:
             continue
         if name in FOUND and not features:
@@ -207,15 +191,11 @@ def _plane_faults(source: Source, file: files.ProblemFile, models: Mapping[str, 
             yield source.missing(above, name, f"add {name!r} to [uncertainty.start], or {of_all!r} for all three axes")
 
 
-def _table(file: files.ProblemFile, side: str) -> files.Operand:
-    return file.moving if side == "moving" else file.fixed
-
-
 def _deepest(file: files.ProblemFile, models: Mapping[str, Model]) -> float | None:
     """The full depth in m: to the floor of a blind hole or the far side of a through hole, or the peg's length."""
     lengths = []
     for side, model in models.items():
-        feature = model.file.features.get(_table(file, side).feature or "")
+        feature = model.file.features.get(file.feature(side))
         if feature is not None and feature.length is not None:
             lengths.append(feature.length)
     return min(lengths) if len(lengths) == 2 else None
@@ -223,15 +203,15 @@ def _deepest(file: files.ProblemFile, models: Mapping[str, Model]) -> float | No
 
 def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Problem:
     """The problem of tables without fault: `said` as they stand in the file, `source` spelled out."""
-    built = _both(lambda _, model: _noted(model), models)
+    built = _both(_noted, models)
     mated: Mapping[str, Mated] = {}
-    if not all(_is_known(model, _table(file, side).feature) for side, model in models.items()):
+    if not all(_is_known(model, file.operand(side).feature) for side, model in models.items()):
         from fmopt.task.pairing import paired
 
         file, mated, models = paired(source, file, models, built)
         if faults := list(_pair_faults(source, file, models)):
             raise InputError(*faults)
-        built = _both(lambda _, model: _noted(model), models)  # with their features, at which a mesh is to be whole
+        built = _both(_noted, models)  # with their features, at which a mesh is to be whole
     exchanged = _is_exchanged(file, models)
     peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
     refuse_reaching(source, parts := _parts(file, built))
@@ -239,10 +219,10 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     if any(model.file.mesh is not None for model in models.values()):
         beside = _BESIDE * tip_radius(parts[peg]) + float(as_stated(file.uncertainty.start).box[:3].max())
         parts[peg], parts[hole] = met(parts[peg], parts[hole], depth, beside)
-    trees = _trees(models)
+    trees = _both(lambda model: build_tree(model.source, model.file), models)
     height = _height(file, parts[peg])
     begin, grasp = _start(file, height, exchanged), Pose.from_vector([*file.grasp.at, *file.grasp.turn])
-    round_peg = is_round(trees[peg].feature(_named(file, peg)))
+    round_peg = is_round(trees[peg].feature(file.feature(peg)))
     task = _attributes(source, file, round_peg, begin, exchanged, grasp)
     turned = Pose(np.zeros(3), exp([0.0, 0.0, -task.turn]))
     moving, fixed = settled(rebased(parts[peg], turned), parts[hole])
@@ -270,8 +250,8 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
         moving=moving,
         fixed=fixed,
         trees=(trees[peg], trees[hole]),
-        moving_feature=_named(file, peg),
-        fixed_feature=_named(file, hole),
+        moving_feature=file.feature(peg),
+        fixed_feature=file.feature(hole),
         mated=(mated.get(peg), mated.get(hole)),
         goal=Pose(np.array([0.0, 0.0, -depth]), np.eye(3)).vector(),
         start=begin.compose(turned).vector(),
@@ -298,21 +278,10 @@ def _is_known(model: Model, name: str | None) -> bool:
     return table is not None and (table.is_whole or model.file.profile is not None)
 
 
-def _named(file: files.ProblemFile, side: str) -> str:
-    """The feature of a side, which is stated or was found."""
-    return _table(file, side).feature or ""
-
-
 def _noted(model: Model) -> Part:
     """The part of a model in its frame, with what is to be known of how the model was taken."""
     part = build_part(model.source, model.file)
     return replace(part, notes=(*model.notes, *part.notes)) if model.notes else part
-
-
-def _pair_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
-    """The faults that are seen only once it is known which features mate."""
-    yield from _exchange_faults(source, file, models)
-    yield from _depth_faults(source, file, models)
 
 
 def _declared(file: files.ProblemFile, planar: bool) -> tuple[float, float] | None:
@@ -351,19 +320,15 @@ def _attributes(
 
 def _parts(file: files.ProblemFile, built: Mapping[str, Part]) -> dict[str, Part]:
     """The two parts, each in the frame of its mating feature."""
-    return {side: in_order(rebased(part, part.feature(_named(file, side)).frame)) for side, part in built.items()}
+    return {side: in_order(rebased(part, part.feature(file.feature(side)).frame)) for side, part in built.items()}
 
 
-def _trees(models: Mapping[str, Model]) -> dict[str, ObjectTree]:
-    """The object trees of the two parts; faults of both are found."""
-    return _both(lambda _, model: build_tree(model.source, model.file), models)
-
-
-def _both(build: Callable[[str, Model], T], models: Mapping[str, Model]) -> dict[str, T]:
+def _both(build: Callable[[Model], T], models: Mapping[str, Model]) -> dict[str, T]:
+    """What is built of the two models; faults of both are found."""
     built, faults = {}, list[Fault]()
     for side, model in models.items():
         try:
-            built[side] = build(side, model)
+            built[side] = build(model)
         except InputError as error:
             faults += error.faults
     if faults:
@@ -380,7 +345,7 @@ def _budget(file: files.ProblemFile, sources: Sources, moving: Part, start: floa
     lean = min(1.3 * math.sqrt(2.0) * file.settings.max_tilt, 0.5 * math.pi)  # √2: about x and y at once
     radius = tip_radius(moving)
     height = start + radius * math.sin(lean)
-    upright = start_box(sources, height, 0.0, lean)  # a first box, to say how far beside the axis it may be
+    upright = total(budget(sources, height, 0.0, lean))  # a first box, to say how far beside the axis it may be
     swing = radius * float(np.linalg.norm(upright[3:]))
     aside = 7.0 * float(upright[0]) + 3.0 * swing + radius * (1.0 - math.cos(lean))
     return budget(sources, height, aside, lean)
@@ -392,7 +357,7 @@ def _plane(file: files.ProblemFile, models: Mapping[str, Model]) -> Profiles | N
     for side, model in models.items():
         if model.file.profile is None:
             return None
-        at = model.file.features[_named(file, side)].at or (0.0, 0.0, 0.0)
+        at = model.file.features[file.feature(side)].at or (0.0, 0.0, 0.0)
         found[side] = [np.subtract(polygon, (at[0], at[2])) for polygon in model.file.profile.polygons]
     return Profiles(found["moving"][0], outline(found["fixed"]))
 

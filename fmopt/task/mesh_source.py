@@ -29,13 +29,9 @@ def says_unit(mesh: Mesh) -> bool:
     return Path(mesh.file).suffix.lower() in OWN_UNIT
 
 
-def takes(mesh: Mesh | None, name: str) -> bool:
-    """Whether the table of a mesh may say its unit, or which body of the file is meant.
-
-    Args:
-        name: "unit" or "body".
-    """
-    return mesh is not None and (holds_bodies(mesh) if name == "body" else not says_unit(mesh))
+def takes(mesh: Mesh, name: str) -> bool:
+    """Whether the table of a mesh may say its "unit", or which "body" of the file is meant."""
+    return holds_bodies(mesh) if name == "body" else not says_unit(mesh)
 
 
 def holds_bodies(mesh: Mesh) -> bool:

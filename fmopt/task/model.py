@@ -94,9 +94,7 @@ def load_model(
 ) -> tuple[Model | None, list[Fault]]:
     """A model file with parameters overridden, or all its faults.
 
-    Args:
-        path: the file; a mesh or STEP file is taken for a part without parameters, whose features are found.
-        overrides: parameter values that replace the file's.
+    A mesh or STEP file is taken for a part without parameters, whose features are found.
 
     Raises:
         InputError: the file cannot be read or is not TOML.

@@ -55,9 +55,6 @@ def paired(
 ) -> tuple[ProblemFile, Mapping[str, Mated], Mapping[str, Model]]:
     """The problem file and the models with features where they are not stated, as they were found, and which these are.
 
-    Args:
-        parts: of the models, in their frames.
-
     Raises:
         InputError: nothing goes into anything; at the fixed part.
     """
@@ -94,17 +91,13 @@ def paired(
 
 def _tables(file: ProblemFile, model: Model, side: Side) -> dict[str, MatingFeature]:
     """The features of a side that may mate, by name, as its model states them."""
-    name = _operand(file, side).feature
+    name = file.operand(side).feature
     return {own: table for own, table in model.file.features.items() if name in (None, own)}
-
-
-def _operand(file: ProblemFile, side: Side) -> Any:
-    return file.moving if side == "moving" else file.fixed
 
 
 def _named(file: ProblemFile, names: Mapping[Side, str]) -> ProblemFile:
     return file.model_copy(
-        update={side: _operand(file, side).model_copy(update={"feature": names[side]}) for side in SIDES}
+        update={side: file.operand(side).model_copy(update={"feature": names[side]}) for side in SIDES}
     )
 
 
@@ -118,7 +111,7 @@ def _fit(
     from fmopt.geometry.fit.find import find
 
     moving, fixed = (parts[side].polyhedron for side in SIDES)
-    stated = tuple(_stated(tables[side], _operand(file, side).feature) for side in SIDES)
+    stated = tuple(_stated(tables[side], file.operand(side).feature) for side in SIDES)
     try:
         return find(moving, fixed, stated, file.goal.depth, _seated(file, models))
     except GeometryError as error:
@@ -195,9 +188,9 @@ def _seated(file: ProblemFile, models: Mapping[str, Model]) -> Pose | None:
     from fmopt.geometry.body_names import chosen
 
     paths = {model.source.path for model in models.values()}
-    which = [_operand(file, side).body for side in SIDES]
+    which = [file.operand(side).body for side in SIDES]
     if len(paths) > 1 or any(model.given for model in models.values()) or None in which:
         return None
-    found = bodies_of(paths.pop(), _operand(file, "moving").unit)
+    found = bodies_of(paths.pop(), file.operand("moving").unit)
     moving, fixed = (found[chosen([body.name for body in found], str(name))] for name in which)
     return fixed.pose.inverse().compose(moving.pose)

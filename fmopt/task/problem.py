@@ -92,12 +92,11 @@ class Attributes(Value):
     """What [LeeHuang1985] section 3 has among the five attributes of a task and the mating frames do not show.
 
     Args:
-        exchanged: whether the hollow part is in the hand and the solid one stands.
+        exchanged: whether the hollow part is in the hand.
         grasp: frame of the grasped feature in the frame of the hand.
         turn: angle of the peg about the axis of the hole at the goal, rad. The peg's mating frame is turned by it, so
             that its goal reads 0.
-        free_depth: whether the goal leaves the depth free.
-        free_turn: whether it leaves the angle free.
+        free_depth, free_turn: whether the goal leaves the depth, or the angle, free.
     """
 
     attachment: LowerPair
@@ -192,6 +191,7 @@ def load(path: str | PathLike[str]) -> Problem:
     Raises:
         InputError: with every fault of the file and of its models.
     """
-    from fmopt.task.loading import load_problem
+    from fmopt.task.loading import problem_of
+    from fmopt.task.toml.source import read
 
-    return load_problem(Path(path))
+    return problem_of(read(Path(path)))

@@ -19,10 +19,7 @@ _MAX_SIDES = 1998  # as `sides` of a model file
 
 
 def round_solid(table: files.Cylinder | files.Cone, hollow: bool) -> Cylinder | Cone:
-    """The polyhedron that stands for a solid of revolution.
-
-    Args:
-        hollow: whether the solid is taken away.
+    """The polyhedron that stands for a solid of revolution, `hollow` where it is taken away.
 
     Raises:
         GeometryError: its sagitta asks for more sides than a part may have.
@@ -45,13 +42,9 @@ def _scale(table: files.Turned, radius: float, hollow: bool) -> tuple[float, int
 
 
 def sides_within(radius: float, sagitta: float) -> int:
-    """The least number of sides, a multiple of four, of regular polygons that lie so near to a circle.
+    """The least number of sides, a multiple of four, of regular polygons within a sagitta of a circle, m.
 
     The polygon around it lies off by r / cos(π/n) − r at its corners, the one inside it by less at its sides.
-
-    Args:
-        radius: r of the circle, m.
-        sagitta: how far they may lie from it, m.
     """
     return _FACTOR * math.ceil(math.pi / math.acos(radius / (radius + sagitta)) / _FACTOR)
 

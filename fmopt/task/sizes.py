@@ -38,11 +38,9 @@ _FAR = 10.0  # times the declared clearance: no tolerance, but another part or a
 
 
 def implausible(source: Source, key: Key, unit: str | None, error: SizeError) -> Fault:
-    """The fault of a part's size, with the unit for which it would be plausible.
+    """The fault of a part's size, with the unit for which it would be plausible, at the key of its unit.
 
-    Args:
-        key: where its unit stands.
-        unit: the unit of its plain numbers; None where that is not for the model file to say.
+    The unit is that of its plain numbers; None where that is not for the model file to say.
     """
     lengths = UNITS["length"][1]
     given = lengths.get(unit or "", 1.0)
@@ -62,10 +60,7 @@ def implausible(source: Source, key: Key, unit: str | None, error: SizeError) ->
 
 
 def refuse_reaching(source: Source, parts: Mapping[str, Part]) -> None:
-    """Refuses parts that reach further from their mating features than a plan can say.
-
-    Args:
-        parts: by side, each in the frame of its feature.
+    """Refuses parts that reach further from their mating features, whose frames they are in, than a plan can say.
 
     Raises:
         InputError: at the feature.
@@ -82,9 +77,6 @@ def refuse_reaching(source: Source, parts: Mapping[str, Part]) -> None:
 def refuse_wild(source: Source, shares: Sequence[Contribution]) -> None:
     """Refuses errors of orientation that a stated box could not have either.
 
-    Args:
-        shares: of all sources, boxes (6,) in m and rad.
-
     Raises:
         InputError: the sources together may turn the parts by more than 0.5 rad.
     """
@@ -98,10 +90,7 @@ def refuse_wild(source: Source, shares: Sequence[Contribution]) -> None:
 
 
 def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
-    """Refuses errors of position larger than both parts: no tolerance, but another unit.
-
-    Args:
-        box: (6,), half-widths of the start errors, m and rad.
+    """Refuses errors of position (6,), m and rad, larger than both parts: no tolerance, but another unit.
 
     Raises:
         InputError: at the component, or at the sources that add up to it; also where a plan cannot say the sum.
@@ -125,26 +114,12 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
 
 
 def force_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
-    """The faults of forces that end moves, and of those that limit impacts.
-
-    Args:
-        table: [specification], values in SI.
-    """
-    yield from _end_faults(source, table)
-    yield from _impact_faults(source, table)
-
-
-def _end_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
-    """A force that ends moves which no push within the contact force brings about."""
+    """Of a force that ends moves which no push brings about, and of limits on impacts without what meets there."""
     wanted, most = table.termination_force, table.contact_force
     if wanted > most:
         message = f"{in_words(wanted, FORCE)} on the contact that ends a move exceed the contact force"
         advice = f"lower it to well below {in_words(most, FORCE)}, or raise contact_force"
         yield source.place(("specification", "termination_force")).fault("out-of-range", message, advice)
-
-
-def _impact_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
-    """A limit on impacts without what meets there, or the other way round."""
     stated = [name for name in IMPACT if getattr(table, name) is not None]
     for name in IMPACT if stated else ():
         if name not in stated:
@@ -234,23 +209,13 @@ def tip_radius(peg: Part) -> float:
 
 
 def brought_down(peg: Part, box: Array) -> float:
-    """How far start errors could bring the leading face of a peg down, m.
-
-    Args:
-        peg: in the frame of its feature.
-        box: half-widths (6,) of the errors, m and rad.
-    """
+    """How far start errors (6,), m and rad, could bring the leading face of a peg in its feature's frame down, m."""
     # Tilts about both axes at once, each sine at most its angle.
     return float(box[2]) + tip_radius(peg) * math.hypot(float(box[3]), float(box[4]))
 
 
 def start_height(peg: Part, box: Array) -> float:
-    """How high above the mouth the lowest point should start for what errors could bring it down by, m.
-
-    Args:
-        peg: in the frame of its feature.
-        box: half-widths (6,) of the errors, m and rad.
-    """
+    """How high above the mouth the lowest point should start for what errors (6,), m and rad, bring it down by, m."""
     down = brought_down(peg, box)
     # Whole millimetres up, rounded first: a last digit too many would cost another one.
     return max(_LEAST_HEIGHT, math.ceil(round(_ROOM * down / _LEAST_HEIGHT, 6)) * _LEAST_HEIGHT)

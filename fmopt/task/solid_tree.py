@@ -47,7 +47,8 @@ def tree_faults(source: Source, file: files.ModelFile) -> list[Fault]:
     if order[file.part] > MAX_INSTANCES:
         message = f"the tree has {order[file.part]} instances"
         return [source.place(("part",)).fault("too-large", message, f"use at most {MAX_INSTANCES}")]
-    used = _reachable(file.part, references)
+    used: dict[str, int] = {}
+    _count(file.part, references, used, ())
     return [
         source.place(("solids", name), of_key=True).fault(
             "unused-solid", f"nothing uses the solid {name!r}", "name it in a union or difference, or remove it"
@@ -81,17 +82,6 @@ def _count(
             total += counts[target]
         counts[name] = min(total, 10**9)  # numbers that double for each name stay short
     return None
-
-
-def _reachable(root: str, references: dict[str, list[tuple[Key, str]]]) -> set[str]:
-    found: set[str] = set()
-    waiting = [root]
-    while waiting:
-        name = waiting.pop()
-        if name not in found:
-            found.add(name)
-            waiting.extend(target for _, target in references[name])
-    return found
 
 
 def part_reach(source: Source, file: files.ModelFile) -> Array:

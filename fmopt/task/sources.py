@@ -103,12 +103,7 @@ class Sources:
 
 
 def sources_of(table: files.Sources, moving: Array, fixed: Array) -> Sources:
-    """The sources of a problem file.
-
-    Args:
-        table: [uncertainty.sources], values in SI.
-        moving, fixed: vertices (n, 3) of the parts, m, for what the file leaves to be measured on them.
-    """
+    """The sources of a problem file; what it leaves to be measured is so on the parts' vertices (n, 3), m."""
     return Sources(
         shape=table.shape,
         measurement=table.measurement,
@@ -189,17 +184,6 @@ def framing(contributions: Sequence[Contribution]) -> Framing:
     return Framing(hole, np.minimum(hand, 1.0 - hole))  # rounding puts no share above what is left
 
 
-def start_box(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.0) -> Array:
-    """Half-widths (6,) in m and rad of a box that holds every start error the sources can make together: see `budget`.
-
-    Args:
-        height: of the leading face's centre above the mouth at the start, at most, m.
-        aside: its distance from the axis of the hole then, at most, m.
-        lean: angle between the two axes then, at most, rad.
-    """
-    return total(budget(sources, height, aside, lean))
-
-
 def total(contributions: Sequence[Contribution]) -> Array:
     """The box (6,) that contributions add up to, m and rad."""
     # Rounded once, so that it is the same in whatever order sources are listed.
@@ -207,7 +191,7 @@ def total(contributions: Sequence[Contribution]) -> Array:
 
 
 def budget(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.0) -> tuple[Contribution, ...]:
-    """Which source contributes how much to the start box; arguments as for `start_box`.
+    """Which source contributes how much to a box that holds every start error the sources can make together.
 
     Position, eq. (10): ε_a + ε_pr + ε_pg + ε_v with ε_pg = ε_pr + ε_pp + ε_td, and ε_a = ε_v + ε_pp of the fixed part,
     or ε_m. Orientation, eq. (11): ε_φ = ε_φr + ε_φg with ε_φg = ε_φr + ε_φd, to which come both ε_φp. Angles of
@@ -218,6 +202,11 @@ def budget(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.
 
     A deviation of shape is taken as a displacement: the box covers where the parts first meet. Two deviating walls do
     not share one displacement later on.
+
+    Args:
+        height: of the leading face's centre above the mouth at the start, at most, m.
+        aside: its distance from the axis of the hole then, at most, m.
+        lean: angle between the two axes then, at most, rad.
     """
     h = sources.grasp_height
     fixed, held = _fixed_shares(sources), _held_shares(sources)
@@ -273,11 +262,7 @@ def _named(prefix: str, shares: Sequence[Share], frame: Frame) -> list[Share]:
 
 
 def configuration_shares(configuration: Configuration, at: Point) -> list[Share]:
-    """How far a configuration's deviations move a point of the part, and turn the part.
-
-    Args:
-        at: the point (x, y, z), m.
-    """
+    """How far a configuration's deviations move a point (x, y, z) of the part, m, and turn the part."""
     match configuration:
         case Deviation(position, angle, about):
             lever = _chord(at if about is None else about, at, angle)
@@ -355,11 +340,7 @@ def body_width(vertices: ArrayLike) -> float:
 
 
 def as_stated(box: files.Box | None) -> Contribution:
-    """The start error as it is stated: each axis by its own key, or by that of all three.
-
-    Args:
-        box: [uncertainty.start]; None for no error.
-    """
+    """The start error as it is stated, or none: each axis by its own key, or by that of all three."""
     if box is None:
         return Contribution("as stated", "", np.zeros(6))
     given = [(getattr(box, name), getattr(box, of_all)) for name, of_all in OF_ALL.items()]

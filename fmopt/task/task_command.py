@@ -49,11 +49,8 @@ def attributes(goal: Goal, round_peg: bool, start: Pose, exchanged: bool, grasp:
     A round peg makes a cylindrical pair and any other a prismatic one, unless the file says what it makes. A pair that
     turns about its axis leaves the angle of a round peg free, which is then as the start has it.
 
-    Args:
-        round_peg: whether the peg is a solid of revolution.
-        start: of the peg's feature in the frame of the hole.
-        exchanged: whether the hole is in the hand, so that the file's angle is that of the hole against the peg.
-        grasp: frame of the grasped feature in the frame of the hand.
+    With the hole in the hand the file's angle is that of the hole against the peg. The start is that of the peg's
+    feature in the frame of the hole.
 
     Raises:
         TaskError: a free angle that the start does not settle.

@@ -28,9 +28,9 @@ from fmopt.task.sources import (
     Placed,
     Sources,
     body_width,
+    budget,
     configuration_shares,
     least_altitude,
-    start_box,
     total,
 )
 from fmopt.task.toml.model_file import ModelFile
@@ -259,7 +259,7 @@ def sampled_error(sources: Sources, start: np.ndarray, axis: np.ndarray, directi
 @pytest.mark.parametrize(("aside", "lean"), [(0.0, 0.0), (0.004, 0.3)])
 def test_start_box_holds_every_combination_of_sources(aside: float, lean: float) -> None:
     rng = np.random.default_rng(0)
-    box = start_box(SOURCES, 0.005, aside, lean)
+    box = total(budget(SOURCES, 0.005, aside, lean))
     worst = np.zeros(6)
     for n in range(4000):
         directions = rng.normal(size=(12, 3))
@@ -278,7 +278,7 @@ def test_start_box_holds_every_combination_of_sources(aside: float, lean: float)
 
 
 def test_a_measured_part_counts_by_its_measurement() -> None:
-    measured = start_box(replace(SOURCES, measurement=3e-5), 0.005)
+    measured = total(budget(replace(SOURCES, measurement=3e-5), 0.005))
     angle = 2 * 0.015 + 0.03 + 0.01
     position = 3e-5 + 2e-4 + 5e-5 + 2e-4 + 1e-5
     assert measured[0] == pytest.approx(position + 0.04 * math.sin(angle), rel=1e-12)
@@ -300,7 +300,7 @@ grasp = { position = 0.2, angle = "30 mrad", height = 40 }
     path.write_text(written[:start] + sources + written[end:], encoding="utf-8")
     problem = load(path)
     assert problem.sources == SOURCES
-    assert np.all(problem.start_box >= start_box(SOURCES, 0.001))
+    assert np.all(problem.start_box >= total(budget(SOURCES, 0.001)))
     np.testing.assert_array_equal(total(problem.budget), problem.start_box)
     words = explain(problem, measured_clearance(problem))
     for share in problem.budget:

@@ -344,6 +344,14 @@ class ProblemFile(Table):
     robot: RobotTable = Field(default_factory=RobotTable)
     settings: Settings = Field(default_factory=Settings)
 
+    def operand(self, side: str) -> Operand:
+        """The part that moves, or the fixed one."""
+        return self.moving if side == "moving" else self.fixed
+
+    def feature(self, side: str) -> str:
+        """The mating feature of a part, which is stated or was found."""
+        return self.operand(side).feature or ""
+
 
 EXAMPLE = '"1 mm, 1 deg"'
 _ADVICE = f"write a distance and an angle with their units, such as {EXAMPLE}: how far off the part may start"

@@ -104,13 +104,10 @@ def dotted(key: Sequence[str | int]) -> str:
         if isinstance(part, int):
             text += f"[{part}]"
         else:
-            name = part if re.fullmatch(r"[A-Za-z0-9_-]+", part) else '"' + _shown(part) + '"'
+            escaped = part.encode("unicode_escape").decode("ascii").replace('"', '\\"')[:60]
+            name = part if re.fullmatch(r"[A-Za-z0-9_-]+", part) else f'"{escaped}"'
             text += f".{name}" if text else name
     return text
-
-
-def _shown(text: str) -> str:
-    return text.encode("unicode_escape").decode("ascii").replace('"', '\\"')[:60]
 
 
 @lru_cache(maxsize=1)
