@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field, WithJsonSchema
+from pydantic import Field
 
 from fmopt.task.toml.problem_file import Units
-from fmopt.task.toml.tables import Distance, Duration, File, Name, Ratio, Table, Title
+from fmopt.task.toml.tables import Distance, Duration, File, Name, Parameter, Ratio, Table, Title
 
 # Read later: whether it is a length, an angle or a word depends on the parameters that it is for.
-Value: TypeAlias = Annotated[
-    Any, WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "minLength": 1, "maxLength": 200}]})
-]
+Value: TypeAlias = Parameter
 Path: TypeAlias = Annotated[str, Field(min_length=1, max_length=200)]
 Expression: TypeAlias = Annotated[str, Field(min_length=1, max_length=200)]
 Positive: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]

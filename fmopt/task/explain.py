@@ -16,7 +16,6 @@ from fmopt.geometry.part import Part
 from fmopt.spatial.values import Array
 from fmopt.task.assembly import Assembly, Step
 from fmopt.task.object_model.command import answer
-from fmopt.task.object_model.workcell import Operand
 from fmopt.task.problem import Problem
 from fmopt.task.sizes import drift
 from fmopt.task.task_command import task_command
@@ -283,7 +282,14 @@ def _step_facts(step: Step) -> dict[str, Any]:
         "name": step.name,
         "attachment": found.task.attachment,
         "exchanged": found.exchanged,
-        "operands": {side: _operand_facts(operand) for side, operand in (("1", found.moving), ("2", found.fixed))},
+        "operands": {
+            side: {
+                "feature": str(operand.ref),
+                "members": [str(ref) for ref in operand.members],
+                "frame": operand.frame.vector().tolist(),
+            }
+            for side, operand in (("1", found.moving), ("2", found.fixed))
+        },
         "start": found.P0.tolist(),
         "goal": found.PT.tolist(),
         "settled": [str(one) for one in found.settled],
@@ -291,14 +297,6 @@ def _step_facts(step: Step) -> dict[str, Any]:
         "obstacles": [obstacle.name for obstacle in found.obstacles],
         "frames": {tree.name: tree.frame.vector().tolist() for tree in step.after.objects},
         "links": [{"kind": link.kind, "one": str(link.one), "other": str(link.other)} for link in step.after.links],
-    }
-
-
-def _operand_facts(operand: Operand) -> dict[str, Any]:
-    return {
-        "feature": str(operand.ref),
-        "members": [str(ref) for ref in operand.members],
-        "frame": operand.frame.vector().tolist(),
     }
 
 

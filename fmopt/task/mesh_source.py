@@ -39,16 +39,22 @@ def holds_bodies(mesh: Mesh) -> bool:
     return Path(mesh.file).suffix.lower() in HOLD_BODIES
 
 
-def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
+def mesh_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
     """A mesh without a unit, with its size in the numbers of its file to choose by; or a file that says it with one."""
-    faults = []
     if mesh.body is not None and not holds_bodies(mesh):
         place = source.place(("mesh", "body"), of_key=True)
-        faults.append(place.fault("conflict", "only a STEP or OBJ file holds bodies to choose from", "remove 'body'"))
+        yield place.fault("conflict", "only a STEP or OBJ file holds bodies to choose from", "remove 'body'")
     if says_unit(mesh):
-        return [*faults, *_own_unit_faults(source, mesh)]
+        if mesh.unit is not None:
+            place = source.place(("mesh", "unit"), of_key=True)
+            kind = "STEP" if mesh.is_step else Path(mesh.file).suffix.removeprefix(".").upper()
+            yield place.fault("conflict", f"a {kind} file says its unit itself", "remove 'unit'")
+        if mesh.is_step and mesh.deviation == 0.0:
+            message = "curved faces cannot be cut into facets that lie in them"
+            yield source.place(("mesh", "deviation")).fault("zero", message, "give a deviation such as 0.01 mm")
+        return
     if mesh.unit is not None:
-        return faults
+        return
     advice = "add 'unit' to [mesh]: m, cm, mm, um or in"
     # The file may be damaged besides: both are told at once.
     try:
@@ -58,17 +64,7 @@ def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
     except (GeometryError, ResourceError, InputError) as error:
         size, advice = f"not known: {error}", f"{advice}; and mend the file"
     message = f"the unit of the mesh is missing; its size in the file's own numbers is {size}"
-    return [*faults, source.place(("mesh",), of_key=True).fault("missing-key", message, advice)]
-
-
-def _own_unit_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
-    if mesh.unit is not None:
-        place = source.place(("mesh", "unit"), of_key=True)
-        kind = "STEP" if mesh.is_step else Path(mesh.file).suffix.removeprefix(".").upper()
-        yield place.fault("conflict", f"a {kind} file says its unit itself", "remove 'unit'")
-    if mesh.is_step and mesh.deviation == 0.0:
-        message = "curved faces cannot be cut into facets that lie in them"
-        yield source.place(("mesh", "deviation")).fault("zero", message, "give a deviation such as 0.01 mm")
+    yield source.place(("mesh",), of_key=True).fault("missing-key", message, advice)
 
 
 @remembered(1)

@@ -5,11 +5,12 @@ Mating features that a model file leaves to be found are found with the other pa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fmopt.errors import Fault, InputError, SizeError
+from fmopt.geometry.section import require_plausible
 from fmopt.task.mesh_source import (
     HOLD_BODIES,
     MAX_MESH_BYTES,
@@ -22,7 +23,7 @@ from fmopt.task.mesh_source import (
 )
 from fmopt.task.sizes import implausible
 from fmopt.task.solid_tree import build_part, part_reach, tree_faults
-from fmopt.task.toml.model_file import MatingFeature, ModelFile, Profile
+from fmopt.task.toml.model_file import ModelFile, Profile
 from fmopt.task.toml.source import Key, Place, Source, read, read_bytes
 from fmopt.task.toml.tables import Reading, checked
 from fmopt.task.toml.units import RATIO, UNITS, Quantity, QuantityError, did_you_mean
@@ -49,11 +50,6 @@ class Model:
         """What its shape is read from, in a word."""
         mesh = self.file.mesh
         return "part" if mesh is None else "STEP file" if mesh.is_step else "mesh"
-
-    def completed(self, features: Mapping[str, MatingFeature], notes: Iterable[str]) -> Model:
-        """The model with the features that were found, and what is to be said of it."""
-        file = self.file.model_copy(update={"features": dict(features)})
-        return replace(self, file=file, notes=(*self.notes, *notes))
 
 
 @dataclass(frozen=True)
@@ -202,84 +198,77 @@ def _parameters(source: Source, reading: Reading, overrides: Mapping[str, Overri
     return replace(reading, names=names, broken=frozenset(broken)), faults
 
 
-def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
+def _cross_checks(source: Source, file: ModelFile) -> Iterator[Fault]:
     """What one key cannot see: which of part and mesh, references between solids, features that contradict."""
-    faults: list[Fault] = []
     words = {"solids": "solids", "mesh": "a mesh", "profile": "a profile"}
     given = [name for name in words if getattr(file, name)]
     if len(given) != 1:
         message = f"there are both {' and '.join(words[name] for name in given)}" if given else "there is no shape"
         key = (given[-1],) if given else ()
         advice = "give [solids] and part, or [mesh], or [profile]"
-        faults.append(source.place(key, of_key=True).fault("conflict", message, advice))
+        yield source.place(key, of_key=True).fault("conflict", message, advice)
     elif file.solids:
-        faults += tree_faults(source, file)
+        yield from tree_faults(source, file)
     elif file.part is not None:
         message = f"{words[given[0]]} has no solids"
-        faults.append(source.place(("part",), of_key=True).fault("conflict", message, "remove 'part'"))
+        yield source.place(("part",), of_key=True).fault("conflict", message, "remove 'part'")
     if not file.features and file.profile is not None:
         advice = "add [features.NAME] with kind, at and length: where the part mates"
-        faults.append(source.missing((), "features", advice))
+        yield source.missing((), "features", advice)
     if given == ["mesh"] and file.mesh is not None:
-        faults += mesh_faults(source, file.mesh)
+        yield from mesh_faults(source, file.mesh)
     if file.profile is not None:
-        faults += _profile_faults(source, file, file.profile)
+        yield from _profile_faults(source, file, file.profile)
     if file.balls:
-        faults += _ball_faults(source, file)
+        yield from _ball_faults(source, file)
     for name, feature in file.features.items():
         if feature.kind == "solid" and feature.through:
             place = source.place(("features", name, "through"))
-            faults.append(place.fault("conflict", "a solid feature cannot be through", "remove 'through'"))
+            yield place.fault("conflict", "a solid feature cannot be through", "remove 'through'")
         for i, solid in enumerate(feature.solids or ()):
             if solid not in file.solids:
                 known = f"solids: {', '.join(file.solids)}" if file.solids else "leave 'solids' out"
                 advice = did_you_mean(solid, dict(file.solids)) or known
                 place = source.place(("features", name, "solids", i))
-                faults.append(place.fault("unknown-solid", f"there is no solid {solid!r}", advice))
-    return faults
+                yield place.fault("unknown-solid", f"there is no solid {solid!r}", advice)
 
 
-def _size_faults(source: Source, file: ModelFile) -> list[Fault]:
+def _size_faults(source: Source, file: ModelFile) -> Iterator[Fault]:
     """A part of an implausible size."""
-    from fmopt.geometry.section import require_plausible
-
     try:
         require_plausible(part_reach(source, file))
     except SizeError as error:
         unit = file.units.length
         if unit is None:
-            return [source.place(()).fault("implausible-size", error.message, error.advice)]
-        return [implausible(source, ("units", "length"), unit, error)]
-    return []
+            yield source.place(()).fault("implausible-size", error.message, error.advice)
+        else:
+            yield implausible(source, ("units", "length"), unit, error)
 
 
-def _ball_faults(source: Source, file: ModelFile) -> list[Fault]:
+def _ball_faults(source: Source, file: ModelFile) -> Iterator[Fault]:
     """Balls go with solids, and on what goes in: a wall is no ball."""
     place = source.place(("balls",), of_key=True)
     if not file.solids:
-        return [place.fault("conflict", "there are balls without solids", "give [solids] and part as the only shape")]
-    if any(feature.kind == "hollow" for feature in file.features.values()):
+        yield place.fault("conflict", "there are balls without solids", "give [solids] and part as the only shape")
+    elif any(feature.kind == "hollow" for feature in file.features.values()):
         advice = 'give them to the part that goes in, or a solid of shape = "sphere" to this one'
-        return [place.fault("not-supported", "a part with a hollow feature has balls", advice)]
-    return []
+        yield place.fault("not-supported", "a part with a hollow feature has balls", advice)
 
 
-def _profile_faults(source: Source, file: ModelFile, profile: Profile) -> list[Fault]:
+def _profile_faults(source: Source, file: ModelFile, profile: Profile) -> Iterator[Fault]:
     """A profile mates by features of one kind in its plane; what moves is one convex polygon."""
-    faults = []
     kinds = sorted({feature.kind for feature in file.features.values()})
     if len(kinds) > 1:
         message, place = "a profile has both solid and hollow features", source.place(("features",), of_key=True)
-        faults.append(place.fault("conflict", message, "keep one kind"))
+        yield place.fault("conflict", message, "keep one kind")
     if kinds == ["solid"] and len(profile.polygons) > 1:
         message, place = f"a moving profile of {len(profile.polygons)} polygons", source.place(("profile", "polygons"))
-        faults.append(place.fault("not-supported", message, "what moves in a plane is to be one convex polygon"))
+        yield place.fault("not-supported", message, "what moves in a plane is to be one convex polygon")
     for name, feature in file.features.items():
         for key in ("at", "length"):
             if getattr(feature, key) is None:
-                faults.append(source.missing(("features", name), key, f"add {key!r} to the feature"))
+                yield source.missing(("features", name), key, f"add {key!r} to the feature")
         if feature.at is not None and (feature.at[1] != 0.0 or any(feature.turn)):
             place = source.place(("features", name), of_key=True)
             message = "a feature of a profile is turned, or beside the plane"
-            faults.append(place.fault("bad-value", message, "write at = [x, 0, z] without turn, z out of the mouth"))
-    return faults
+            yield place.fault("bad-value", message, "write at = [x, 0, z] without turn, z out of the mouth")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -78,10 +78,12 @@ def paired(
         if table is not None:
             made |= {"length": table.length, "through": table.through} if table.length is not None else {}
         own = MatingFeature.model_construct(None, kind=kind, **made) if table is None else table.model_copy(update=made)
-        kept = {other: one for other, one in models[side].file.features.items() if one.is_whole}
-        notes = () if table is not None and table.is_whole else (_found(name, own, models[side]),)
-        notes = (*notes, *_doubts(parts[side], frame, fit, kind))
-        changed[side] = models[side].completed({**kept, name: own}, notes)
+        model = models[side]
+        kept = {other: one for other, one in model.file.features.items() if one.is_whole}
+        notes = () if table is not None and table.is_whole else (_found(name, own, model),)
+        notes = (*model.notes, *notes, *_doubts(parts[side], frame, fit, kind))
+        completed = model.file.model_copy(update={"features": {**kept, name: own}})
+        changed[side] = replace(model, file=completed, notes=notes)
         if table is None or not table.is_whole:
             found[side] = Mated(side, name, None if table is not None and table.at is not None else (x, y, z, *turn))
     if "depth" not in file.goal.model_fields_set and abs(fit.depth - min(fit.hole, fit.peg)) > _FULL:

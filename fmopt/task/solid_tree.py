@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, assert_never
+from functools import reduce
+from typing import assert_never
 
 import numpy as np
 
 from fmopt.errors import Fault, GeometryError, InputError, TaskError
+from fmopt.geometry import csg
+from fmopt.geometry.convex_pieces import polyhedron
+from fmopt.geometry.mating_features import Feature
+from fmopt.geometry.outline_solids import stack
+from fmopt.geometry.part import Part, mesh_part, part_of, ridge, slab, with_balls
+from fmopt.geometry.plane.convex_polygons import is_convex
+from fmopt.geometry.section import reach
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 from fmopt.task.mesh_source import imported
+from fmopt.task.object_model.classify import MADE, Claim, is_made, object_tree
+from fmopt.task.object_model.tree import Chain, ObjectTree, Term, chain_of, chain_solid, joined, moved_chain, without
+from fmopt.task.round_solids import round_notes, round_solid
 from fmopt.task.toml import model_file as files
 from fmopt.task.toml.source import Key, Source
 from fmopt.task.toml.units import did_you_mean
-
-if TYPE_CHECKING:
-    from fmopt.geometry import csg
-    from fmopt.geometry.mating_features import Feature
-    from fmopt.geometry.part import Part
-    from fmopt.task.object_model.tree import Chain, ObjectTree
 
 MAX_INSTANCES = 1000  # n solids, each naming the next one twice, make 2ⁿ
 _MERIDIANS = 16  # of the polyhedron that stands for a ball in the tree of features
@@ -90,8 +95,6 @@ def part_reach(source: Source, file: files.ModelFile) -> Array:
     Raises:
         InputError: a solid has no volume; at its place in the file.
     """
-    from fmopt.geometry.section import reach
-
     if file.profile is None:
         round_ = [centre + side * radius for centre, radius in _balls(file) for side in (-1.0, 1.0)]
         return np.vstack([reach(_solid(source, file, file.part or "")), *round_])
@@ -104,8 +107,6 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     Raises:
         InputError: no solid comes out; at the place of the solid or mesh in the file.
     """
-    from fmopt.geometry.part import mesh_part, part_of, with_balls
-
     features = [_feature(name, feature) for name, feature in file.features.items() if feature.is_whole]
     if file.mesh is not None:
         mesh = imported(source, file.mesh)
@@ -116,11 +117,8 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
             return part_of(file.name, _extruded(file, file.profile), features)
     root = file.part or ""
     solid = _solid(source, file, root)
-    notes: tuple[str, ...] = ()
-    if any(isinstance(table, files.Turned) for table in file.solids.values()):
-        from fmopt.task.round_solids import round_notes
-
-        notes = round_notes(file)
+    turned = any(isinstance(table, files.Turned) for table in file.solids.values())
+    notes = round_notes(file) if turned else ()
     with source.place(("solids", root), of_key=True).solid():
         part = replace(part_of(file.name, solid, features), notes=notes)
     if file.balls:
@@ -143,9 +141,6 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     Raises:
         InputError: no solid comes out, or a feature breaks a rule; at its place in the file.
     """
-    from fmopt.task.object_model.classify import MADE, Claim, is_made, object_tree
-    from fmopt.task.object_model.tree import chain_of
-
     whole = {name: feature for name, feature in file.features.items() if feature.is_whole}
     features = [_feature(name, feature) for name, feature in whole.items()]
     claims = {name: Claim(feature.classification or "", feature.solids or ()) for name, feature in whole.items()}
@@ -168,10 +163,8 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
 
 def _hull_less_others(source: Source, file: files.ModelFile, chain: Chain) -> csg.Solid:
     """The part as its convex hull less convex bodies, from its chain or its mesh."""
-    from fmopt.geometry.convex_pieces import polyhedron
     from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
     from fmopt.geometry.mesh.mesh_solid import come_apart
-    from fmopt.task.object_model.tree import chain_solid
 
     if file.mesh is not None:
         return come_apart(imported(source, file.mesh))[0]
@@ -181,9 +174,6 @@ def _hull_less_others(source: Source, file: files.ModelFile, chain: Chain) -> cs
 
 def _whole_chain(source: Source, file: files.ModelFile) -> Chain:
     """The chain of the part; none for a mesh, one term for a profile. Polyhedra stand for balls."""
-    from fmopt.geometry import csg
-    from fmopt.task.object_model.tree import Term, joined
-
     if file.profile is not None:
         return (Term("+", file.name, _extruded(file, file.profile)),)
     if file.mesh is not None:
@@ -197,14 +187,10 @@ def _whole_chain(source: Source, file: files.ModelFile) -> Chain:
 
 def _chain(source: Source, file: files.ModelFile, name: str, hollow: bool = False) -> Chain:
     """The chain of a named solid, its terms called by the names of the file; `hollow` where it is taken away."""
-    from fmopt.task.object_model.tree import Term, joined, moved_chain, without
-
     table = file.solids[name]
     match table:
         case files.Union(of=of):
-            first, *others = (_chain(source, file, target, hollow) for target in of)
-            for other in others:
-                first = joined(first, other)
+            first = reduce(joined, [_chain(source, file, target, hollow) for target in of])
         case files.Difference(of=base, minus=minus):
             first = _chain(source, file, base, hollow)
             for target in minus:
@@ -219,8 +205,6 @@ def _chain(source: Source, file: files.ModelFile, name: str, hollow: bool = Fals
 
 
 def _solid(source: Source, file: files.ModelFile, name: str, hollow: bool = False) -> csg.Solid:
-    from fmopt.geometry import csg
-
     table = file.solids[name]
     with source.place(("solids", name), of_key=True).solid():
         solid = _shape(source, file, table, hollow)
@@ -231,21 +215,15 @@ def _solid(source: Source, file: files.ModelFile, name: str, hollow: bool = Fals
 
 def _extruded(file: files.ModelFile, profile: files.Profile) -> csg.Solid:
     """The solid that stands for a profile: a ridge where it mates by a solid feature, a slab where by a hollow one."""
-    from fmopt.geometry.part import ridge, slab
-
     moving = all(feature.kind == "solid" for feature in file.features.values())
     return ridge(profile.polygons[0]) if moving else slab(profile.polygons)
 
 
 def _shape(source: Source, file: files.ModelFile, table: files.Shape, hollow: bool) -> csg.Solid:
-    from fmopt.geometry import csg
-
     match table:
         case files.Box(size=size, chamfer=chamfer):
             return csg.chamfered_box(size, chamfer) if chamfer > 0.0 else csg.Box(size)
         case files.Cylinder() | files.Cone():
-            from fmopt.task.round_solids import round_solid
-
             return round_solid(table, hollow)
         case files.Sphere(radius=radius, sides=sides):
             return csg.Sphere(radius, sides)
@@ -253,8 +231,6 @@ def _shape(source: Source, file: files.ModelFile, table: files.Shape, hollow: bo
             outer, holes = _prism(table)
             return csg.Difference(outer, holes) if holes else outer
         case files.Stack(sections=sections):
-            from fmopt.geometry.outline_solids import stack
-
             return stack([(section.at, section.polygon) for section in sections])
         case files.Wedge(size=size, top_x=top_x):
             return csg.Wedge(size, top_x)
@@ -271,10 +247,6 @@ def _shape(source: Source, file: files.ModelFile, table: files.Shape, hollow: bo
 
 def _prism(table: files.Prism) -> tuple[csg.Solid, tuple[csg.Solid, ...]]:
     """A prism without its holes, and what is cut out of it for them, standing out at both ends."""
-    from fmopt.geometry import csg
-    from fmopt.geometry.outline_solids import stack
-    from fmopt.geometry.plane.convex_polygons import is_convex
-
     height, proud = table.height, 0.5 * table.height
     convex = is_convex(table.polygon)
     outer = csg.Prism(table.polygon, height) if convex else stack([(0.0, table.polygon), (height, table.polygon)])
@@ -282,7 +254,5 @@ def _prism(table: files.Prism) -> tuple[csg.Solid, tuple[csg.Solid, ...]]:
 
 
 def _feature(name: str, table: files.MatingFeature) -> Feature:
-    from fmopt.geometry.mating_features import Feature
-
     at, length = table.at or (0.0, 0.0, 0.0), table.length or 0.0
     return Feature(name, table.kind, Pose.from_vector([*at, *table.turn]), length, table.through)

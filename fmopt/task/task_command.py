@@ -82,16 +82,9 @@ def _turned(tree: ObjectTree, name: str, turn: float) -> ObjectTree:
     if turn == 0.0:
         return tree
     own = Pose(np.zeros(3), exp([0.0, 0.0, -turn]))
-    return replace(
-        tree,
-        classes=tuple(
-            replace(
-                group,
-                features=tuple(
-                    replace(feature, frame=feature.frame.compose(own)) if feature.name == name else feature
-                    for feature in group.features
-                ),
-            )
-            for group in tree.classes
-        ),
-    )
+
+    def put(feature: Feature) -> Feature:
+        return replace(feature, frame=feature.frame.compose(own)) if feature.name == name else feature
+
+    classes = (replace(group, features=tuple(map(put, group.features))) for group in tree.classes)
+    return replace(tree, classes=tuple(classes))

@@ -27,15 +27,9 @@ def on_axis(solid: Solid, pose: Pose | None = None) -> Intervals:
             return _through(solid, pose)
 
 
-def clipped(intervals: Intervals, low: float, high: float) -> Intervals:
-    """What of the intervals lies between two heights, m."""
-    cut = ((max(a, low), min(b, high)) for a, b in intervals)
-    return tuple((a, b) for a, b in cut if a < b)
-
-
-def length(intervals: Intervals) -> float:
-    """Total length, m."""
-    return sum(b - a for a, b in intervals)
+def length(intervals: Intervals, low: float, high: float) -> float:
+    """Total length of the intervals between two heights, m."""
+    return sum(max(0.0, min(b, high) - max(a, low)) for a, b in intervals)
 
 
 def _combined(added: list[Intervals], taken: list[Intervals]) -> Intervals:

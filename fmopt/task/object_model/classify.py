@@ -15,7 +15,7 @@ from fmopt.errors import TaskError
 from fmopt.geometry.csg import Solid, Union
 from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.spatial.se3 import Pose
-from fmopt.task.object_model.axis import clipped, length, on_axis
+from fmopt.task.object_model.axis import length, on_axis
 from fmopt.task.object_model.tree import Chain, Feature, FeatureClass, ObjectTree, Sign, Term, instances, moved
 
 MADE = "a feature is made of instances of its own sign"
@@ -74,7 +74,13 @@ def _named(left: Sequence[Term], names: Sequence[str], feature: str, sign: Sign)
             message = f"feature {feature!r} names {name!r}, which is no term prefixed {sign} that is left"
             raise TaskError(message, feature, MADE, f"such terms: {free}")
         owned += found
-    return _neighbouring(left, [term for term in left if term in owned], feature)
+    owned = [term for term in left if term in owned]
+    # Nothing of the other sign may stand between them, so that they can be taken together.
+    between = left[left.index(owned[0]) : left.index(owned[-1])]
+    if strange := [term for term in between if term.sign != sign]:
+        message = f"feature {feature!r} is made of terms with {strange[0].name!r}, of the other sign, between them"
+        raise TaskError(message, feature, MADE, "name them one after the other in the model, or make two features")
+    return owned
 
 
 def is_made(terms: Sequence[Term], feature: MatingFeature) -> bool:
@@ -88,7 +94,7 @@ def _shares(terms: Sequence[Term], feature: MatingFeature) -> dict[int, float]:
     low, high = (-feature.length, 0.0) if hollow else (0.0, feature.length)
     into = feature.frame.inverse()
     return {
-        number: length(clipped(on_axis(moved(term.body, into)), low, high))
+        number: length(on_axis(moved(term.body, into)), low, high)
         for number, term in enumerate(terms)
         if (term.sign == "-") == hollow
     }
@@ -108,15 +114,6 @@ def _found(left: Sequence[Term], feature: MatingFeature) -> list[Term]:
     while share.get(last + 1, 0.0) > 0.0:
         last += 1
     return list(left[first : last + 1])
-
-
-def _neighbouring(left: Sequence[Term], owned: list[Term], feature: str) -> list[Term]:
-    """The terms, when nothing of the other sign stands between them, so that they can be taken together."""
-    between = left[left.index(owned[0]) : left.index(owned[-1])]
-    if strange := [term for term in between if term.sign != owned[0].sign]:
-        message = f"feature {feature!r} is made of terms with {strange[0].name!r}, of the other sign, between them"
-        raise TaskError(message, feature, MADE, "name them one after the other in the model, or make two features")
-    return owned
 
 
 def _bulk(term: Term, used: set[str]) -> tuple[str, Feature]:

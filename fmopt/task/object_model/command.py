@@ -20,7 +20,7 @@ from fmopt.geometry.polyhedron import placed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
 from fmopt.task.object_model.goal import Goal, Settled, check_goal, settle
-from fmopt.task.object_model.tree import Feature, ObjectTree, moved
+from fmopt.task.object_model.tree import Feature, moved
 from fmopt.task.object_model.workcell import EXIST, Link, LowerPair, Operand, Ref, Workcell, operand_of
 
 KINDS = "an insertion has one solid and one hollow feature"
@@ -214,10 +214,7 @@ def _goal(task: Task, one: Feature, other: Feature, start: Pose, exchanged: bool
 
 
 def _check_ends(workcell: Workcell, found: Answer, sides: tuple[str, ...]) -> None:
-    """At the start and at the goal what is grasped and carried overlaps nothing of what stands.
-
-    Round holes are narrower as polygons than they are: by so much a peg may overlap.
-    """
+    """At the start and at the goal what is grasped and carried overlaps nothing of what stands."""
     grasped = found.fixed if found.exchanged else found.moving
     body = pieces(grasped.whole)
     still = _given(found)
@@ -228,13 +225,10 @@ def _check_ends(workcell: Workcell, found: Answer, sides: tuple[str, ...]) -> No
         bodies = [placed(piece, pose) for piece in body]
         for name, standing in others:
             depth = deepest(bodies, standing)
-            if depth > _TOUCH + max(_narrowed(workcell.object(one)) for one in (*sides, name)):
+            # Round holes are narrower as polygons than they are: by so much a peg may overlap.
+            holes = (f for one in (*sides, name) for f in workcell.object(one).features if f.hollow)
+            if depth > _TOUCH + max((sagitta(hole.body) for hole in holes), default=0.0):
                 _refuse(found.task, name, depth, at_goal)
-
-
-def _narrowed(tree: ObjectTree) -> float:
-    """By how much the round holes of an object are narrower than they are, m."""
-    return max((sagitta(feature.body) for feature in tree.features if feature.hollow), default=0.0)
 
 
 def _refuse(task: Task, name: str, depth: float, at_goal: bool) -> None:

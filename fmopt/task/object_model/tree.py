@@ -12,7 +12,7 @@ A − B + C, and such a term keeps its own tree as its body.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import groupby
@@ -266,14 +266,6 @@ class ObjectTree(Value):
     def solid(self) -> Solid:
         """The solid of all features, in the object's frame."""
         return chain_solid(self.chain)
-
-    def solid_of(self, names: Collection[str]) -> Solid:
-        """The solid of some of the features, in the object's frame and in the object's order.
-
-        Raises:
-            GeometryError: none of them is solid.
-        """
-        return chain_solid(term for term in self.chain if term.name in names)
 
     def at(self, frame: Pose) -> ObjectTree:
         """The object put elsewhere."""

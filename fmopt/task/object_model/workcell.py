@@ -15,7 +15,7 @@ from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.csg import Solid, Union
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Value
-from fmopt.task.object_model.tree import UNIQUE, Feature, ObjectTree, moved
+from fmopt.task.object_model.tree import UNIQUE, Feature, ObjectTree, chain_solid, moved
 
 LowerPair: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute"]
 LinkKind: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute", "attached"]
@@ -42,10 +42,6 @@ class Link:
     kind: LinkKind
     one: Ref
     other: Ref
-
-    def joins(self, one: str, other: str) -> bool:
-        """Whether the link is between these two objects."""
-        return {self.one.object, self.other.object} == {one, other}
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +100,6 @@ class Workcell(Value):
         kept = tuple(old for old in self.links if {old.one, old.other} != {link.one, link.other})
         return replace(self, links=(*kept, link))
 
-    def add(self, tree: ObjectTree) -> Workcell:
-        """The workcell with one more object."""
-        return replace(self, objects=(*self.objects, tree))
-
     def moved(self, names: Collection[str], move: Pose) -> Workcell:
         """The workcell with the objects of some names moved: a global point at x goes to move.apply(x)."""
         there = (tree.at(move.compose(tree.frame)) if tree.name in names else tree for tree in self.objects)
@@ -120,17 +112,13 @@ class Workcell(Value):
         for reached in found:  # grows as it is walked
             for link in self.links:
                 ends = (link.one.object, link.other.object)
-                if reached in ends and not link.joins(name, apart_from):
+                if reached in ends and set(ends) != {name, apart_from}:
                     found += [end for end in ends if end not in found]
         return tuple(found)
 
     def _across(self, ref: Ref) -> list[Ref]:
-        found = []
-        for link in self.links:
-            for near, far in ((link.one, link.other), (link.other, link.one)):
-                if near.object == ref.object and near.feature in ("", ref.feature):
-                    found.append(far)
-        return found
+        ends = [pair for link in self.links for pair in ((link.one, link.other), (link.other, link.one))]
+        return [far for near, far in ends if near.object == ref.object and near.feature in ("", ref.feature)]
 
     def operand(self, ref: Ref, apart_from: frozenset[str] = frozenset()) -> tuple[Ref, ...]:
         """The features of an operand: the feature-operand, those of its object that it touches, and across every link
@@ -203,7 +191,7 @@ def _together(workcell: Workcell, features: Mapping[str, frozenset[str]], into: 
     """The solid of some features of some objects, in the frame that `into` leads to; no material, no object."""
     parts = [(workcell.object(name), names) for name, names in features.items()]
     solids = tuple(
-        moved(tree.solid_of(names), into.compose(tree.frame))
+        moved(chain_solid(term for term in tree.chain if term.name in names), into.compose(tree.frame))
         for tree, names in parts
         if any(not tree.feature(name).hollow for name in names)
     )

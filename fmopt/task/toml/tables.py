@@ -138,8 +138,8 @@ def _float(value: int | float) -> float:
 
 def kind_of(value: object) -> str:
     """The TOML type of a value, in words."""
-    names = {bool: "a boolean", str: "text", int: "a number", float: "a number", dict: "a table", list: "an array"}
-    names[tuple] = "an array"
+    names = {bool: "a boolean", str: "text", int: "a number", float: "a number", dict: "a table"}
+    names |= {list: "an array", tuple: "an array"}
     return names.get(type(value), "a date or time")
 
 
@@ -253,11 +253,7 @@ Rotation: TypeAlias = tuple[Turn, Turn, Turn]
 def factors(units: object) -> dict[Dimension, float]:
     """Factors to SI of the plain numbers of a file, from its `[units]` table as it stands, right or wrong."""
     table = units if isinstance(units, Mapping) else {}
-    result = {}
-    for name, (dimension, known) in UNITS.items():
-        chosen = table.get(name)
-        result[dimension] = known.get(chosen, 1.0) if isinstance(chosen, str) else 1.0
-    return result
+    return {dimension: known.get(str(table.get(name)), 1.0) for name, (dimension, known) in UNITS.items()}
 
 
 T = TypeVar("T", bound=Table)
@@ -360,18 +356,13 @@ def _existing(source: Source, loc: Sequence[str | int]) -> Key:
 
 def _known_keys(schema: Mapping[str, Any], key: Key, source: Source) -> list[str]:
     """The keys that the table at `key` may have, by the schema."""
-    node: Mapping[str, Any] = schema
     value: Any = source.data
-    for part in (*key, None):
-        node = _resolved(schema, node, value)
-        if part is None:
-            break
-        if isinstance(part, int):
-            node, value = node.get("items", {}), value[part]
-            continue
+    node = _resolved(schema, schema, value)
+    for part in key:
         named = [*node.get("patternProperties", {}).values(), node.get("additionalProperties") or {}]
-        node = node.get("properties", {}).get(part, named[0])
+        child = node.get("items", {}) if isinstance(part, int) else node.get("properties", {}).get(part, named[0])
         value = value[part]
+        node = _resolved(schema, child, value)
     return list(node.get("properties", {}))
 
 

@@ -62,9 +62,9 @@ def test_a_start_inside_the_solid() -> None:
 
 def test_a_start_inside_an_obstacle_and_a_goal_in_one() -> None:
     wall = thing("wall", at(0.005, 0, 0.1), feature("brick", "+", at(0), Box((0.01, 0.01, 0.1)), None))
-    assert "inside the solid of 'wall'" in str(refused(above().add(wall), IN_BUSH))
+    assert "inside the solid of 'wall'" in str(refused(cell(*above().objects, wall), IN_BUSH))
     lid = thing("lid", at(0, 0, 0.02), feature("brick", "+", at(0), Box((0.01, 0.01, 0.01)), None))
-    error = refused(above().add(lid), IN_BUSH)
+    error = refused(cell(*above().objects, lid), IN_BUSH)
     assert (error.rule, error.feature) == (CLEAR, "peg.shaft")
     assert "'lid', which takes no part in the task" in str(error)
 
@@ -138,7 +138,7 @@ def test_the_graph_is_edited() -> None:
     again = base.connect(Link("attached", Ref("bush"), Ref("peg")))
     assert [link.kind for link in again.links] == ["attached"]
     with pytest.raises(TaskError, match="two objects 'peg'"):
-        above().add(peg(at(1)))
+        cell(*above().objects, peg(at(1)))
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
