@@ -22,6 +22,7 @@ from fmopt.runtime import output
 from fmopt.task.mesh_source import MESHES
 from fmopt.task.toml.model_file import STEP
 from fmopt.task.toml.problem_file import error_of
+from fmopt.task.toml.source import Place
 from fmopt.task.toml.units import QuantityError
 
 if TYPE_CHECKING:
@@ -143,11 +144,10 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, u
         InputError: there are too few or too many bodies to choose from, or one does not exist.
         ResourceError: no library that reads STEP files.
     """
-    from fmopt.errors import GeometryError
     from fmopt.geometry.body_names import chosen, listed
 
     _require_file(file)
-    try:
+    with Place(str(file)).solid():
         found = bodies_of(file, unit)
         names = [body.name for body in found]
         known = listed(names)
@@ -155,8 +155,6 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, u
             message, advice = f"{file} holds one body", "name the file of the other part, too"
             raise InputError(Fault(str(file), 1, 1, "", "one-body", message, advice))
         picks = [None if which is None else chosen(names, which) for which in (moving, fixed)]
-    except GeometryError as error_:
-        raise InputError(Fault(str(file), 1, 1, "", "geometry", error_.message, error_.advice)) from error_
     rest = [n for n in range(len(found)) if n not in picks]
     if picks[0] is not None and picks[0] == picks[1]:
         message = f"{names[picks[0]] or picks[0] + 1!r} is to move and to stand"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmopt.errors import Fault, FmoptError, GeometryError, InputError
+from fmopt.errors import FmoptError, InputError
 from fmopt.geometry.bodies import bodies_of
 from fmopt.plan import STDIO
 from fmopt.task.mesh_source import HOLD_BODIES, MESHES
@@ -66,10 +66,8 @@ def _lie_apart(file: Path) -> bool:
 def _bodies(file: Path, unit: str | None) -> Sequence[str | None]:
     if not file.is_file():
         return (None,)  # the reader of models says what is wrong
-    try:
+    with Place(str(file)).solid():
         found = bodies_of(file, unit)
-    except GeometryError as error:
-        raise InputError(Fault(str(file), 1, 1, "", "geometry", error.message, error.advice)) from error
     return (None,) if len(found) == 1 else [body.name or str(body.number) for body in found]
 
 

@@ -215,12 +215,13 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     exchanged = _is_exchanged(file, models)
     peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
     refuse_reaching(source, parts := _parts(file, built))
+    stated = as_stated(file.uncertainty.start)
     depth = file.goal.depth or _deepest(file, models) or 0.0
     if any(model.file.mesh is not None for model in models.values()):
-        beside = _BESIDE * tip_radius(parts[peg]) + float(as_stated(file.uncertainty.start).box[:3].max())
+        beside = _BESIDE * tip_radius(parts[peg]) + float(stated.box[:3].max())
         parts[peg], parts[hole] = met(parts[peg], parts[hole], depth, beside)
     trees = _both(lambda model: build_tree(model.source, model.file), models)
-    height = _height(file, parts[peg])
+    height = start_height(parts[peg], stated.box) if file.start.height is None else file.start.height
     begin, grasp = _start(file, height, exchanged), Pose.from_vector([*file.grasp.at, *file.grasp.turn])
     round_peg = is_round(trees[peg].feature(file.feature(peg)))
     task = _attributes(source, file, round_peg, begin, exchanged, grasp)
@@ -230,7 +231,7 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     moving_points, fixed_points = (parts[side].polyhedron.vertices for side in ("moving", "fixed"))
     table = file.uncertainty.sources
     sources = None if table is None else sources_of(table, moving_points, fixed_points)
-    shares = _budget(file, sources, moving, height) if sources else (as_stated(file.uncertainty.start),)
+    shares = _budget(file, sources, moving, height) if sources else (stated,)
     shares = (*shares, *tessellation(models, parts))
     shares = (*shares, *allowance(file.uncertainty.velocity, shares))
     plane = _plane(file, models)
@@ -241,8 +242,8 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     box = total(shares)
     refuse_wild(source, shares)
     refuse_far(source, box, (moving, fixed))
-    stated = file.specification.friction
-    friction = () if stated is None else (stated,) if isinstance(stated, float) else stated
+    either = file.specification.friction
+    friction = () if either is None else (either,) if isinstance(either, float) else either
     return Problem(
         title=file.title or f"{parts['moving'].name} into {parts['fixed'].name}",
         path=source.path,
@@ -290,13 +291,6 @@ def _declared(file: files.ProblemFile, planar: bool) -> tuple[float, float] | No
         return None
     y = file.clearance.y
     return file.clearance.x, (0.0 if planar else file.clearance.x) if y is None else y
-
-
-def _height(file: files.ProblemFile, peg: Part) -> float:
-    """Height of the lowest point at the start, m: stated, or as high as the start errors ask for, at least 1 mm."""
-    if file.start.height is not None:
-        return file.start.height
-    return start_height(peg, as_stated(file.uncertainty.start).box)
 
 
 def _start(file: files.ProblemFile, height: float, exchanged: bool) -> Pose:

@@ -9,7 +9,7 @@ from typing import assert_never
 
 import numpy as np
 
-from fmopt.errors import Fault, GeometryError, InputError, TaskError
+from fmopt.errors import Fault, InputError, TaskError
 from fmopt.geometry import csg
 from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.mating_features import Feature
@@ -145,20 +145,16 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     features = [_feature(name, feature) for name, feature in whole.items()]
     claims = {name: Claim(feature.classification or "", feature.solids or ()) for name, feature in whole.items()}
     try:
-        chain = _whole_chain(source, file)
-        if chain and all(claims[feature.name].terms or is_made(chain, feature) for feature in features):
-            return object_tree(file.name, chain, features, claims)
-        chain = chain_of(_hull_less_others(source, file, chain), file.name)
-        return object_tree(file.name, chain, features, claims)
+        with source.place(("solids", file.part) if file.part else ("mesh", "file"), of_key=True).solid():
+            chain = _whole_chain(source, file)
+            if not (chain and all(claims[feature.name].terms or is_made(chain, feature) for feature in features)):
+                chain = chain_of(_hull_less_others(source, file, chain), file.name)
+            tree = object_tree(file.name, chain, features, claims)
     except TaskError as error:
         key = ("features", error.feature) if error.feature in file.features else ("features",)
-        advice = error.advice
-        if not file.solids and error.rule == MADE:
-            advice = "check the feature's frame"
+        advice = "check the feature's frame" if not file.solids and error.rule == MADE else error.advice
         raise InputError(source.place(key, of_key=True).fault("frame-rule", error.message, advice)) from error
-    except GeometryError as error:
-        place = source.place(("solids", file.part) if file.part else ("mesh", "file"), of_key=True)
-        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+    return tree
 
 
 def _hull_less_others(source: Source, file: files.ModelFile, chain: Chain) -> csg.Solid:

@@ -142,11 +142,8 @@ def read_bytes(path: Path, cited: Place, limit: int) -> bytes:
             raise InputError(cited.fault("file-size", message, "name a smaller file"))
         return path.read_bytes()
     except FileNotFoundError:
-        fault = cited.fault(
-            "file-missing",
-            f"{_name(path)} does not exist",
-            "correct the path; it is relative to the file that names it" if cited.key else "correct the path",
-        )
+        advice = "correct the path; it is relative to the file that names it" if cited.key else "correct the path"
+        fault = cited.fault("file-missing", f"{_name(path)} does not exist", advice)
     except OSError as error:
         advice = "check its permissions" if isinstance(error, PermissionError) else "correct the path"
         fault = cited.fault("file-unreadable", f"{_name(path)} cannot be read: {error.strerror}", advice)

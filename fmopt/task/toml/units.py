@@ -40,7 +40,7 @@ class Dimension(NamedTuple):
         return Dimension(*(one + sign * two for one, two in zip(self, other, strict=True)))
 
     def __str__(self) -> str:
-        return _WORDS.get(self, _OTHER)[0]
+        return _KINDS.get(self, _OTHER)[0]
 
 
 RATIO = Dimension()
@@ -53,31 +53,21 @@ TORQUE = Dimension(length=2, mass=1, time=-2)
 MASS = Dimension(mass=1)
 STIFFNESS = Dimension(mass=1, time=-2)
 AREA = Dimension(length=2)
-_OTHER = ("a quantity of another kind", 1.0, "")
-# In words, and the unit that people read, with its factor to SI.
-_WORDS = {
-    RATIO: ("a plain number", 1.0, ""),
-    LENGTH: ("a length", 1e-3, "mm"),
-    ANGLE: ("an angle", math.pi / 180.0, "deg"),
-    TIME: ("a time", 1.0, "s"),
-    SPEED: ("a speed", 1e-3, "mm/s"),
-    FORCE: ("a force", 1.0, "N"),
-    TORQUE: ("a torque", 1.0, "N*m"),
-    MASS: ("a mass", 1.0, "kg"),
-    STIFFNESS: ("a stiffness", 1e3, "N/mm"),
-    AREA: ("an area", 1e-6, "mm*mm"),
+_OTHER = ("a quantity of another kind", 1.0, "", "")
+# In words, the unit that people read with its factor to SI, and an example as a file has it.
+_KINDS = {
+    RATIO: ("a plain number", 1.0, "", "0.01"),
+    LENGTH: ("a length", 1e-3, "mm", '"2 mm"'),
+    ANGLE: ("an angle", math.pi / 180.0, "deg", '"0.3 deg"'),
+    TIME: ("a time", 1.0, "s", '"60 s"'),
+    SPEED: ("a speed", 1e-3, "mm/s", '"20 mm/s"'),
+    FORCE: ("a force", 1.0, "N", '"5 N"'),
+    TORQUE: ("a torque", 1.0, "N*m", '"0.5 N*m"'),
+    MASS: ("a mass", 1.0, "kg", '"5 kg"'),
+    STIFFNESS: ("a stiffness", 1e3, "N/mm", '"20 N/mm"'),
+    AREA: ("an area", 1e-6, "mm*mm", ""),  # asked for nowhere
 }
-EXAMPLES = {
-    RATIO: "0.01",
-    LENGTH: '"2 mm"',
-    ANGLE: '"0.3 deg"',
-    TIME: '"60 s"',
-    SPEED: '"20 mm/s"',
-    FORCE: '"5 N"',
-    TORQUE: '"0.5 N*m"',
-    MASS: '"5 kg"',
-    STIFFNESS: '"20 N/mm"',
-}
+EXAMPLES = {kind: example for kind, (*_, example) in _KINDS.items() if example}
 
 # The units a file may choose for its plain numbers, in SI.
 UNITS: Mapping[str, tuple[Dimension, Mapping[str, float]]] = {
@@ -250,7 +240,7 @@ def _measured(number: float, tokens: _Tokens, *, compound: bool) -> Quantity:
 
 def in_words(number: float, dimension: Dimension) -> str:
     """A number in SI, in the unit that people read: lengths in mm, angles in degrees."""
-    _, scale, name = _WORDS.get(dimension, _OTHER)
+    _, scale, name, _ = _KINDS.get(dimension, _OTHER)
     return f"{number / scale:.9g} {name}".rstrip()
 
 
