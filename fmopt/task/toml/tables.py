@@ -292,10 +292,12 @@ def _fault(source: Source, schema: Mapping[str, Any], item: Mapping[str, Any]) -
         advice = did_you_mean(str(key[-1]), known) or f"known keys here: {', '.join(known)}"
         return source.place(key, of_key=True).fault("unknown-key", "there is no such key", advice)
     if loc and loc[-1] == "[key]":  # pydantic's word for an entry's name
-        return source.place(key, of_key=True).fault(*_words(kind, item, key[-1]))
+        code, message, advice = _words(kind, item, key[-1])
+        return source.place(key, of_key=True).fault(code, message, advice)
     if kind in {"too_short", "too_long"}:
         return _array_length(source, key)
-    return source.place(key).fault(*_words(kind, item, source.get(key)))
+    code, message, advice = _words(kind, item, source.get(key))
+    return source.place(key).fault(code, message, advice)
 
 
 def _add(key: Key, name: str | int, text: bool) -> str:

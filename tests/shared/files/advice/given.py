@@ -11,7 +11,8 @@ from pathlib import Path
 import fmopt
 
 PACKAGE = Path(fmopt.__file__).parent
-_PLACE = {"Damage": 2, "InterferenceError": 3, "QuantityError": 2, "SizeError": 2, "TaskError": 3, "fault": -1}
+_PLACE = {"Damage": 2, "InterferenceError": 3, "QuantityError": 2, "SizeError": 2, "TaskError": 3}
+_PLACE |= {"fault": -1, "missing": -1}
 """Of advice among the arguments; it is the second of those of any other error."""
 _OTHERS = {"PydanticCustomError", "VelocityError"}  # whose arguments are no advice
 _HOLE = ".+"
