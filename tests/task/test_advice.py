@@ -13,8 +13,7 @@ import pytest
 import fmopt
 from fmopt.errors import Fault, FmoptError, InputError
 from fmopt.planning.pipeline import tried
-from fmopt.task.toml.model_file import ModelFile
-from fmopt.task.toml.problem_file import ProblemFile
+from fmopt.task.toml import model_file, problem_file
 from tests.shared.files.asked import generated, solid, write
 from tests.shared.files.step_files import write_step
 
@@ -159,7 +158,7 @@ def keys_of(schema: Any) -> set[str]:
 
 
 def test_keys_that_messages_name_exist() -> None:
-    known = keys_of(ProblemFile.model_json_schema()) | keys_of(ModelFile.model_json_schema())
+    known = keys_of(problem_file.ProblemFile.model_json_schema()) | keys_of(model_file.ModelFile.model_json_schema())
     tables = "settings|specification|goal|start|clearance|uncertainty|mesh|grasp|units"
     named = []
     others = ("verify", "same_problem.py")  # these name keys of plans

@@ -33,8 +33,7 @@ from fmopt.task.sources import (
     least_altitude,
     total,
 )
-from fmopt.task.toml.model_file import ModelFile
-from fmopt.task.toml.problem_file import ProblemFile
+from fmopt.task.toml import model_file, problem_file
 from fmopt.task.toml.schema import schema_text
 from fmopt.task.toml.source import read
 from tests import ROOT
@@ -162,8 +161,8 @@ def test_each_file_names_its_schema_and_obeys_it(path: Path) -> None:
 
 
 def test_published_schemas_are_current() -> None:
-    for table, name in ((ProblemFile, "problems/problem.schema.json"), (ModelFile, "models/model.schema.json")):
-        assert (ROOT / name).read_text(encoding="utf-8") == schema_text(table)
+    for table, name in ((problem_file.ProblemFile, "problems/problem"), (model_file.ModelFile, "models/model")):
+        assert (ROOT / f"{name}.schema.json").read_text(encoding="utf-8") == schema_text(table)
 
 
 def test_importing_loads_nothing_heavy_and_loading_no_unit_library() -> None:

@@ -104,8 +104,7 @@ def test_a_two_step_assembly() -> None:
     assert len(done.links) == 2
 
     floor = thing("floor", at(0, 0, -1), feature("top", "+", at(0, 0, 0.1), Box((4, 4, 0.1)), None))
-    lifted = done.moved(done.group("peg"), at(0, 0, 0.5))
-    lifted = cell(*lifted.objects, floor, links=lifted.links)
+    lifted = cell(*done.moved(done.group("peg"), at(0, 0, 0.5)).objects, floor)
     assert close(lifted.frame(Ref("bush", "bore")), at(0, 0, 0.54))
     assert close(lifted.object("floor").frame, at(0, 0, -1))
 
