@@ -15,6 +15,7 @@ from fmopt.notebook.asking import Asked, of_assembly
 from fmopt.notebook.parts import is_part
 from fmopt.plan import STDIO
 from fmopt.task.mesh_source import HOLD_BODIES
+from fmopt.task.toml.source import read
 
 if TYPE_CHECKING:
     from fmopt.task.problem import Problem
@@ -55,6 +56,7 @@ def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
         return None
     if not all(parts):
         other = files[parts.index(False)]
+        read(other)  # what it refuses is neither
         message = "this is no part but a problem or an assembly file"
         raise _wrong(other, "file-kind", message, f"name it alone, or two parts: {_EXAMPLE}")
     if len(files) == 2 and files[0].absolute() == files[1].absolute():

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -249,10 +248,10 @@ def _untold(moving: Part, fixed: Part, measured: Clearance, short: float) -> Geo
 def _slices(part: Part, low: float, high: float) -> list[Slice]:
     """Sections of the part between two heights: limits at both ends and the middle of each stretch without vertices."""
     heights = np.unique(np.clip([low, high, *(z for body in part.bodies for z in body.vertices[:, 2])], low, high))
-    # Levels that only rounding tells apart have no room for a section between them.
-    heights = heights[np.append(True, np.diff(heights) > 1e-9)]
+    # Levels that only rounding tells apart have no room for a section between them, nor at the wrong one of them.
+    apart = np.flatnonzero(np.diff(heights) > 1e-9)
     made = []
-    for bottom, top in pairwise(heights):
+    for bottom, top in zip(heights[apart], heights[apart + 1], strict=True):
         for height, side in ((bottom, 1), (0.5 * (bottom + top), 1), (top, -1)):
             level = Pose(np.array([0.0, 0.0, height]), np.eye(3))
             shape = section_limit(part.bodies, level, 1 if side > 0 else -1)

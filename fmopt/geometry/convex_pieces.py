@@ -150,6 +150,11 @@ def _operands(solid: Solid, pose: Pose) -> Iterator[Array]:
             assert_never(solid)
 
 
+def manifold(solid: Solid) -> Manifold:
+    """The manifold3d solid of a CSG tree."""
+    return _manifold(solid, Pose.identity(), [])
+
+
 def convex_manifold(body: Polyhedron) -> Manifold:
     """The manifold3d solid of a convex polyhedron.
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 MAX_FACES = 2_000  # what is planned with them takes a time that grows by their square, at least
 _MOST_PAIRS = 2_000_000  # of vertices near each other: more than any honest mesh has
 _FOLD = 100.0  # slivers up to this many tolerances high may lie folded back in their face's plane
-_SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
+SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
 
 Indices = NDArray[np.int64]
 Loop = tuple[int, ...]
@@ -362,9 +362,9 @@ def chords(body: Polyhedron) -> Iterator[tuple[tuple[int, int], tuple[float, flo
         one, other = (body.faces[number] for number in edge.faces)
         # By both sine and cosine: the cosine alone has lost the digits of a small turn.
         turn = math.atan2(float(np.linalg.norm(np.cross(one.normal, other.normal))), float(one.normal @ other.normal))
-        if turn <= _SMOOTH:
+        if turn <= SMOOTH:
             start, end = body.vertices[list(edge.vertices)]
-            along = (end - start) / np.linalg.norm(end - start)
+            along = (end - start) / max(float(np.linalg.norm(end - start)), np.finfo(np.float64).tiny)
             first, second = (0.5 * _width(body, face, along) * math.tan(0.25 * turn) for face in (one, other))
             yield edge.faces, (first, second)
 

@@ -38,11 +38,11 @@ Plane = tuple[Array, float]
 
 MESH_NOISE = 1e-6  # of the diameter: what is cleaned away from imported meshes
 _CUTS = 64  # one after the other; a mesh that needs more is no machined part
+_MOST_FACES = 800  # of a body that is no stack of prisms: one that has more stands for curved surfaces
 _PUSHED = 0.05  # of the diameter: how far tools stand out of the hull
 _LEVEL = 1e-6  # of three normals: less is as good as a plane
 _NEAR = 1e-6  # of the size: no step worth taking
 _OVERLAP = 1e-9  # of the volume: what two bodies have in common by rounding
-_SIMPLER = "leave out what does not mate, or describe the part by [solids] of a model file, which are taken as they are"
 _PAIRS = 128  # reflex edges up to which planes through any two are tried; above, through neighbours only
 
 
@@ -70,7 +70,7 @@ def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
     try:
         return _apart(body, tol)
     except GeometryError as error:  # of what was cut off, which nobody who reads this has made
-        raise GeometryError("it does not come apart into convex bodies", _SIMPLER) from error
+        raise GeometryError("it does not come apart into convex bodies") from error
 
 
 def _apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
@@ -116,6 +116,8 @@ def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
     shape = Manifold(Mesh64(vert_properties=ideal, tri_verts=triangulated(body).astype(np.uint64)))
     upright = upright_prisms(from_faces(ideal, [face.loops for face in body.faces]), tol)
     if upright is None:
+        if len(body.faces) > _MOST_FACES:
+            raise GeometryError(f"{len(body.faces)} faces are too many")
         outer = convex_hull_polyhedron(ideal)
         whole = [one for one in (shape.hull() - shape).decompose() if _is_thick(one, tol)]
         excess = [_convex_parts(one, ideal, tol, _CUTS) for one in whole]

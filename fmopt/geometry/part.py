@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.convex_pieces import pieces, polyhedron, union_manifold
+from fmopt.geometry.convex_pieces import pieces, polyhedron
 from fmopt.geometry.csg import Hull, Solid, Union, exact_pose, sagitta
 from fmopt.geometry.exact_coordinates import Exact, exact_vertices, facing_directions
 from fmopt.geometry.facets import place
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
 _ELSEWHERE = 1.5  # times: how far facets are off faces in frames that fit a mesh to them by other measures
 _SINGLE = 2e-8  # m: as far as that, numbers of single precision put facets off in parts of 200 mm
-_MESH_VOLUME = 1e-4  # of the volume
 _FAR_END = 0.05  # of a feature's length: gaps no further from its far end than this are at its far rim
 
 _ASIDE, _IN_PLANE = 1e-10, 1e-15  # m: planes are one up to here; vertices that are so near are in a plane
@@ -50,7 +49,8 @@ class Part(Value):
 
     Balls beside the boundary are parts of it; `pieces` are what is bounded by faces, `bodies` all that it is made of.
     `notes` say what a user should know of an imported mesh, one statement each. The facets of its file lie up to `off`
-    (m) from the boundary, at `where` (3,), m, in the numbers of the file.
+    (m) from the boundary, at `where` (3,), m, in the numbers of the file. Of one that is `enclosed` pieces and boundary
+    agree but for rounding, and no more.
     """
 
     name: str
@@ -61,6 +61,7 @@ class Part(Value):
     notes: tuple[str, ...] = ()
     off: float = 0.0
     where: Array = field(default_factory=lambda: np.zeros(3))
+    enclosed: bool = False
 
     @property
     def form(self) -> float:
@@ -134,7 +135,7 @@ def with_balls(part: Part, balls: Sequence[tuple[ArrayLike, float]]) -> Part:
 
 
 def mesh_part(name: str, mesh: Imported, features: Sequence[Feature] = (), chord_error: float | None = None) -> Part:
-    """The part of an imported mesh; it gets exact convex pieces by way of `mesh_solid.come_apart`.
+    """The part of an imported mesh; it gets convex pieces by way of `mesh_solid.decomposed`.
 
     >>> from fmopt.geometry import csg, convex_pieces as pieces, polyhedron
     >>> from fmopt.geometry.mesh import mesh_import as mesh
@@ -150,23 +151,18 @@ def mesh_part(name: str, mesh: Imported, features: Sequence[Feature] = (), chord
         chord_error: how far the true curved surfaces lie from the mesh, m; the mesh's own estimate if not given.
 
     Raises:
-        GeometryError: the mesh does not come apart into convex bodies, or it is open at a mating face.
+        GeometryError: the mesh has no convex pieces, or it is open at a mating face.
     """
-    from fmopt.geometry.mesh.mesh_solid import come_apart
+    from fmopt.geometry.mesh.mesh_solid import decomposed
 
-    solid, body = come_apart(mesh)
-    part = Part(name, body, pieces(solid), tuple(features), 0.0, (), mesh.off, mesh.where)
-    volume = union_manifold(part.pieces).volume()  # of the union: pieces overlap
-    if abs(volume - body.volume) > _MESH_VOLUME * body.volume:
-        raise mesh.fault(
-            f"{mesh.kind} {name!r} has {body.volume:.6g} m³, its convex pieces {volume:.6g} m³",
-            "give one connected solid, or describe the part by [solids] of a model file",
-        )
+    found = decomposed(mesh)
+    body = found.boundary
+    part = Part(name, body, found.pieces, tuple(features), 0.0, (), mesh.off, mesh.where)
     for feature in features:
         _require_intact(name, mesh, feature)
     true = mesh.chord_error if chord_error is None else chord_error
-    notes = tuple(f"warning: {name}: {note}" for note in mesh.notes)
-    return replace(part, chord_error=true, notes=notes)
+    notes = tuple(f"warning: {name}: {note}" for note in (*mesh.notes, *found.notes))
+    return replace(part, chord_error=true, notes=notes, enclosed=found.enclosed)
 
 
 def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:
@@ -181,7 +177,7 @@ def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:
             continue
         depth = float(np.min(sign * feature.frame.inverse().apply(gap.corners)[:, 2]))
         if depth < (1.0 - _FAR_END) * feature.length:
-            raise mesh.fault(
+            raise GeometryError(
                 f"{mesh.kind} {name!r} is open beside triangle {gap.beside}, at {place(gap.corners[0])}, which is "
                 f"{1e3 * depth + 0.0:.4g} mm along feature {feature.name!r} of {1e3 * feature.length:.4g} mm: its "
                 "mating faces are not all there",
@@ -263,6 +259,8 @@ def settled(moving: Part, fixed: Part) -> tuple[Part, Part]:
     Raises:
         GeometryError: there are no exact coordinates within 0.1 nm of the floats.
     """
+    if moving.enclosed or fixed.enclosed:  # nothing is proved of these
+        return moving, fixed
     own = exact_vertices(moving.polyhedron, most=_MOVED)
     walls = range(len(fixed.polyhedron.faces))
     facing = facing_directions(moving.polyhedron, own, fixed.polyhedron, walls)

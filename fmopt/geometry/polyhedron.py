@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,9 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Loop, place, polygon_faces
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, Value, frozen
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 _LEVEL = 1e-12  # m
 _DECIMALS = 15  # of coordinates in m, once rounded: the normals of faces of 1 mm stay the same to 1e-12
@@ -294,6 +298,7 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
     Raises:
         GeometryError: the points lie in a plane, or as good as in one.
     """
+    from manifold3d import Manifold
     from scipy.spatial import ConvexHull, QhullError
 
     cloud = np.asarray(points, dtype=np.float64)
@@ -318,7 +323,16 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
         raise GeometryError(
             f"{len(cloud)} points span next to no volume", "make no solid thinner than 1e-9 of its size"
         )
-    return from_faces(cloud, [(loop,) for loop in ordered])
+    try:
+        return from_faces(cloud, [(loop,) for loop in ordered])
+    except GeometryError:  # of points that are as good as on other faces
+        return of_manifold(Manifold.hull_points(cloud), reach)
+
+
+def of_manifold(shape: Manifold, tol: float) -> Polyhedron:
+    """The polyhedron of a manifold3d solid; errors and `tol` as of `from_triangles`."""
+    mesh = shape.to_mesh64()
+    return from_triangles(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts, dtype=np.int64), tol)
 
 
 def _volume(points: Array, faces: Iterable[Sequence[Sequence[int]]]) -> float:

@@ -208,8 +208,10 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     if not all(_is_known(model, file.operand(side).feature) for side, model in models.items()):
         from fmopt.task.pairing import paired
 
+        stated_depth = file.goal.depth
         file, mated, models = paired(source, file, models, built)
-        if faults := list(_pair_faults(source, file, models)):
+        goal = file.goal.model_copy(update={"depth": stated_depth})  # a head may let the tip stand out of the hole
+        if faults := list(_pair_faults(source, file.model_copy(update={"goal": goal}), models)):
             raise InputError(*faults)
         built = _both(_noted, models)  # with their features, at which a mesh is to be whole
     exchanged = _is_exchanged(file, models)

@@ -160,10 +160,10 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
 def _hull_less_others(source: Source, file: files.ModelFile, chain: Chain) -> csg.Solid:
     """The part as its convex hull less convex bodies, from its chain or its mesh."""
     from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
-    from fmopt.geometry.mesh.mesh_solid import come_apart
+    from fmopt.geometry.mesh.mesh_solid import decomposed
 
     if file.mesh is not None:
-        return come_apart(imported(source, file.mesh))[0]
+        return decomposed(imported(source, file.mesh)).solid
     body = polyhedron(chain_solid(chain))
     return solid_of(body, MESH_NOISE * body.diameter)
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.mesh.mesh_import import mesh_polyhedron
-from fmopt.geometry.mesh.mesh_solid import come_apart
+from fmopt.geometry.mesh.mesh_solid import decomposed
 from fmopt.geometry.section import sealed
 from tests.shared.parts import families
 from tests.shared.parts.forms import differences, read
@@ -48,8 +47,8 @@ def test_slanted_faces_of_a_mesh_that_are_nearly_parallel_are_so(family: str) ->
         mesh = mesh_polyhedron(single, triangles, 2e-9)
         between = np.linalg.norm(np.cross(mesh.body.normals[:, None], mesh.body.normals), axis=2)
         assert not np.any((between > 1e-12) & (between < 1e-5))
-        solid, body = come_apart(mesh)
-        assert sum(piece.volume for piece in pieces(solid)) > body.volume * (1.0 - 1e-6)
+        found = decomposed(mesh)
+        assert sum(piece.volume for piece in found.pieces) > found.boundary.volume * (1.0 - 1e-6)
 
 
 def test_cracks_and_skins_of_rounding_are_no_part_of_a_section() -> None:

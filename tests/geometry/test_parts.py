@@ -16,7 +16,7 @@ from fmopt.geometry.convex_pieces import _chain, pieces, polyhedron
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge, chamfered_box
 from fmopt.geometry.inverse_csg import solid_of
 from fmopt.geometry.mating_features import Feature
-from fmopt.geometry.mesh.mesh_import import Imported, load_mesh
+from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.part import Part, in_order, mesh_part, part_of, rebased
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, triangulated
 from fmopt.geometry.section import section, section_limit
@@ -245,15 +245,6 @@ def test_hull_minus_cut_excess_is_the_solid(solid: Solid, tools: int | None) -> 
     assert (len(again.vertices), len(again.faces)) == (len(body.vertices), len(body.faces))
     assert isinstance(made, Difference)
     assert tools in (None, len(made.tools))
-
-
-def test_a_loose_island_is_refused() -> None:
-    floating = Union((Difference(HEX_BOX, ()), Placed(Box((0.01, 0.01, 0.01)), at(z=0.02))))
-    closed = Union((floating, Placed(Box((0.06, 0.06, 0.005)), at(z=0.048))))
-    with pytest.raises(GeometryError, match=r"mesh 'closed' has .* its convex pieces"):
-        mesh_part("closed", Imported(polyhedron(closed), 0.0))
-    with pytest.raises(GeometryError, match=r"solid 'closed' has .*; leave out what does not mate, or mend the faces"):
-        mesh_part("closed", Imported(polyhedron(closed), 0.0, kind="solid"))
 
 
 def test_rims_subdivided_on_one_side_are_sewn(tmp_path: Path) -> None:

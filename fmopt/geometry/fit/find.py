@@ -38,6 +38,7 @@ _SAME, _EQUALLY = 1e-6, 1e-7  # m: of depths, and of clearances
 _ANGLE = 1e-6  # rad
 _MOST_OF = 0.25  # of the walls that are within the largest share: a smaller share that finds so many of them tells
 _OTHER_END = 0.4  # of the wall area, which the other end of a solid has at least
+_MOSTLY = 0.75  # of the walls of the best end in an opening, which another end has that is taken for its room
 _INTERFERING, _TRIES = 3, 4  # turns
 _MOUTH = 4.0  # times the hull of what goes in: a wider opening is no mouth of it
 _NANO = 9  # decimals of coordinates in m
@@ -105,9 +106,18 @@ def find(
         seated: pose of the moving solid in the frame of the fixed one, which counts where it can be reached straight.
 
     Raises:
-        GeometryError: nothing goes into anything.
+        GeometryError: nothing goes into anything, or sections of the solids are no regions.
     """
-    bodies = (moving, fixed)
+    try:
+        return _find((moving, fixed), stated, depth, seated)
+    except shapely.errors.GEOSException as error:
+        message = f"sections of the parts are no regions: {error}"
+        raise GeometryError(message, f"mend the files; or {DESCRIBE}") from error
+
+
+def _find(
+    bodies: tuple[Polyhedron, Polyhedron], stated: Sequence[Stated], depth: float | None, seated: Pose | None
+) -> Fit:
     roles = [(a, b) for a, b in ((0, 1), (1, 0)) if stated[a].kind != "hollow" and stated[b].kind != "solid"]
     if seated is not None:
         poses = seated, seated.inverse()
@@ -132,8 +142,11 @@ def find(
     chosen = _first(seats, depth)
     side = next(a for one, a in found if one.led is chosen.candidate.led)
     like = [seat for seat in seats if abs(seat.clearance - chosen.clearance) <= _EQUALLY]
-    ways_in = {(id(seat.own), id(seat.other)) for seat in like}
-    return _fit(chosen, side == 1, max(len(like) // max(len(ways_in), 1), 1))
+    openings = list[_Seat]()
+    for seat in like:
+        if seat.other is chosen.other and not any(_same_opening(seat.candidate, other.candidate) for other in openings):
+            openings.append(seat)
+    return _fit(chosen, side == 1, max(len(openings), 1))
 
 
 def _is_stated(one: Candidate, frames: Sequence[Pose]) -> bool:
@@ -342,7 +355,7 @@ def _first(seats: Sequence[_Seat], depth: float | None) -> _Seat:
                 there[0].append(seat)
             else:
                 groups.append([seat])
-    roomy = [max(group, key=lambda seat: seat.clearance) for group in groups]
+    roomy = [_roomiest(group) for group in groups]
     free = [seat for seat in roomy if seat.clearance > 0.0]
     best = min(free, key=lambda seat: seat.clearance) if free else max(roomy, key=lambda seat: seat.clearance)
     near = sorted((seat for group in groups for seat in group), key=lambda seat: seat.clearance)
@@ -355,6 +368,13 @@ def _first(seats: Sequence[_Seat], depth: float | None) -> _Seat:
     widest = max(seat.rim for seat in left)
     left = [seat for seat in left if seat.rim >= widest * (1.0 - _LITTLE)]
     return min((_best_turned(seat, depth) for seat in left), key=lambda seat: seat.rank)
+
+
+def _roomiest(group: Sequence[_Seat]) -> _Seat:
+    """The seat with the most room among those of one opening that have most of the walls, and go in if any does."""
+    free = [seat for seat in group if seat.clearance > 0.0] or group
+    most = max(seat.walls[-1] for seat in free)
+    return max((seat for seat in free if seat.walls[-1] >= _MOSTLY * most), key=lambda seat: seat.clearance)
 
 
 def _best_turned(seat: _Seat, depth: float | None) -> _Seat:

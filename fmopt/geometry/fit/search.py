@@ -216,7 +216,9 @@ def placements(
     found.sort(key=lambda one: one[:2])
     none = sum(overlap < _GIVEN**2 for overlap, _, _ in found)
     size, facing = math.sqrt(outline.hull.area), (Facing(outline, material, pivot),)
-    for overlap, _, at in found if every else found[: max(_PLACED, min(none, _MOST_PLACED))]:
+    # With much room for some turns, that of sides which would touch is among those that overlap.
+    chosen = [*found[: min(none, _MOST_PLACED)], *found[none : max(_PLACED, none + 2)]]
+    for overlap, _, at in found if every else chosen:
         if overlap <= _OVERLAP * outline.shape.area:
             yield Placement(facing, at, size, tolerance).improved(_FIRST * size)
 

@@ -69,7 +69,7 @@ def _built(text: bytes) -> tuple[str, list[Shell]]:
         items = _placed(root, "item")
     except ElementTree.ParseError as error:
         raise Broken(f"its model is no XML: {error}") from None
-    except (KeyError, ValueError, OverflowError) as error:
+    except (LookupError, ValueError, OverflowError) as error:
         if isinstance(error, Broken):
             raise
         raise Broken(f"its model lacks, or has no number for, {error}") from None

@@ -15,6 +15,7 @@ from fmopt.geometry.polyhedron import plane_basis
 from fmopt.spatial.values import Array
 
 EXACT = 1e-12  # m: what is this close to a plane lies in it
+_LEAST_SLACK = 1e-12  # rad
 _LEAST_LEAN = 1e-3  # of planes that are to fix a corner
 _STRAY = 100.0  # times how far facets are off their planes: corners may move so far along an edge
 _ROUNDS = 20  # of Newton's method
@@ -94,7 +95,7 @@ def _axis(normals: Array, areas: Array, slack: Array) -> Array:
         score = float(areas[along | across].sum() + 1e-6 * areas[along].sum())
         if score > best * (1.0 + 1e-9):
             # Least squares of n·z for sides and of the sine to z for ends, weighted by how well each normal is known.
-            weight = areas / slack**2
+            weight = areas / np.maximum(slack, _LEAST_SLACK) ** 2
             spread = np.einsum("k,ki,kj->ij", weight * across, normals, normals)
             spread += (weight * along).sum() * np.eye(3) - np.einsum("k,ki,kj->ij", weight * along, normals, normals)
             refined = np.linalg.eigh(spread)[1][:, 0]
@@ -257,7 +258,7 @@ def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, o
         lean = np.linalg.svd(rows, compute_uv=False)
         if lean[2] < _LEAST_LEAN:
             message = f"the faces at {place(frame @ points[vertex])} are {1e6 * off:.3g} µm off planes that meet there"
-            raise GeometryError(message, "export the mesh with more digits")
+            raise GeometryError(message)
         # Once more for what rounding left.
         for _ in range(2):
             moved[vertex] += np.linalg.lstsq(rows, wanted - rows @ moved[vertex], rcond=None)[0]
@@ -268,7 +269,7 @@ def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, o
         missed = float(np.abs(rows @ moved[vertex] - wanted).max())
         if missed > EXACT or np.linalg.norm(moved[vertex] - points[vertex]) > _STRAY * max(off, EXACT):
             message = f"the faces at {place(frame @ points[vertex])} have no corner in common near it"
-            raise GeometryError(message, "export the mesh with more digits")
+            raise GeometryError(message)
     return moved
 
 

@@ -11,14 +11,15 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.body_names import chosen
+from fmopt.geometry.enclosing import Enclosure, enclosing
 from fmopt.geometry.facets import Indices, merged_vertices, place
 from fmopt.geometry.mesh.mesh_file import read_bodies, read_triangles
 from fmopt.geometry.mesh.mesh_repair import Crossing, first_crossing, turned_alike, turned_outward
 from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, joined, open_among, patches, sewn, sides_of
 from fmopt.geometry.mesh.plane_facets import flattened
-from fmopt.geometry.mesh.round_planes import chord_error
+from fmopt.geometry.mesh.round_planes import chord_error, sagitta
 from fmopt.geometry.mesh.shells import United, united
-from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.geometry.polyhedron import Polyhedron, placed
 from fmopt.geometry.section import require_plausible
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
@@ -28,12 +29,12 @@ Unit = Literal["m", "dm", "cm", "mm", "um", "in"]
 _PER_METRE: dict[Unit, float] = {"m": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "in": 1.0 / 0.0254}
 _MERGE = 1e-7  # of the diameter: vertices this close are one
 _WIDER = (10.0, 100.0, 1000.0, 10000.0)  # times that: so close where the surface does not close otherwise
+_CURVED = 4.0 * MOST_OFF  # m: facets that are off plane faces by more stand for surfaces that are curved both ways
 _TRIES = 2  # distances that are tried
 _FLAT = 1e-6  # of the diameter: triangles this close to a plane are coplanar
 _MENDED = -1  # what triangles that no file holds are called
 _COUNTS = 1e-9  # m: what facets are off their faces by less is rounding
-_WHERE_MADE = "leave out what does not mate, or mend the faces there, where the solid was made"
-_TOLD = 1e-7  # m: what facets are off their faces by more is said
+TOLD = 1e-7  # m: what facets are off their faces by more is said
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,7 @@ class Imported(Value):
         chord_error: how far the curved surfaces that it stands for may lie from it, m.
         off: how far the facets of the file lie from the faces of the polyhedron at most, m.
         where: the place (3,) of that, m.
+        enclosure: convex bodies of which the polyhedron is made, where faces of the file do not make one.
     """
 
     body: Polyhedron
@@ -54,13 +56,15 @@ class Imported(Value):
     off: float = 0.0
     where: Array = field(default_factory=lambda: np.zeros(3))
     kind: Literal["mesh", "solid"] = "mesh"
+    enclosure: Enclosure | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
 
-    def fault(self, message: str, advice: str) -> GeometryError:
-        """What is wrong with it: with advice for a mesh, or for a solid of which no facets are to be seen."""
-        return GeometryError(message, advice if self.kind == "mesh" else _WHERE_MADE)
+    def moved(self, pose: Pose) -> Imported:
+        """The mesh moved by a pose."""
+        enclosure = None if self.enclosure is None else self.enclosure.moved(pose)
+        return replace(self, body=placed(self.body, pose), enclosure=enclosure)
 
 
 @dataclass(frozen=True)
@@ -200,7 +204,19 @@ def _of_shells(shells: United, rounding: float) -> Imported:
     """See `mesh_polyhedron`."""
     span = _span(shells.points)
     closed = _best(shells.points, shells.triangles, span)
-    flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + shells.moved + rounding)
+    try:
+        flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + shells.moved + rounding)
+        if flat.off > _CURVED:
+            raise GeometryError("the facets are those of curved surfaces")
+    except GeometryError as error:
+        if not closed.is_closed or closed.mended:
+            raise
+        crossing = first_crossing(closed.points, closed.triangles, _FLAT * span)
+        _require_simple(closed.points, closed.triangles, crossing, closed.numbers)
+        try:
+            return enclosed(closed.points, closed.triangles, (*shells.notes, *closed.notes))
+        except GeometryError:
+            raise error from None
     off = flat.off + closed.moved + shells.moved
     # It is looked for before facets are made plane, where each of two may be `off` from its face.
     crossing = first_crossing(closed.points, closed.triangles, max(_FLAT * span, 2.0 * off))
@@ -212,6 +228,12 @@ def _of_shells(shells: United, rounding: float) -> Imported:
     off = off if off > _COUNTS else 0.0
     notes = (*shells.notes, *closed.notes, *(_gap(patch) for patch in closed.mended), *_evened(off, flat.where))
     return Imported(flat.body, chord_error(flat.body), closed.mended, notes, off, flat.where)
+
+
+def enclosed(points: Array, triangles: Indices, notes: tuple[str, ...] = ()) -> Imported:
+    """A closed surface whose solid is enclosed by convex bodies; arguments and errors as of `enclosing`."""
+    found = enclosing(points, triangles)
+    return Imported(found.boundary, sagitta(points, triangles), notes=notes, enclosure=found)
 
 
 def _best(points: Array, triangles: Indices, span: float) -> _Closed:
@@ -342,7 +364,7 @@ def _turned(points: Array, triangles: Indices, corners: Array, called: Indices) 
 
 
 def _evened(off: float, where: Array) -> list[str]:
-    if off <= _TOLD:
+    if off <= TOLD:
         return []
     return [
         f"facets are up to {1e6 * off:.3g} µm off plane faces, most at {place(where)}; they were made plane, which is "

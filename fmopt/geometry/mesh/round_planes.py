@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.geometry.facets import Loop, chords
+from fmopt.geometry.facets import SMOOTH, Indices, Loop, chords
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.values import Array
 
@@ -26,6 +26,7 @@ _MANY = 16  # planes about one axis stand for a round surface
 _MOSTLY = 0.8  # of the side faces: as many are evenly around
 _SPREAD = 0.15  # of the turn from one to the next: what normals that are evenly around are off on average
 _EVEN = 1e-9  # rad
+_FLAT = 1e-4  # rad: triangles that meet at less are one facet
 
 Planes = tuple[Array, Array]
 
@@ -154,6 +155,30 @@ def chord_error(body: Polyhedron, where: Callable[[Array], bool] = lambda corner
         ),
         default=0.0,
     )
+
+
+def sagitta(points: Array, triangles: Indices) -> float:
+    """As `chord_error`, m, of a closed surface of triangles (m, 3) over points (n, 3), m."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    corners, count = points[triangles], len(triangles)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    starts, ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    order = np.lexsort((np.maximum(starts, ends), np.minimum(starts, ends)))
+    one, other = order[::2] // 3, order[1::2] // 3  # every side is there twice
+    along = np.linalg.norm(points[ends[order[::2]]] - points[starts[order[::2]]], axis=1)
+    cross = np.linalg.norm(np.cross(normals[one], normals[other]), axis=1)
+    turn = np.arctan2(cross, np.einsum("ij,ij->i", normals[one], normals[other]))
+    flat = turn <= _FLAT
+    facet = connected_components(coo_array((flat[flat], (one[flat], other[flat])), (count, count)))[1]
+    areas = np.bincount(facet, np.linalg.norm(normals, axis=1)) / 2.0
+    smooth = (turn <= SMOOTH) & ~flat & (along > 0.0)
+    pairs = np.unique(np.sort(np.column_stack([facet[one], facet[other]])[smooth], axis=1), axis=0)
+    beside = np.bincount(pairs.ravel(), minlength=len(areas)) > 1
+    one, other, along, turn = facet[one[smooth]], facet[other[smooth]], along[smooth], turn[smooth]
+    width = np.minimum(areas[one], areas[other]) / along
+    return float((0.5 * width * np.tan(0.25 * turn))[beside[one] | beside[other]].max(initial=0.0))
 
 
 def met(moving: Part, fixed: Part, depth: float, beside: float) -> tuple[Part, Part]:

@@ -21,12 +21,14 @@ import numpy as np
 
 from fmopt.errors import FmoptError, GeometryError, ResourceError, SizeError
 from fmopt.geometry.csg import exact_pose
-from fmopt.geometry.mesh.mesh_import import Imported, NamedBody, mesh_polyhedron
+from fmopt.geometry.facets import Indices
+from fmopt.geometry.mesh.mesh_import import Imported, NamedBody, enclosed, mesh_polyhedron
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
-from fmopt.geometry.polyhedron import from_triangles, placed
+from fmopt.geometry.polyhedron import from_triangles
 from fmopt.geometry.section import require_plausible
 from fmopt.geometry.step.step_file import AGAIN, COARSER, SIMPLER
 from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
 _MILLIMETRE = 1e-3
@@ -77,7 +79,7 @@ def load_step(path: Path, deviation: float = DEVIATION, body: str = "") -> Impor
     mesh = _imported(path, one, _called(one, number, len(found)))
     if len(found) > 1 or np.array_equal(_place(one).vector(), np.zeros(6)):
         return mesh
-    return replace(mesh, body=placed(mesh.body, _place(one)))
+    return mesh.moved(_place(one))
 
 
 def _read(path: Path, deviation: float, body: str) -> list[dict[str, Any]]:
@@ -136,14 +138,18 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
         raise GeometryError(f"{path}{called}: {error.message}", error.advice) from error
     try:
         # Facets of its own surfaces are known to close: nothing is to be mended, and no plane to be fitted.
-        if one["own"]:
-            mesh = Imported(from_triangles(points, triangles), off or 0.0)
-        else:
-            mesh = mesh_polyhedron(points, triangles)
+        mesh = _of_own_facets(points, triangles) if one["own"] else mesh_polyhedron(points, triangles)
     except GeometryError as error:
         raise GeometryError(f"{path}{called}: cut into facets, {error.message}", _HEAL) from error
     notes = mesh.notes if one["around"] == 0.0 else (*mesh.notes, _enclosed(_MILLIMETRE * one["around"]))
     return replace(mesh, chord_error=off or 0.0, notes=notes, kind="solid")
+
+
+def _of_own_facets(points: Array, triangles: Indices) -> Imported:
+    try:
+        return Imported(from_triangles(points, triangles), 0.0)
+    except GeometryError:  # as of too many faces
+        return enclosed(points, triangles)
 
 
 def _enclosed(size: float) -> str:

@@ -21,7 +21,9 @@ Key = tuple[str | int, ...]
 MAX_BYTES = 1_000_000
 _SYNTAX = "see https://toml.io for the syntax; numbers take a decimal point, words quotation marks"
 _PARTS = {".stl", ".obj", ".ply", ".3mf", ".glb", ".step", ".stp"}
-_OTHERS = "sdf urdf xml gltf dae off amf wrl fbx 3dm iges igs brep sldprt sldasm ipt iam x_t f3d fcstd scad blend"
+_OTHERS = (
+    "sdf urdf xml gltf dae off amf wrl fbx 3dm iges igs brep sldprt sldasm ipt iam x_t f3d fcstd scad blend dxf gcode"
+)
 _FOREIGN = {f".{end}" for end in _OTHERS.split()}
 NAME_PROBLEM = "name a problem file, which names two models under [moving] and [fixed]; or both parts, with --error"
 MAX_DEPTH = 24

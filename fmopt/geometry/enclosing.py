@@ -1,0 +1,323 @@
+"""Convex bodies that enclose a solid with curved faces, nowhere smaller than the solid.
+
+The solid is cut through its reflex edges, by the plane that holds most of them first, until each body is convex but for
+a small distance; the hull of each body stands for it. A hull of many facets becomes the intersection of the half-spaces
+that bound it best. Planes of large faces stay as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from heapq import heapify, heappop, heappush
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.convex_pieces import snapped
+from fmopt.geometry.facets import Indices
+from fmopt.geometry.polyhedron import Polyhedron, of_manifold, placed, with_vertices
+from fmopt.runtime.compiled import heed
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array, Value, frozen
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+_EVEN = 1e-4  # of the diameter: bodies that are off their hulls by less are convex
+_MOST_BODIES, _MOST_PLANES, _LEAST_PLANES = 200, 240, 8  # planes of one body
+_ALL_PLANES = 1200  # of all bodies, beyond which each has few
+_MOST_CUTS = 600  # planes that are held against the reflex edges
+_RISE = 1e-7  # of the diameter, by which faces rise above each other at a reflex edge
+_HELD = 1e-7  # of the diameter: an edge so near to a plane lies in it
+_SAME = 9  # decimals of normals by which planes of a hull are one
+_ALIKE = 6  # decimals of normals, and of offsets over the diameter, by which planes are one
+_THIN = 1e-6  # of the diameter: what is thinner is a skin that rounding leaves
+_SHARP = 1e-3  # sine of the angle between edges that span a plane
+_AT_ONCE = 8  # planes that are added to a body before it is measured again
+_FAR = 2e-3  # of the diameter: by so much planes of a hull may be exceeded for there to be few
+_NOISE = 2e-7  # of the diameter: planes of a hull that are exceeded by less count once
+_SKIN = 1e-7  # of the diameter: by how much bodies are wider where they are united
+_GAP = 1e-8  # of the diameter: how far beside a plane it is cut
+_LEVEL = 1e-8  # of the diameter of a body: corners so near to a face are on it
+_CHUNK = 256  # planes that points are measured from at once
+
+
+@dataclass(frozen=True, eq=False)
+class Enclosure(Value):
+    """Convex bodies that enclose a solid, the boundary of all, by how much it stands out at most, m, and where (3,)."""
+
+    bodies: tuple[Polyhedron, ...]
+    boundary: Polyhedron
+    off: float
+    where: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
+
+    def moved(self, pose: Pose) -> Enclosure:
+        """The bodies moved by a pose."""
+        bodies = tuple(placed(body, pose) for body in self.bodies)
+        return Enclosure(bodies, placed(self.boundary, pose), self.off, pose.apply(self.where))
+
+
+def enclosing(points: Array, triangles: Indices) -> Enclosure:
+    """Enclose the solid of a closed surface in convex bodies.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3), counter-clockwise seen from outside.
+
+    Raises:
+        GeometryError: the surface does not close, or what it bounds is too thin.
+    """
+    from manifold3d import Manifold, Mesh64
+
+    whole = Manifold(Mesh64(vert_properties=np.array(points, order="C"), tri_verts=triangles.astype(np.uint64)))
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if whole.is_empty() or 2.0 * whole.volume() <= _THIN * size * whole.surface_area():
+        raise GeometryError("the surface bounds no solid")
+    queue = [(-body.off, number, body) for number, body in enumerate(_Body(one, size) for one in whole.decompose())]
+    heapify(queue)
+    count, done = len(queue), list[_Body]()
+    while queue and len(queue) + len(done) < _MOST_BODIES:
+        heed()
+        _, _, body = heappop(queue)
+        halves = body.halves() if body.off > _EVEN * size else []
+        if len(halves) < 2:
+            done.append(body)
+        for half in halves if len(halves) > 1 else ():
+            heappush(queue, (-half.off, count, half))
+            count += 1
+    done += [body for *_, body in sorted(queue)]
+    few = min(_ALL_PLANES // len(done), _MOST_PLANES)
+    while True:
+        try:
+            return _enclosure(done, points, max(few, _LEAST_PLANES))
+        except GeometryError:  # of more faces than are taken
+            if few <= _LEAST_PLANES:
+                raise
+            few //= 2
+
+
+def _enclosure(done: Sequence[_Body], known: Array, few: int) -> Enclosure:
+    """Bodies with at most so many faces each; coordinates that differ from known ones (n, 3) by rounding are those."""
+    from manifold3d import Manifold
+
+    size = done[0].size
+    bounds = [_bounds(body, few) for body in done]
+    offs = [(body.off, body.where) for body in done] + [(off, at) for _, off, at in bounds]
+    off, where = max(offs, key=lambda one: one[0])
+    inner = [(planes, body.points.mean(axis=0)) for (planes, _, _), body in zip(bounds, done, strict=True)]
+    hulls = [Manifold.hull_points(snapped(_corners(planes, at, size), known)) for planes, at in inner]
+    bodies = tuple(of_manifold(hull.simplify(_LEVEL * size), _LEVEL * size) for hull in hulls)
+    return Enclosure(bodies, _boundary(inner, size), off, where)
+
+
+class _Body:
+    """A solid with its hull."""
+
+    def __init__(self, shape: Manifold, size: float) -> None:
+        """Takes the surface of a shape.
+
+        Args:
+            size: diameter of the solid that it was cut from, m.
+        """
+        mesh = shape.to_mesh64()
+        self.shape, self.size = shape, size
+        self.points = np.array(mesh.vert_properties)[:, :3]
+        self.triangles = np.array(mesh.tri_verts, dtype=np.int64)
+        a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        self.areas = np.linalg.norm(normals, axis=1)
+        self.normals = normals / np.maximum(self.areas, np.finfo(np.float64).tiny)[:, None]
+        self.offsets = np.einsum("ij,ij->i", self.normals, a)
+        self.planes = _hull_planes(shape, size)
+        self.below = _depth(self.planes, self.points)
+        centres = _depth(self.planes, (a + b + c) / 3.0) * (self.areas > 1e-9 * self.areas.max())
+        at = int(np.argmax(centres)) if centres.max() > self.below.max() else int(np.argmax(self.below))
+        self.where = ((a + b + c) / 3.0 if centres.max() > self.below.max() else self.points)[at]
+        self.off = float(max(centres.max(), self.below.max()))
+
+    @cached_property
+    def _reflex(self) -> tuple[Indices, NDArray[np.intp]]:
+        """Ends (k, 2) of the reflex edges below the hull, and the triangles (k, 2) at each."""
+        count, corners = len(self.points), self.triangles
+        start, end, ahead = corners.ravel(), np.roll(corners, -1, axis=1).ravel(), np.roll(corners, -2, axis=1).ravel()
+        order = np.argsort(start * count + end)
+        keys = (start * count + end)[order]
+        back = np.minimum(np.searchsorted(keys, end * count + start), len(keys) - 1)
+        one = np.flatnonzero((keys[back] == end * count + start) & (start < end))
+        other = order[back[one]]
+        sides = np.column_stack([one // 3, other // 3])
+        rise = [
+            np.einsum("ij,ij->i", self.normals[sides[:, k]], self.points[ahead[(other, one)[k]]])
+            - self.offsets[sides[:, k]]
+            for k in (0, 1)
+        ]
+        reflex = (np.maximum(*rise) > _RISE * self.size) & (self.areas[sides] > 0.0).all(axis=1)
+        return np.column_stack([start[one], end[one]])[reflex], sides[reflex]
+
+    def _cut(self) -> tuple[Array, float] | None:
+        """The plane that holds most reflex edges, each by its length, depth and angle.
+
+        Candidates are the planes of the faces at reflex edges, and those through two of them that share a corner.
+        """
+        edges, sides = self._reflex
+        depth = np.maximum(
+            _depth(self.planes, self.points[edges].mean(axis=1)), self.below[edges].max(axis=1, initial=0.0)
+        )
+        deep = depth > 0.5 * _EVEN * self.size
+        edges, sides, depth = edges[deep], sides[deep], depth[deep]
+        if not len(edges):
+            return None
+        along = self.points[edges[:, 1]] - self.points[edges[:, 0]]
+        lengths = np.linalg.norm(along, axis=1)
+        cosine = np.einsum("ij,ij->i", self.normals[sides[:, 0]], self.normals[sides[:, 1]])
+        weights = lengths * depth * np.sqrt(np.maximum(1.0 - cosine, 0.0))
+        normals, offsets = [self.normals[sides.T].reshape(-1, 3)], [self.offsets[sides.T].ravel()]
+        heavy = [np.tile(weights, 2)]
+        corner, own = edges.T.ravel(), np.tile(np.arange(len(edges)), 2)
+        order = np.argsort(corner, kind="stable")
+        corner, own = corner[order], own[order]
+        for lag in (1, 2, 3):
+            at = np.flatnonzero(corner[lag:] == corner[:-lag])
+            one, other = own[at], own[at + lag]
+            across = np.cross(along[one], along[other]) / (lengths[one] * lengths[other])[:, None]
+            sine = np.linalg.norm(across, axis=1)
+            wide = sine > _SHARP
+            across = across[wide] / sine[wide, None]
+            normals.append(across)
+            offsets.append(np.einsum("ij,ij->i", across, self.points[corner[at][wide]]))
+            heavy.append((weights[one] + weights[other])[wide])
+        planes = np.column_stack([np.vstack(normals), np.concatenate(offsets) / self.size])
+        first = np.sort(np.unique(np.round(planes, _ALIKE), axis=0, return_index=True)[1])
+        first = np.sort(first[np.argsort(-np.concatenate(heavy)[first], kind="stable")[:_MOST_CUTS]])
+        normal, offset = planes[first, :3], self.size * planes[first, 3]
+        away = np.abs(self.points[edges.ravel()] @ normal.T - offset).reshape(len(edges), 2, -1).max(axis=1)
+        score = ((away <= _HELD * self.size) * weights[:, None]).sum(axis=0)
+        best = int(np.argmax(np.round(score / score.max(), 9)))
+        return normal[best], float(offset[best])
+
+    def halves(self) -> list[_Body]:
+        """The bodies on both sides of the best cut; none where there is no cut."""
+        if (plane := self._cut()) is None:
+            return []
+        parts = [part for side in (1.0, -1.0) for part in self._half(*plane, side).decompose()]
+        thick = [part for part in parts if 2.0 * part.volume() > _THIN * self.size * part.surface_area()]
+        return [_Body(part, self.size) for part in thick]
+
+    def _half(self, normal: Array, offset: float, side: float) -> Manifold:
+        """What is not on a side of a plane.
+
+        It is cut a little off the plane, and put back onto it: no skin is left of faces that lie in the plane.
+        """
+        from manifold3d import Manifold, Mesh64
+
+        gap = _GAP * self.size
+        mesh = (self.shape - _room(self.points, normal, offset - side * gap, side, 2.0 * self.size)).to_mesh64()
+        points = np.array(mesh.vert_properties)[:, :3]
+        away = points @ normal - offset
+        points -= np.where(np.abs(away) <= 2.0 * gap, away, 0.0)[:, None] * normal
+        triangles = np.array(mesh.tri_verts, dtype=np.uint64, order="C")
+        return Manifold(Mesh64(vert_properties=np.ascontiguousarray(points), tri_verts=triangles))
+
+
+def _hull_planes(shape: Manifold, size: float) -> Array:
+    """Planes (k, 4) of the hull of a shape, but those of slivers: outward normals, and minus how far out, m."""
+    mesh = shape.hull().to_mesh64()
+    points, triangles = np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts)
+    sides = [points[triangles[:, (k + 1) % 3]] - points[triangles[:, k]] for k in range(3)]
+    normals = np.cross(sides[0], sides[1])
+    areas, longest = np.linalg.norm(normals, axis=1), np.max([np.linalg.norm(side, axis=1) for side in sides], axis=0)
+    normals = normals[areas > _NOISE * size * longest] / areas[areas > _NOISE * size * longest, None]
+    normals = normals[np.sort(np.unique(np.round(normals, _SAME), axis=0, return_index=True)[1])]
+    far = np.concatenate(
+        [(points @ some.T).max(axis=0) for some in np.array_split(normals, len(normals) // _CHUNK + 1)]
+    )
+    return np.column_stack([normals, -far])
+
+
+def _depth(planes: Array, points: Array) -> Array:
+    """How far points (n, 3) lie below the nearest of some planes (k, 4), m, 0 above."""
+    least = np.full(len(points), np.inf)
+    for first in range(0, len(planes), _CHUNK):
+        some = planes[first : first + _CHUNK]
+        least = np.minimum(least, -(points @ some[:, :3].T + some[:, 3]).max(axis=1, initial=-np.inf))
+    return np.asarray(np.maximum(least, 0.0))
+
+
+def _room(points: Array, normal: Array, offset: float, side: float, reach: float) -> Manifold:
+    """A box around points on one side of a plane, in which one of its faces lies."""
+    from manifold3d import Manifold
+
+    middle = points.mean(axis=0)
+    middle = middle - (normal @ middle - offset) * normal
+    x = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    x = x - (x @ normal) * normal
+    x /= np.linalg.norm(x)
+    axes = np.array([x, np.cross(normal, x), side * normal])
+    corners = np.array(list(product((-1.0, 1.0), (-1.0, 1.0), (0.0, 1.0))))
+    return Manifold.hull_points(middle + reach * corners @ axes)
+
+
+def _bounds(body: _Body, few: int) -> tuple[Array, float, Array]:
+    """Few half-spaces (k, 4) that hold a body, by how much they are beyond its hull at most, m, and where (3,).
+
+    They are those of the hull that the others exceed the most, added one after the other.
+
+    Args:
+        few: so many are taken where the hull has more.
+    """
+    from scipy.spatial import HalfspaceIntersection
+
+    middle, size = body.points.mean(axis=0), body.size
+    planes = np.column_stack([body.planes[:, :3], (body.planes[:, 3] + body.planes[:, :3] @ middle) / size])
+    box = np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.full(6, -2.0)])
+    chosen = list[int]()
+    while True:
+        corners = HalfspaceIntersection(np.vstack([box, planes[chosen]]), np.zeros(3)).intersections
+        beyond = corners @ planes[:, :3].T + planes[:, 3]
+        order = np.argsort(-np.round(beyond.max(axis=0), 12), kind="stable")
+        most, seen = float(beyond[:, order[0]].max()), set[int]()
+        if most <= _NOISE or len(chosen) >= _MOST_PLANES or (len(chosen) >= few and most <= _FAR):
+            return body.planes[chosen], size * max(most, 0.0), middle + size * corners[beyond[:, order[0]].argmax()]
+        for plane in order[: 8 * _AT_ONCE].tolist():
+            at = int(beyond[:, plane].argmax())
+            if beyond[at, plane] > 0.5 * most and at not in seen and len(chosen) < _MOST_PLANES:
+                seen.add(at)
+                chosen.append(plane)
+
+
+def _corners(planes: Array, middle: Array, size: float) -> Array:
+    """The corners (n, 3) of what planes (k, 4) bound, m."""
+    from scipy.spatial import HalfspaceIntersection
+
+    rows = np.column_stack([planes[:, :3], (planes[:, 3] + planes[:, :3] @ middle) / size])
+    return np.asarray(middle + size * HalfspaceIntersection(rows, np.zeros(3)).intersections)
+
+
+def _boundary(bounds: Sequence[tuple[Array, Array]], size: float) -> Polyhedron:
+    """The boundary of the union of bodies.
+
+    They are united a little larger than they are, so that no skin is left where they touch, and corners are put back.
+
+    Args:
+        bounds: planes (k, 4) and a point inside (3,) of each.
+    """
+    from manifold3d import Manifold, OpType
+
+    skin = _SKIN * size
+    wider = [Manifold.hull_points(_corners(planes - [0.0, 0.0, 0.0, skin], at, size)) for planes, at in bounds]
+    body = of_manifold(Manifold.batch_boolean(wider, OpType.Add).simplify(skin), 2.0 * skin)
+    points = np.array(body.vertices)
+    for number, faces in enumerate(body.vertex_faces):
+        normals = body.normals[list(faces)]
+        points[number] += np.linalg.pinv(normals, rcond=1e-3) @ (
+            body.offsets[list(faces)] - skin - normals @ points[number]
+        )
+    return with_vertices(body, points)
