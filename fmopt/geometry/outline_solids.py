@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from itertools import pairwise
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from fmopt.geometry.facets import place
 from fmopt.geometry.plane.convex_polygons import Convex, Outline, convex_pieces, simple
 from fmopt.geometry.section import united
 from fmopt.spatial.se3 import Pose
+
+if TYPE_CHECKING:
+    from shapely import Polygon
 
 _PARALLEL = 1e-9  # sine of the angle between sides of neighbouring outlines that are one wall
 _AMISS = 1e-9  # of its area: what the pieces of an outline may leave out
@@ -110,29 +114,28 @@ def _lofted(lower: Outline, upper: Outline) -> Iterator[_Piece]:
 
 def _followed(lower: Outline, upper: Outline) -> Iterator[_Piece]:
     """Convex pieces of one outline, each with what it becomes in the other."""
-    from shapely import Polygon
-
     found = convex_pieces(lower)
     if len(found) == 1:
         yield found[0].sides, lower, upper
         return
-    tops = [_between(upper, piece.sides) for piece in found]
-    middle = [
-        [tuple(0.5 * (a + b) for a, b in zip(p, q, strict=True)) for p, q in zip(one, other, strict=True)]
-        for one, other in ((lower, upper), *((p.outline, top) for p, top in zip(found, tops, strict=True) if top))
-        if len(one) == len(other)
-    ]
+    pieces = [(piece.outline, _between(upper, piece.sides)) for piece in found]
     # Below it holds by construction; half-way as well as above, since walls may cross in between.
-    for whole, pieces in ((upper, tops), (middle[0], middle[1:])):
-        made = united([Polygon(piece) for piece in pieces if piece])
-        shape = Polygon(whole)
-        if len(pieces) < len(found) or made.symmetric_difference(shape).area > _AMISS * shape.area:
+    for share in (0.5, 1.0):
+        shape, *parts = (_mixed(below, above, share) for below, above in ((lower, upper), *pieces) if above)
+        if len(parts) < len(found) or united(parts).symmetric_difference(shape).area > _AMISS * shape.area:
             raise GeometryError(
                 "the outline changes its shape on the way from one section to the next",
                 "give sections in between, or unite several stacks",
             )
-    for piece, top in zip(found, tops, strict=True):
-        yield piece.sides, piece.outline, top
+    for piece, (below, above) in zip(found, pieces, strict=True):
+        yield piece.sides, below, above
+
+
+def _mixed(below: Outline, above: Outline, share: float) -> Polygon:
+    """The outline that is a share of the way up from one to the other."""
+    from shapely import Polygon
+
+    return Polygon((1.0 - share) * np.array(below) + share * np.array(above))
 
 
 def _between(outline: Outline, sides: Sequence[int | None]) -> Outline:
@@ -140,39 +143,21 @@ def _between(outline: Outline, sides: Sequence[int | None]) -> Outline:
     points = [(Fraction(x), Fraction(y)) for x, y in outline]
     far = 4 * max(abs(value) for point in points for value in point)
     box = Convex(((-far, -far), (far, -far), (far, far), (-far, far)), (None,) * 4)
-    for side in sides:
-        if side is None:
-            return ()
-        cut = box.beyond(points[side], points[(side + 1) % len(points)], side)
-        if cut is None:
-            return ()
-        box = cut
-    # As words, since None and numbers have no order.
-    if sorted(map(str, box.sides)) != sorted(map(str, sides)):
+    cut = box.before((points[side], points[(side + 1) % len(points)], side) for side in sides if side is not None)
+    if None in sides or cut is None or Counter(cut.sides) != Counter(sides):
         return ()
-    first = box.sides.index(sides[0])
-    return Convex(box.corners[first:] + box.corners[:first], tuple(sides)).outline
+    first = cut.sides.index(sides[0])
+    return cut.outline[first:] + cut.outline[:first]
 
 
 def _is_one(rings: Sequence[_Ring]) -> bool:
     """Whether rings one above the other bound one convex solid."""
     from scipy.spatial import ConvexHull
 
-    apart = sum(_volume(one, other) for one, other in pairwise(rings))
-    hull = ConvexHull(np.array([(x, y, at) for at, outline in rings for x, y in outline]))
-    return float(hull.volume) <= (1.0 + _NOISE) * apart
+    def hull(rings: Sequence[_Ring]) -> float:
+        return float(ConvexHull([(x, y, at) for at, outline in rings for x, y in outline]).volume)
 
-
-def _volume(one: _Ring, other: _Ring) -> float:
-    """The volume between two rings of parallel sides, by Simpson's rule, which is exact here."""
-    middle = [(0.5 * (a + c), 0.5 * (b + d)) for (a, b), (c, d) in zip(one[1], other[1], strict=True)]
-    low, between, high = (_float_area(outline) for outline in (one[1], middle, other[1]))
-    return (other[0] - one[0]) * (low + 4.0 * between + high) / 6.0
-
-
-def _float_area(outline: Sequence[tuple[float, float]]) -> float:
-    x, y = np.array(outline).T
-    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    return hull(rings) <= (1.0 + _NOISE) * sum(map(hull, pairwise(rings)))
 
 
 def _part(rings: tuple[_Ring, ...]) -> Prism | Hull | Placed:

@@ -159,13 +159,13 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
 
 def _hull_less_others(source: Source, file: files.ModelFile, chain: Chain) -> csg.Solid:
     """The part as its convex hull less convex bodies, from its chain or its mesh."""
-    from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
+    from fmopt.geometry.inverse_csg import MESH_NOISE, apart
     from fmopt.geometry.mesh.mesh_solid import decomposed
 
     if file.mesh is not None:
         return decomposed(imported(source, file.mesh)).solid
     body = polyhedron(chain_solid(chain))
-    return solid_of(body, MESH_NOISE * body.diameter)
+    return apart(body, MESH_NOISE * body.diameter)[0]
 
 
 def _whole_chain(source: Source, file: files.ModelFile) -> Chain:
@@ -244,8 +244,7 @@ def _shape(source: Source, file: files.ModelFile, table: files.Shape, hollow: bo
 def _prism(table: files.Prism) -> tuple[csg.Solid, tuple[csg.Solid, ...]]:
     """A prism without its holes, and what is cut out of it for them, standing out at both ends."""
     height, proud = table.height, 0.5 * table.height
-    convex = is_convex(table.polygon)
-    outer = csg.Prism(table.polygon, height) if convex else stack([(0.0, table.polygon), (height, table.polygon)])
+    outer = stack([(0.0, table.polygon), (height, table.polygon)])
     return outer, tuple(stack([(-proud, hole), (height + proud, hole)]) for hole in table.holes)
 
 

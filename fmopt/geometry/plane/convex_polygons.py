@@ -10,16 +10,17 @@ none of the outline's are rounded once, at the end.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
-from itertools import pairwise
+from itertools import compress, pairwise
 from typing import TypeAlias
 
 from fmopt.errors import GeometryError
 
 Point: TypeAlias = tuple[Fraction, Fraction]
+Side: TypeAlias = tuple[Point, Point, int | None]
 Outline: TypeAlias = tuple[tuple[float, float], ...]
 
 _SLIVER = 1e-9  # of a piece: less is not worth a piece
@@ -42,9 +43,21 @@ class Convex:
         return tuple((float(x), float(y)) for x, y in self.corners)
 
     @cached_property
+    def ends(self) -> tuple[Side, ...]:
+        """Its sides: from, to, number."""
+        return tuple(zip(self.corners, self.corners[1:] + self.corners[:1], self.sides, strict=True))
+
+    @cached_property
     def area(self) -> Fraction:
         """Its area."""
-        return _area(self.corners)
+        return sum((a * d - c * b for (a, b), (c, d), _ in self.ends), Fraction(0)) / 2
+
+    def before(self, ends: Iterable[Side]) -> Convex | None:
+        """What of it lies left of several lines, see `beyond`."""
+        body: Convex | None = self
+        for end in ends:
+            body = None if body is None else body.beyond(*end)
+        return body
 
     def beyond(self, a: Point, b: Point, side: int | None) -> Convex | None:
         """What of it lies left of the line from a to b, whose part becomes a side of that number; None if nothing."""
@@ -58,12 +71,9 @@ class Convex:
         count = len(heights)
         for k, (p, h) in enumerate(zip(self.corners, heights, strict=True)):
             q, g = self.corners[(k + 1) % count], heights[(k + 1) % count]
-            if h >= 0 and (h > 0 or g > 0):
+            if h >= 0:
                 corners.append(p)
-                sides.append(self.sides[k])
-            elif h == 0:  # the line leaves here
-                corners.append(p)
-                sides.append(side)
+                sides.append(self.sides[k] if h > 0 or g > 0 else side)  # else the line leaves here
             if h * g < 0:
                 # The signs may be known from floats alone; where the cut lies is to be exact.
                 h, g = _left(a, b, p), _left(a, b, q)
@@ -132,16 +142,7 @@ def simple(outline: Outline) -> Outline:
     if not shape.exterior.is_ccw:
         raise GeometryError("the outline runs clockwise", "list its corners counter-clockwise, seen from above")
     points = [(Fraction(x), Fraction(y)) for x, y in made]
-    turns = zip(points[-1:] + points[:-1], points, points[1:] + points[:1], made, strict=True)
-    return tuple(corner for before, point, after, corner in turns if _left(before, point, after) != 0)
-
-
-def is_convex(outline: Outline) -> bool:
-    """Whether a simple polygon, counter-clockwise, is convex."""
-    points = [(Fraction(x), Fraction(y)) for x, y in outline]
-    return all(
-        _left(a, b, c) > 0 for a, b, c in zip(points[-1:] + points[:-1], points, points[1:] + points[:1], strict=True)
-    )
+    return tuple(corner for corner, turn in zip(made, _turns(points), strict=True) if turn != 0)
 
 
 def _pieces(points: tuple[Point, ...]) -> tuple[Convex, ...]:
@@ -153,7 +154,7 @@ def _pieces(points: tuple[Point, ...]) -> tuple[Convex, ...]:
     for tool in tools:
         # Parts of pockets have no area in common, so that what is left adds up exactly.
         whole -= tool.area
-        found = _largest([slab for piece in found for slab in _slabs(piece, tool)])
+        found = _largest([slab for piece in found for slab in slabs(piece, tool)])
         if len(found) > _MANY:
             found = _few(found, float(whole))
     kept = _few(found, float(whole))
@@ -162,16 +163,13 @@ def _pieces(points: tuple[Point, ...]) -> tuple[Convex, ...]:
 
 def _grown(piece: Convex, hull: Convex, tools: Sequence[Convex]) -> Convex:
     """A convex piece as far as it can reach without one of its sides, and so on, clear of all that is taken away."""
-    ends = list(zip(piece.corners, piece.corners[1:] + piece.corners[:1], piece.sides, strict=True))
+    ends = piece.ends
     for number, (start, end, _) in enumerate(ends):
-        more = hull.beyond(end, start, None)  # what the side keeps off lies between the lines of its neighbours
-        for a, b, _ in (ends[number - 1], ends[(number + 1) % len(ends)]):
-            more = None if more is None else more.beyond(a, b, None)
+        # What the side keeps off lies between the lines of its neighbours.
+        more = hull.before([(end, start, None), ends[number - 1], ends[(number + 1) % len(ends)]])
         if more is None or more.area * 10**9 <= piece.area:
             continue
-        body: Convex | None = hull
-        for a, b, side in ends[:number] + ends[number + 1 :]:
-            body = None if body is None else body.beyond(a, b, side)
+        body = hull.before(ends[:number] + ends[number + 1 :])
         for tool in tools:
             body = None if body is None else _clear(body, tool, piece)
         # Larger by `_SLIVER` at least, in integers as areas are fractions.
@@ -182,10 +180,10 @@ def _grown(piece: Convex, hull: Convex, tools: Sequence[Convex]) -> Convex:
 
 def _clear(body: Convex, tool: Convex, kept: Convex) -> Convex | None:
     """The most of a convex polygon that a side of a tool leaves of it, with a part that is to be kept."""
-    slabs = list(_slabs(body, tool))
-    if slabs == [body]:
+    left = list(slabs(body, tool))
+    if left == [body]:
         return body
-    holding = [slab for slab in slabs if _holds(slab, kept)]
+    holding = [slab for slab in left if _holds(slab, kept)]
     return max(holding, key=lambda slab: slab.area, default=None)
 
 
@@ -221,23 +219,22 @@ def _pockets(points: tuple[Point, ...]) -> tuple[Convex, list[Convex]]:
 
 def _parted(polygon: Convex) -> Iterator[Convex]:
     """A simple polygon cut into convex ones, each cut along a side that it prolongs, those first that settle most."""
-    corners, count = polygon.corners, len(polygon.corners)
-    reflex = [k for k in range(count) if _left(corners[k - 1], corners[k], corners[(k + 1) % count]) < 0]
+    corners = polygon.corners
+    reflex = [k for k, turn in enumerate(_turns(corners)) if turn < 0]
     if not reflex:
         yield polygon
         return
-    best: tuple[tuple[int, Fraction], int, tuple[Point, int], int | None] | None = None
+    cuts = []
     for k in reflex:
-        for back, side in ((corners[k - 1], polygon.sides[k - 1]), (corners[(k + 1) % count], polygon.sides[k])):
-            hit = _ahead(corners, k, back)
+        (before, _, one), (_, after, other) = polygon.ends[k - 1], polygon.ends[k]
+        for back, side in ((before, one), (after, other)):
+            at, edge = _ahead(corners, k, back)
             settled = sum(_left(back, corners[k], corners[n]) == 0 for n in reflex)
-            rank = (-settled, _square(corners[k], hit[0]))
-            if best is None or rank < best[0]:
-                best = rank, k, hit, side
-    assert best is not None
-    _, k, (at, edge), side = best
-    for one, other in ((k, edge), (edge, k)):
-        yield from _parted(_cut_off(polygon, one, other, at, side, k))
+            square = sum((p - q) ** 2 for p, q in zip(corners[k], at, strict=True))
+            cuts.append(((-settled, square), k, edge, at, side))
+    _, *best = min(cuts, key=lambda cut: cut[0])
+    for part in _cut(polygon, *best):
+        yield from _parted(part)
 
 
 def _ahead(corners: tuple[Point, ...], k: int, back: Point) -> tuple[Point, int]:
@@ -264,55 +261,30 @@ def _ahead(corners: tuple[Point, ...], k: int, back: Point) -> tuple[Point, int]
     return at, edge
 
 
-def _cut_off(polygon: Convex, one: int, other: int, at: Point, side: int | None, k: int) -> Convex:
-    """The part of a polygon on one side of a cut from corner k to a point `at` in another side, both in order."""
-    count = len(polygon.corners)
-    corners: list[Point] = []
-    sides: list[int | None] = []
-    if one == k:  # from the corner along the boundary to the point, and back
-        n = one
-        while True:
-            corners.append(polygon.corners[n])
-            sides.append(polygon.sides[n])
-            if n == other:
-                break
-            n = (n + 1) % count
-        if corners[-1] == at:
-            sides[-1] = side
-        else:
-            corners.append(at)
-            sides.append(side)
-    else:  # from the point along the boundary to the corner, and back
-        corners.append(at)
-        sides.append(polygon.sides[one])
-        n = (one + 1) % count
-        while n != k:
-            corners.append(polygon.corners[n])
-            sides.append(polygon.sides[n])
-            n = (n + 1) % count
-        corners.append(polygon.corners[k])
-        sides.append(side)
-    return _straight(Convex(tuple(corners), tuple(sides)))
+def _cut(polygon: Convex, k: int, edge: int, at: Point, side: int | None) -> tuple[Convex, Convex]:
+    """Both parts of a polygon that is cut from corner k to a point `at` in the side number `edge`."""
+    corners, sides = polygon.corners[k:] + polygon.corners[:k], polygon.sides[k:] + polygon.sides[:k]
+    n = (edge - k) % len(corners)
+    start = n if corners[n] == at else n + 1
+    ahead = Convex((*corners[:start], at), (*sides[:start], side))
+    behind = Convex((at, *corners[n + 1 :], corners[0]), (*sides[n:], side))
+    return _straight(ahead), _straight(behind)
 
 
 def _straight(polygon: Convex) -> Convex:
     """A polygon without the corners in which it goes straight on."""
-    corners, count = polygon.corners, len(polygon.corners)
-    kept = [k for k in range(count) if _left(corners[k - 1], corners[k], corners[(k + 1) % count]) != 0]
-    return Convex(tuple(corners[k] for k in kept), tuple(polygon.sides[k] for k in kept))
+    turns = _turns(polygon.corners)
+    return Convex(tuple(compress(polygon.corners, turns)), tuple(compress(polygon.sides, turns)))
 
 
-def _slabs(piece: Convex, tool: Convex) -> Iterator[Convex]:
+def slabs(piece: Convex, tool: Convex) -> Iterator[Convex]:
     """What is left of a convex piece without a convex tool: one polygon for each side of the tool that bounds both."""
-    ends = list(zip(tool.corners, tool.corners[1:] + tool.corners[:1], tool.sides, strict=True))
-    common: Convex | None = piece
     # Sides that the tool cuts get numbers below `_LID`, which no side of an outline has.
-    for number, (a, b, _) in enumerate(ends):
-        common = None if common is None else common.beyond(a, b, _LID - 1 - number)
+    common = piece.before((a, b, _LID - 1 - number) for number, (a, b, _) in enumerate(tool.ends))
     if common is None or common.area == 0:
         yield piece
         return
-    for number, (a, b, side) in enumerate(ends):
+    for number, (a, b, side) in enumerate(tool.ends):
         if side != _LID and _LID - 1 - number in common.sides:
             slab = piece.beyond(b, a, side)
             if slab is not None and slab.area > 0:
@@ -329,8 +301,7 @@ def _largest(bodies: Sequence[Convex]) -> tuple[Convex, ...]:
 
 
 def _holds(outer: Convex, inner: Convex) -> bool:
-    ends = zip(outer.corners, outer.corners[1:] + outer.corners[:1], strict=True)
-    return all(height >= 0 for a, b in ends for height in inner.heights(a, b))
+    return all(height >= 0 for a, b, _ in outer.ends for height in inner.heights(a, b))
 
 
 def _few(bodies: Sequence[Convex], whole: float) -> tuple[Convex, ...]:
@@ -351,16 +322,11 @@ def _few(bodies: Sequence[Convex], whole: float) -> tuple[Convex, ...]:
     return tuple(bodies[k] for k in sorted(kept))
 
 
+def _turns(corners: Sequence[Point]) -> list[Fraction]:
+    """How a polygon turns at each corner: positive to the left, 0 straight on."""
+    return [_left(corners[k - 1], p, corners[(k + 1) % len(corners)]) for k, p in enumerate(corners)]
+
+
 def _left(a: Point, b: Point, p: Point) -> Fraction:
     """Positive for a point left of the line from a to b."""
     return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
-
-
-def _square(a: Point, b: Point) -> Fraction:
-    """The square of their distance."""
-    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2
-
-
-def _area(corners: Sequence[Point]) -> Fraction:
-    ahead = (*corners[1:], corners[0])
-    return sum((a * d - c * b for (a, b), (c, d) in zip(corners, ahead, strict=True)), Fraction(0)) / 2
