@@ -6,7 +6,7 @@ overlap on purpose: each is as large as it can be, so that one plane keeps anoth
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, assert_never
 
@@ -30,6 +30,7 @@ from fmopt.geometry.csg import (
     convex_polyhedron,
     corners,
     exact_pose,
+    primitives,
 )
 from fmopt.geometry.facets import place
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, from_faces, from_triangles
@@ -129,25 +130,8 @@ def polyhedron(solid: Solid) -> Polyhedron:
 
 def bounded(solid: Solid, body: Polyhedron) -> Polyhedron:
     """The boundary of a solid that is known but for rounding, coordinates of its operands kept to the bit."""
-    known = np.vstack(list(_operands(solid, Pose.identity())))
+    known = np.vstack([convex_polyhedron(*operand).vertices for operand in primitives(solid, Pose.identity())])
     return from_faces(snapped(body.vertices, known), [face.loops for face in body.faces])
-
-
-def _operands(solid: Solid, pose: Pose) -> Iterator[Array]:
-    """The vertices (n, 3) of each convex operand."""
-    match solid:
-        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
-            yield convex_polyhedron(solid, pose).vertices
-        case Placed(inner, move):
-            yield from _operands(inner, exact_pose(pose).compose(exact_pose(move)))
-        case Union(parts):
-            for part in parts:
-                yield from _operands(part, pose)
-        case Difference(base, tools):
-            for part in (base, *tools):
-                yield from _operands(part, pose)
-        case _:
-            assert_never(solid)
 
 
 def manifold(solid: Solid) -> Manifold:

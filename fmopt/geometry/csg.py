@@ -7,6 +7,7 @@ section 3; every primitive is convex, and is the convex hull of its corners.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import TypeAlias, assert_never
 
@@ -242,9 +243,34 @@ def ring(radius: float, sides: int) -> Array:
     return radius * np.array([(_cosine(j, sides), _sine(j, sides)) for j in range(1, 2 * sides, 2)])
 
 
+def primitives(solid: Solid, pose: Pose, tools: bool = True) -> Iterator[tuple[Primitive, Pose]]:
+    """All primitives that a solid is made of, each with the pose of its frame; without those taken away if not `tools`.
+
+    Args:
+        pose: of the solid's frame.
+    """
+    match solid:
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
+            yield solid, pose
+        case Placed(inner, move):
+            yield from primitives(inner, exact_pose(pose).compose(exact_pose(move)), tools)
+        case Union(parts):
+            for part in parts:
+                yield from primitives(part, pose, tools)
+        case Difference(base, taken):
+            for part in (base, *taken) if tools else (base,):
+                yield from primitives(part, pose, tools)
+        case _:
+            assert_never(solid)
+
+
 def sagitta(solid: Solid) -> float:
     """Largest distance in m between a curved surface of the solid and the polyhedron that stands for it."""
-    match solid:
+    return max(_sagitta(primitive) for primitive, _ in primitives(solid, Pose.identity()))
+
+
+def _sagitta(primitive: Primitive) -> float:
+    match primitive:
         case Box() | Prism() | Wedge() | Hull():
             return 0.0
         case Cylinder(radius, _, sides):
@@ -253,14 +279,8 @@ def sagitta(solid: Solid) -> float:
             return 2.0 * max(bottom, top) * math.sin(0.5 * math.pi / sides) ** 2
         case Sphere(radius, sides):
             return radius * (1.0 - math.cos(math.pi / sides) * math.cos(0.5 * math.pi / max(sides // 2, 2)))
-        case Placed(inner, _):
-            return sagitta(inner)
-        case Union(parts):
-            return max(sagitta(part) for part in parts)
-        case Difference(base, tools):
-            return max(sagitta(part) for part in (base, *tools))
         case _:
-            assert_never(solid)
+            assert_never(primitive)
 
 
 def _loft(lower: Array, upper: Array, height: float) -> Array:

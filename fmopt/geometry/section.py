@@ -10,27 +10,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Literal, assert_never
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import SizeError
-from fmopt.geometry.csg import (
-    Box,
-    Cone,
-    Cylinder,
-    Difference,
-    Hull,
-    Placed,
-    Prism,
-    Solid,
-    Sphere,
-    Union,
-    Wedge,
-    corners,
-    exact_pose,
-)
+from fmopt.geometry.csg import Solid, corners, exact_pose, primitives
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, remembered
@@ -137,24 +123,10 @@ def _polygons(geometry: BaseGeometry) -> MultiPolygon:
     return MultiPolygon([part for part in get_parts(geometry) if isinstance(part, Polygon) and part.area > 0.0])
 
 
-def reach(solid: Solid, pose: Pose | None = None) -> Array:
-    """Points (n, 3) in m whose bounding box holds the solid: what is taken away from it does not count.
-
-    Args:
-        pose: of its frame where the points are wanted; the identity if None.
-    """
-    where = Pose.identity() if pose is None else pose
-    match solid:
-        case Placed(inner, own):
-            return reach(inner, where.compose(exact_pose(own)))
-        case Union(parts):
-            return np.vstack([reach(part, where) for part in parts])
-        case Difference(base, _):
-            return reach(base, where)
-        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
-            return where.apply(corners(solid))
-        case _:
-            assert_never(solid)
+def reach(solid: Solid) -> Array:
+    """Points (n, 3) in m whose bounding box holds the solid: what is taken away from it does not count."""
+    found = primitives(solid, Pose.identity(), tools=False)
+    return np.vstack([pose.apply(corners(primitive)) for primitive, pose in found])
 
 
 def require_plausible(points: Array) -> None:
