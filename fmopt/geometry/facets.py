@@ -344,13 +344,14 @@ def _straightened(
         axis = parts.areas[region == number].sum(axis=0)
         kept = [tuple(vertex for vertex in loop if meeting[vertex] > 2) for loop in outlines[number]]
         loops = [loop for loop in kept if len(loop) >= 3]
-        faces.append(tuple(sorted(loops, key=lambda loop: -_area(parts.vertices, loop, axis))))
+        faces.append(tuple(sorted(loops, key=lambda loop: -float(loop_area(parts.vertices, loop) @ axis))))
     return tuple(faces)
 
 
-def _area(vertices: Array, loop: Loop, axis: Array) -> float:
+def loop_area(vertices: Array, loop: Loop) -> Array:
+    """The normal (3,) of a loop of vertices (n, 3), m, as long as its area, m²."""
     arms = vertices[list(loop)] - vertices[loop[0]]
-    return float(np.sum(np.cross(arms[:-1], arms[1:]) @ axis))
+    return np.asarray(0.5 * np.cross(arms[1:-1], arms[2:]).sum(axis=0))
 
 
 def chords(body: Polyhedron) -> Iterator[tuple[tuple[int, int], tuple[float, float]]]:

@@ -14,15 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.convex_pieces import ROUNDING, bounded, clip, convex_manifold, snapped
+from fmopt.geometry.convex_pieces import bounded, clip, convex_manifold, snapped
 from fmopt.geometry.csg import Difference, Hull, Placed, Solid, exact_pose
-from fmopt.geometry.facets import merged_vertices
+from fmopt.geometry.facets import loop_area, merged_vertices
 from fmopt.geometry.polyhedron import (
     Face,
     Polyhedron,
     convex_hull_polyhedron,
     from_faces,
     from_triangles,
+    level,
     placed,
     plane_basis,
     triangulated,
@@ -46,23 +47,14 @@ _OVERLAP = 1e-9  # of the volume: what two bodies have in common by rounding
 _PAIRS = 128  # reflex edges up to which planes through any two are tried; above, through neighbours only
 
 
-def solid_of(body: Polyhedron, tol: float) -> Solid:
-    """A CSG solid equal to the polyhedron but for noise.
+def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
+    """A CSG solid equal to a polyhedron but for noise; and the polyhedron without it, in the coordinates of the solid.
 
     Face planes within `tol` of each other or of an axis direction become one, vertices move onto their planes, and
     excess thinner than `tol` is dropped.
 
     Args:
         tol: size of the noise, m.
-
-    Raises:
-        GeometryError: the excess does not come apart into convex bodies.
-    """
-    return apart(body, tol)[0]
-
-
-def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
-    """As `solid_of`, with the polyhedron cleaned of noise as well: its faces and corners, the coordinates of the solid.
 
     Raises:
         GeometryError: the excess does not come apart into convex bodies.
@@ -87,7 +79,7 @@ def _apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
 
 def _squared(body: Polyhedron, slack: float) -> Array:
     """A rotation (3, 3) whose columns are normals of large faces, where coordinates of corners coincide to the bit."""
-    areas = [_face_area(body, face) for face in body.faces]
+    areas = [np.linalg.norm(sum(loop_area(body.vertices, loop) for loop in face.loops)) for face in body.faces]
     order = [body.normals[i] for i in np.argsort(np.negative(areas), kind="stable")]
     z = order[0]
     x = next((normal for normal in order if abs(normal @ z) <= slack), None)
@@ -98,14 +90,6 @@ def _squared(body: Polyhedron, slack: float) -> Array:
     x = plane_basis(z)[:, 0] if x is None else x - (x @ z) * z
     x = x / np.linalg.norm(x)
     return np.column_stack([x, np.cross(z, x), z])
-
-
-def _face_area(body: Polyhedron, face: Face) -> float:
-    area = np.zeros(3)
-    for loop in face.loops:
-        arms = body.vertices[list(loop)] - body.vertices[loop[0]]
-        area += np.cross(arms[1:-1], arms[2:]).sum(axis=0)
-    return 0.5 * float(np.linalg.norm(area))
 
 
 def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
@@ -134,33 +118,25 @@ def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
 
 def _grown(part: Polyhedron, shape: Manifold, known: Array, faces: Sequence[Face]) -> Polyhedron:
     """The part, faces of it pushed out one after the other to where the farthest of known points (n, 3) allows it."""
+    from manifold3d import Manifold
+
     size = float(np.linalg.norm(np.ptp(known, axis=0)))
     for normal, offset in [(face.normal, face.offset) for face in faces]:
-        heights = np.unique(_levelled((known @ normal)[known @ normal > offset + _NEAR * size]))
+        heights = np.unique(level((known @ normal)[known @ normal > offset + _NEAR * size, None]))
+        farthest = _pushed(part, normal, offset, float(heights[-1])) if len(heights) else None
+        if farthest is None:
+            continue
         # What keeps clear at one height does so at all below, so that halving finds the highest.
         low, high = 0, len(heights)
         while low < high:
             middle = (low + high) // 2
-            pushed = _roughly_pushed(part, normal, offset, float(heights[middle]))
-            free = (pushed ^ shape).volume() <= _OVERLAP * part.volume
+            pushed = clip(farthest, normal, float(heights[middle]))
+            common = Manifold.hull_points(pushed.vertices) ^ shape if pushed else Manifold()
+            free = common.volume() <= _OVERLAP * part.volume
             low, high = (middle + 1, high) if free else (low, middle)
         if low:
             part = _pushed(part, normal, offset, float(heights[low - 1])) or part
     return part
-
-
-def _roughly_pushed(part: Polyhedron, normal: Array, offset: float, height: float) -> Manifold:
-    """As `_pushed`, but for rounding."""
-    from manifold3d import Manifold
-    from scipy.spatial import HalfspaceIntersection
-
-    others = ~((part.normals @ normal > 1.0 - 1e-9) & (np.abs(part.offsets - offset) < 1e-9))
-    middle, size = part.vertices.mean(axis=0), part.diameter + height - offset
-    around = np.vstack([np.eye(3), -np.eye(3)])
-    normals = np.vstack([part.normals[others], normal, around])
-    room = np.concatenate([part.offsets[others], [height], 2.0 * size + around @ middle]) - normals @ middle
-    corners = HalfspaceIntersection(np.column_stack([normals, -room / size]), np.zeros(3)).intersections
-    return Manifold.hull_points(middle + size * corners)
 
 
 def _pushed(part: Polyhedron, normal: Array, offset: float, height: float) -> Polyhedron | None:
@@ -306,16 +282,7 @@ def _idealised(body: Polyhedron, tol: float) -> Array:
         for normal, offset in zip(normals, offsets, strict=True):
             for axis in np.flatnonzero(np.abs(normal) == 1.0):
                 points[vertex, axis] = normal[axis] * offset
-    return np.column_stack([_levelled(column) for column in points.T])
-
-
-def _levelled(values: Array) -> Array:
-    """Values that differ by rounding only, made equal."""
-    order = np.argsort(values, kind="stable")
-    first = np.concatenate([[True], np.diff(values[order]) > ROUNDING])
-    levelled = np.empty_like(values)
-    levelled[order] = values[order][np.maximum.accumulate(np.where(first, np.arange(len(values)), 0))]
-    return levelled
+    return level(points)
 
 
 def _cleaned(face: Face, corners: Array, planes: list[tuple[Array, float]], tol: float, slack: float) -> int:

@@ -264,13 +264,19 @@ def levelled(bodies: Sequence[Polyhedron]) -> tuple[Polyhedron, ...]:
 
     Values along an axis of which each is within 1e-12 m of the next become the least of them.
     """
-    points = np.vstack([body.vertices for body in bodies])
-    for column in points.T:
+    points = level(np.vstack([body.vertices for body in bodies]))
+    ends = np.cumsum([len(body.vertices) for body in bodies])[:-1]
+    return tuple(with_vertices(body, own) for body, own in zip(bodies, np.split(points, ends), strict=True))
+
+
+def level(points: Array) -> Array:
+    """Points (n, 3), m, with coordinates that differ by rounding alone made equal."""
+    found = points.copy()
+    for column in found.T:
         order = np.argsort(column, kind="stable")
         first = np.concatenate([[True], np.diff(column[order]) > _LEVEL])
         column[order] = column[order][np.maximum.accumulate(np.where(first, np.arange(len(column)), 0))]
-    ends = np.cumsum([len(body.vertices) for body in bodies])[:-1]
-    return tuple(with_vertices(body, own) for body, own in zip(bodies, np.split(points, ends), strict=True))
+    return found
 
 
 def rounded(polyhedron: Polyhedron) -> Polyhedron:

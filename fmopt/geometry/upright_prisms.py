@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.plane.convex_polygons import Convex, convex_pieces
-from fmopt.geometry.polyhedron import Face, Polyhedron, from_faces
-from fmopt.spatial.values import Array
+from fmopt.geometry.plane.convex_polygons import Convex, convex_pieces, slabs
+from fmopt.geometry.polyhedron import Polyhedron, from_faces
 
 if TYPE_CHECKING:
     from shapely import Polygon
@@ -92,11 +91,7 @@ def _lacking(whole: Convex, section: BaseGeometry, thin: float) -> Iterator[Conv
     if section.is_empty:  # between two walls that nothing joins
         yield whole
         return
-    hull = _convex(section.convex_hull)
-    for a, b in zip(hull.corners, (*hull.corners[1:], hull.corners[0]), strict=True):
-        beyond = whole.beyond(b, a, None)
-        if beyond is not None and is_thick(Polygon(beyond.outline)):
-            yield beyond
+    yield from (slab for slab in slabs(whole, _convex(section.convex_hull)) if is_thick(Polygon(slab.outline)))
     # No sides cross, so that corners are those there are.
     for polygon in get_parts(section.convex_hull.difference(section)):
         if is_thick(polygon):
@@ -121,25 +116,20 @@ def _section(body: Polyhedron, axis: int, height: float) -> BaseGeometry:
     """The section at a height, of the coordinates that follow the axis."""
     from shapely import MultiLineString, build_area
 
-    upright = (face for face in body.faces if abs(face.normal[axis]) < 0.5)
-    return build_area(
-        MultiLineString([side for face in upright for side in _crossed(body.vertices, face, axis, height)])
-    )
-
-
-def _crossed(vertices: Array, face: Face, axis: int, height: float) -> Iterator[tuple[_Point, _Point]]:
-    """Where an upright face crosses a height: from, to."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
-    found = []
-    for loop in face.loops:
-        corners = vertices[list(loop)]
-        for p, q in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            # Between levels edges of walls are upright: they cross where their corners are, nothing is interpolated.
-            if (p[axis] > height) != (q[axis] > height):
-                found.append((float(p[u]), float(p[v])))
-    found.sort(key=lambda at: at[1] * face.normal[u] - at[0] * face.normal[v])
-    # Between the first crossing and the second there is wall, between the second and the third none.
-    yield from zip(found[::2], found[1::2], strict=True)
+    sides: list[tuple[_Point, _Point]] = []
+    crossed: list[list[_Point]] = [[] for _ in body.faces]
+    for edge in body.edges:
+        p, q = body.vertices[list(edge.vertices)]
+        # Between levels edges of walls are upright: they cross where their corners are, nothing is interpolated.
+        if (p[axis] > height) != (q[axis] > height):
+            for number in edge.faces:
+                crossed[number].append((float(p[u]), float(p[v])))
+    for face, found in zip(body.faces, crossed, strict=True):
+        found.sort(key=lambda at: at[1] * face.normal[u] - at[0] * face.normal[v])
+        # Between the first crossing and the second there is wall, between the second and the third none.
+        sides += zip(found[::2], found[1::2], strict=True)
+    return build_area(MultiLineString(sides))
 
 
 def _prism(piece: Convex, axis: int, low: float, high: float) -> Polyhedron:

@@ -21,7 +21,7 @@ from fmopt.geometry.convex_pieces import pieces, polyhedron
 from fmopt.geometry.csg import Box, Difference, Placed, Prism, Solid, Union
 from fmopt.geometry.facets import merged_vertices
 from fmopt.geometry.fit.find import Fit, find
-from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
+from fmopt.geometry.inverse_csg import MESH_NOISE, apart
 from fmopt.geometry.mesh.mesh_file import read_triangles
 from fmopt.geometry.mesh.mesh_import import load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
@@ -152,7 +152,7 @@ def test_an_angle_cut_by_two_boxes_comes_apart(width: float, shift: tuple[float,
     one = Placed(Box((0.0202, 1e-3 * width, length)), at(x, y, -0.01 if length > 0.05 else 0.02))
     other = Placed(Box((1e-3 * width, 0.0202, length)), at(x - 0.006, y + 0.006, -0.01 if length > 0.05 else 0.02))
     body = polyhedron(Difference(Box((0.06, 0.06, 0.04)), (one, other)))
-    again = solid_of(body, MESH_NOISE * body.diameter)
+    again = apart(body, MESH_NOISE * body.diameter)[0]
     assert polyhedron(again).volume == pytest.approx(body.volume, rel=1e-9)
     assert len(pieces(again)) >= 4
 

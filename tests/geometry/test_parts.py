@@ -14,7 +14,7 @@ from fmopt.errors import GeometryError, InterferenceError, ResourceError
 from fmopt.geometry.clearance import checked_clearance, interference, mating_clearance
 from fmopt.geometry.convex_pieces import _chain, pieces, polyhedron
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge, chamfered_box
-from fmopt.geometry.inverse_csg import solid_of
+from fmopt.geometry.inverse_csg import apart
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.part import Part, in_order, mesh_part, part_of, rebased
@@ -239,7 +239,7 @@ CROSSED = Difference(ISLAND, (Placed(Box((0.02, 0.08, 0.02)), at(z=0.04)),))
 @pytest.mark.parametrize(("solid", "tools"), [(CHAMFERED, 2), (ISLAND, None), (FLANGED, None), (CROSSED, None)])
 def test_hull_minus_cut_excess_is_the_solid(solid: Solid, tools: int | None) -> None:
     body = polyhedron(solid)
-    made = solid_of(body, 1e-7)
+    made = apart(body, 1e-7)[0]
     again = polyhedron(made)
     assert again.volume == pytest.approx(body.volume, rel=1e-9)
     assert (len(again.vertices), len(again.faces)) == (len(body.vertices), len(body.faces))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fmopt.errors import GeometryError, InputError, TaskError
 from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Box, Difference, Hull, Placed, Solid, Union
-from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
+from fmopt.geometry.inverse_csg import MESH_NOISE, apart
 from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.spatial.se3 import Pose
 from fmopt.task.model import load_model
@@ -160,7 +160,7 @@ BLOCK = Difference(Box((0.06, 0.06, 0.04)), (Placed(Box((0.02, 0.02, 0.04)), at(
 
 def test_a_mesh_is_its_hull_less_what_that_has_too_much() -> None:
     body = polyhedron(BLOCK)
-    tree = object_tree("mesh", chain_of(solid_of(body, MESH_NOISE * body.diameter), "mesh"), [HOLE], {})
+    tree = object_tree("mesh", chain_of(apart(body, MESH_NOISE * body.diameter)[0], "mesh"), [HOLE], {})
     assert [(f.sign, f.name) for f in tree.features] == [("+", "mesh"), ("-", "hole")]
     assert polyhedron(tree.solid).volume == pytest.approx(body.volume, rel=1e-9)
 
