@@ -33,22 +33,15 @@ _TOUCH = 1e-9  # m, overlaps up to this count as touching
 
 
 def deepest(bodies: Sequence[Polyhedron], others: Sequence[Polyhedron]) -> float:
-    """The largest `penetration` over all pairs, m; negative when every pair is apart, −∞ when there is no pair.
-
-    Args:
-        bodies, others: convex, in one frame.
-    """
+    """The largest `penetration` over all pairs, m; negative when every pair is apart, −∞ when there is no pair."""
     return max((penetration(body, other) for body in bodies for other in others), default=-np.inf)
 
 
 def penetration(body: Polyhedron, other: Polyhedron) -> float:
-    """Length in m of the shortest shift that takes two convex polyhedra apart.
+    """Length in m of the shortest shift that takes two convex polyhedra in one frame apart.
 
     Negative when they are apart: then its size is the gap between two parallel planes that separate them, which is at
-    most their distance.
-
-    Args:
-        body, other: convex, in one frame; only `body` may have balls.
+    most their distance. Only `body` may have balls.
     """
     faces = np.vstack([body.normals, -other.normals])
     if body.balls:
@@ -70,11 +63,7 @@ def _overlaps(body: Polyhedron, other: Polyhedron, axes: Array) -> float:
 
 
 def towards(body: Polyhedron, centre: Array) -> Array:
-    """Unit directions (k, 3) from a ball's centre to the nearest points of the edges of a polyhedron.
-
-    Args:
-        centre: (3,), m, in its frame.
-    """
+    """Unit directions (k, 3) from a ball's centre (3,), m, to the nearest points of the edges of a polyhedron."""
     start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
     along = end - start
     share = np.clip(np.vecdot(centre - start, along) / np.vecdot(along, along), 0.0, 1.0)
@@ -140,9 +129,6 @@ def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
     Every section of the peg's first `depth` metres is held against every section of the hole that it passes. Sections
     are taken at both ends and the middle of each stretch between vertex levels.
 
-    Args:
-        depth: insertion depth, m.
-
     Raises:
         GeometryError: peg or hole has no material at those depths.
     """
@@ -175,13 +161,10 @@ def facing(moving: Part, fixed: Part, depth: float) -> list[tuple[Slice, Slice]]
 
 
 def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:
-    """Overlap of the moving part at `pose` with the fixed part.
+    """Overlap of the moving part at `pose` in the B-frame with the fixed part.
 
     The volume is that of the boolean intersection; the depth is the largest over all pairs of convex pieces of the
     shortest shift that takes the pair apart, so that parts which only touch have depth 0.
-
-    Args:
-        pose: of the moving part in the B-frame.
     """
     bodies = [placed(body, pose) for body in moving.bodies]
     depth = deepest(bodies, fixed.pieces)
@@ -196,10 +179,7 @@ def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:
 
 
 def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> Clearance:
-    """The measured clearance of parts that can be assembled.
-
-    Args:
-        seated: pose of the moving part in the B-frame at the goal.
+    """The measured clearance of parts that can be assembled, and end at the pose `seated` in the B-frame.
 
     Raises:
         InterferenceError: the clearance is not positive, or the parts overlap when seated.
@@ -286,11 +266,7 @@ def gap(peg: MultiPolygon, hole: MultiPolygon) -> float:
 
 
 def overlap_shrunk(peg: MultiPolygon, hole: MultiPolygon, offset: float) -> bool:
-    """Whether two sections overlap still when the peg's has shrunk by an offset.
-
-    Args:
-        offset: m, not negative.
-    """
+    """Whether two sections overlap still when the peg's has shrunk by an offset (m, not negative)."""
     # 1e-15 m², 1 nm by 1 µm: less is what rounding leaves where they touch.
     return bool(shrunk(peg, offset).intersection(hole).area > 1e-6 * _TOUCH)
 

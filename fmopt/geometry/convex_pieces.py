@@ -63,13 +63,9 @@ def pieces(solid: Solid) -> tuple[Polyhedron, ...]:
 
 
 def clip(body: Polyhedron, normal: Array, offset: float) -> Polyhedron | None:
-    """The part of a convex polyhedron in the half-space normal·x ≤ offset, None when there is none.
+    """The part of a convex polyhedron in the half-space normal·x ≤ offset (m), None when there is none.
 
-    Vertices on the plane stay as they are; cuts across an axis get that coordinate exactly.
-
-    Args:
-        normal: unit normal (3,).
-        offset: m.
+    Vertices on the plane stay as they are; cuts across an axis get that coordinate exactly. The normal is (3,).
     """
     height = body.vertices @ normal - offset
     side = np.where(np.abs(height) <= ROUNDING, 0, np.sign(height)).astype(int)
@@ -312,12 +308,7 @@ def _is_thick(shell: Manifold) -> bool:
 
 
 def snapped(points: Array, known: Array) -> Array:
-    """Points (n, 3) whose coordinates that differ from a coordinate of the known points by rounding are that one.
-
-    Args:
-        points: (n, 3), m.
-        known: (m, 3), m; each axis is taken by itself.
-    """
+    """Points (n, 3), m, with coordinates that are off a coordinate of known points (m, 3) by rounding made that one."""
     return np.column_stack([_snapped(points[:, axis], known[:, axis]) for axis in range(3)])
 
 

@@ -58,9 +58,7 @@ def along_edge(i: int, chosen: Sequence[int], ends: Array, inward: Array, offset
     """Whether a convex part before some edges goes along the line of one of them no farther than the edge does.
 
     Args:
-        ends: as for `convex_regions` (2, n, 3), m.
-        inward: of each edge (n, 3), of length 1.
-        offsets: of the edges (n,), m.
+        ends, inward, offsets: as for `convex_regions`, (2, n, 3), (n, 3) and (n,), m.
     """
     way = ends[1, i] - ends[0, i]
     low, high = -np.inf, np.inf

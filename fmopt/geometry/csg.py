@@ -209,12 +209,7 @@ def corners(primitive: Primitive) -> Array:
 
 
 def convex_polyhedron(primitive: Primitive, pose: Pose) -> Polyhedron:
-    """The primitive, placed, as a convex polyhedron with its corners as vertices, exact to the bit when not turned.
-
-    Args:
-        primitive: in its own frame.
-        pose: of that frame where the polyhedron is wanted.
-    """
+    """The primitive at a pose as a convex polyhedron with its corners as vertices, exact to the bit when not turned."""
     place = exact_pose(pose)
     # As numbers, which can be keys of what is remembered; arrays cannot.
     return _standing(primitive, tuple(place.p.tolist()), tuple(place.R.ravel().tolist()))
@@ -234,21 +229,12 @@ def exact_pose(pose: Pose) -> Pose:
 
 
 def ring(radius: float, sides: int) -> Array:
-    """Corners (n, 2) of the regular polygon inscribed in a circle, mirror-symmetric to the last bit, a flat at +x.
-
-    Args:
-        radius: of the circle through the corners, m.
-        sides: their number, 3 or more.
-    """
+    """Corners (n, 2), m, of the regular polygon in a circle, mirror-symmetric to the last bit, a flat at +x."""
     return radius * np.array([(_cosine(j, sides), _sine(j, sides)) for j in range(1, 2 * sides, 2)])
 
 
 def primitives(solid: Solid, pose: Pose, tools: bool = True) -> Iterator[tuple[Primitive, Pose]]:
-    """All primitives that a solid is made of, each with the pose of its frame; without those taken away if not `tools`.
-
-    Args:
-        pose: of the solid's frame.
-    """
+    """The primitives of a solid at a pose, each with its own pose; those that are taken away only with `tools`."""
     match solid:
         case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
             yield solid, pose

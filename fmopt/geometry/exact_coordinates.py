@@ -45,7 +45,6 @@ def exact_vertices(
     """The exact coordinates of those vertices whose floats are not in all planes of their faces.
 
     Args:
-        body: the part's boundary.
         most: how far from the floats they may be, m.
 
     Raises:
@@ -67,13 +66,9 @@ def exact_vertices(
 def facing_directions(
     moving: Polyhedron, exact: Mapping[int, Exact], fixed: Polyhedron, faces: Sequence[int]
 ) -> dict[int, Direction]:
-    """The normals that some faces of a part should have because faces of the other one lie flat in them.
+    """The normals that some faces of the fixed part should have because faces of the moving one lie flat in them.
 
-    They are opposite to normals of the other part, but for less than `MOST` over their extent.
-
-    Args:
-        moving: the other part's boundary.
-        fixed: the part's boundary.
+    They are opposite to normals of the moving part, but for less than `MOST` over their extent.
     """
     found = {}
     for n in faces:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -28,15 +28,6 @@ SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for 
 
 Indices = NDArray[np.int64]
 Loop = tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class _Mesh:
-    """Triangles with, for each side k (from corner k to k + 1), the triangle and side across it."""
-
-    vertices: Array
-    triangles: Indices
-    across: tuple[tuple[tuple[int, int], ...], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,33 +95,30 @@ def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices,
 
     Args:
         vertices, triangles, tol, numbers: as for `polygon_faces`, (n, 3) and (m, 3), tol in m, and (m,).
+        most: faces that there may be.
 
     Raises:
         GeometryError: as `polygon_faces`.
     """
-    mesh = _Mesh(vertices, triangles, _across(vertices, triangles, numbers))
-    normals, heights = _frames(vertices, triangles)
-    return Patchwork(vertices, triangles, mesh.across, _regions(mesh, normals, heights, (tol, most)))
+    across = _across(vertices, triangles, numbers)
+    parts = Patchwork(vertices, triangles, across, np.full(len(triangles), -1, dtype=np.int64))
+    return replace(parts, region=_regions(parts, tol, most))
 
 
 def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[tuple[Loop, ...], ...], Indices]:
-    """The faces of regions of triangles as loops, outer loop first, collinear vertices dropped; and these regions (m,).
+    """The faces of regions (m,) of triangles as loops, outer first, collinear vertices dropped; and these regions (m,).
 
     A region without corners, such as a sliver along an edge, goes to the one beside it with which it shares most.
-
-    Args:
-        region: number of the region of each triangle (m,).
 
     Raises:
         GeometryError: a region is all of a surface that closes; or there are more than `MAX_FACES`.
     """
-    mesh = _Mesh(parts.vertices, parts.triangles, parts.across)
     if len(np.unique(region)) > MAX_FACES:
         raise _too_many(len(region))
-    outlines = _outlines(mesh, region)
+    outlines = _outlines(parts, region)
     while (bare := _without_corners(outlines)) is not None:  # with each there is one region less
         region = _handed_over(parts, region, bare)
-        outlines = _outlines(mesh, region)
+        outlines = _outlines(parts, region)
     if len(whole := np.flatnonzero(~np.isin(region, [*outlines]))):  # all of a surface that closes
         where = place(parts.vertices[parts.triangles[whole[0], 0]])
         raise GeometryError(f"the face at {where} has no corners", "export the mesh again: it bounds no solid there")
@@ -138,12 +126,7 @@ def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[tuple[Loop, ...],
 
 
 def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Array, Indices, Indices]:
-    """Vertices within `reach` of each other become the first of them, triangles that vanish by it are dropped.
-
-    Args:
-        points: (n, 3), m.
-        triangles: (m, 3) vertex indices.
-        reach: m.
+    """Points (n, 3) within `reach` (m) of each other become the first of them, triangles (m, 3) without area go.
 
     Returns:
         The points (k, 3), the triangles (j, 3) over them, and which of the triangles given (j,) these are.
@@ -159,11 +142,7 @@ def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Ar
 
 
 def first_within(points: Array, reach: float) -> Indices:
-    """For each point (n,) the first of those that hang together by steps of at most `reach`.
-
-    Args:
-        points: (n, 3), m.
-        reach: m.
+    """For each point (n, 3) the first of those that hang together by steps of at most `reach`, m.
 
     Raises:
         GeometryError: the points lie in heaps.
@@ -234,42 +213,37 @@ def span(vertices: Array, side: tuple[int, int]) -> str:
     return f"{side[0]}-{side[1]} from {place(vertices[side[0]])} to {place(vertices[side[1]])}"
 
 
-def _frames(vertices: Array, triangles: Indices) -> tuple[Array, Array]:
+def _frames(parts: Patchwork) -> tuple[Array, Array]:
     """Unit normals (m, 3) and smallest heights (m,) of the triangles; slivers have heights near 0."""
-    a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    area = np.cross(b - a, c - a)
-    size = np.linalg.norm(area, axis=1)
-    longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
-    return area / np.where(size > 0.0, size, 1.0)[:, None], size / np.where(longest > 0.0, longest, 1.0)
+    corners, area = parts.vertices[parts.triangles], np.linalg.norm(parts.areas, axis=1)
+    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    return parts.areas / np.where(area > 0.0, area, 1.0)[:, None], 2.0 * area / np.where(longest > 0.0, longest, 1.0)
 
 
-def _regions(mesh: _Mesh, normals: Array, heights: Array, limits: tuple[float, int]) -> Indices:
-    """Number of the planar face of each triangle, grown from large triangles so that slivers decide nothing.
-
-    `limits`: how far off a plane its triangles may be, m, and how many faces there may be.
-    """
-    tol, most = limits
-    region = np.full(len(mesh.triangles), -1, dtype=np.int64)
-    offsets = np.einsum("ij,ij->i", normals, mesh.vertices[mesh.triangles[:, 0]])
-    spans = np.ptp(mesh.vertices[mesh.triangles], axis=1).max(axis=1)
+def _regions(parts: Patchwork, tol: float, most: int) -> Indices:
+    """Number of the planar face of each triangle, grown from large triangles so that slivers decide nothing."""
+    normals, heights = _frames(parts)
+    region = parts.region.copy()
+    offsets = np.einsum("ij,ij->i", normals, parts.vertices[parts.triangles[:, 0]])
+    spans = np.ptp(parts.vertices[parts.triangles], axis=1).max(axis=1)
     count = 0
     for seed in np.argsort(-heights * spans, kind="stable"):
         if region[seed] >= 0:
             continue
         # The normal of a sliver says nothing: it goes with what is across its longest side, once that has a face.
         if heights[seed] <= tol:
-            region[seed] = _over_longest_side(mesh, region, int(seed))
+            region[seed] = _over_longest_side(parts, region, int(seed))
         if region[seed] >= 0:
             continue
         if count == most:
             raise _too_many(len(region))
-        near = np.abs(mesh.vertices @ normals[seed] - offsets[seed]) <= tol
+        near = np.abs(parts.vertices @ normals[seed] - offsets[seed]) <= tol
         region[seed] = count
         front = [int(seed)]
         while front:
-            for neighbour, _ in mesh.across[front.pop()]:
+            for neighbour, _ in parts.across[front.pop()]:
                 alike = heights[neighbour] <= _FOLD * tol or normals[neighbour] @ normals[seed] > 0.0
-                if region[neighbour] < 0 and alike and near[mesh.triangles[neighbour]].all():
+                if region[neighbour] < 0 and alike and near[parts.triangles[neighbour]].all():
                     region[neighbour] = count
                     front.append(neighbour)
         count += 1
@@ -281,28 +255,28 @@ def _too_many(triangles: int) -> GeometryError:
     return GeometryError(message, "give curved surfaces fewer facets, by a coarser export or by lower 'sides'")
 
 
-def _over_longest_side(mesh: _Mesh, region: Indices, triangle: int) -> int:
-    corners = mesh.vertices[mesh.triangles[triangle]]
+def _over_longest_side(parts: Patchwork, region: Indices, triangle: int) -> int:
+    corners = parts.vertices[parts.triangles[triangle]]
     lengths = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
-    return int(region[mesh.across[triangle][int(np.argmax(lengths))][0]])
+    return int(region[parts.across[triangle][int(np.argmax(lengths))][0]])
 
 
-def _outlines(mesh: _Mesh, region: Indices) -> dict[int, list[list[int]]]:
+def _outlines(parts: Patchwork, region: Indices) -> dict[int, list[list[int]]]:
     """For each face its loops; at a vertex that a loop meets twice, the walk turns inside the face's own fan."""
     loops: dict[int, list[list[int]]] = {}
     done: set[tuple[int, int]] = set()
-    for start in ((t, k) for t in range(len(mesh.triangles)) for k in range(3)):
+    for start in ((t, k) for t in range(len(parts.triangles)) for k in range(3)):
         number = int(region[start[0]])
-        if start in done or region[mesh.across[start[0]][start[1]][0]] == number:
+        if start in done or region[parts.across[start[0]][start[1]][0]] == number:
             continue
         loop = []
         t, k = start
         while (t, k) not in done:
             done.add((t, k))
-            loop.append(int(mesh.triangles[t][k]))
+            loop.append(int(parts.triangles[t][k]))
             k = (k + 1) % 3
-            while region[mesh.across[t][k][0]] == number:
-                t, k = mesh.across[t][k]
+            while region[parts.across[t][k][0]] == number:
+                t, k = parts.across[t][k]
                 k = (k + 1) % 3
         loops.setdefault(number, []).append(loop)
     return loops

@@ -50,11 +50,8 @@ _PAIRS = 128  # reflex edges up to which planes through any two are tried; above
 def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
     """A CSG solid equal to a polyhedron but for noise; and the polyhedron without it, in the coordinates of the solid.
 
-    Face planes within `tol` of each other or of an axis direction become one, vertices move onto their planes, and
-    excess thinner than `tol` is dropped.
-
-    Args:
-        tol: size of the noise, m.
+    Face planes within `tol` (m, the size of the noise) of each other or of an axis direction become one, vertices move
+    onto their planes, and excess thinner than `tol` is dropped.
 
     Raises:
         GeometryError: the excess does not come apart into convex bodies.

@@ -96,11 +96,7 @@ class Part(Value):
 
 
 def part_of(name: str, solid: Solid, features: Sequence[Feature] = ()) -> Part:
-    """The part of a solid, in the solid's model frame.
-
-    Args:
-        solid: in its model frame.
-        features: frames in the model frame.
+    """The part of a solid in its model frame, in which the features are as well.
 
     Raises:
         GeometryError: the solid is empty or has edges of no thickness.
@@ -109,11 +105,7 @@ def part_of(name: str, solid: Solid, features: Sequence[Feature] = ()) -> Part:
 
 
 def with_balls(part: Part, balls: Sequence[tuple[ArrayLike, float]]) -> Part:
-    """A part with exact balls besides, whose centres are the last vertices of its boundary.
-
-    Args:
-        part: the part, in the frame of the centres.
-        balls: centre (3,) and radius of each, m.
+    """A part with exact balls besides (centre (3,) and radius, m), whose centres are the last vertices of its boundary.
 
     Raises:
         GeometryError: a radius is not positive, or two balls, or a ball and a corner, are in one place.
@@ -145,9 +137,7 @@ def mesh_part(name: str, mesh: Imported, features: Sequence[Feature] = (), chord
     (1, 3000)
 
     Args:
-        name: the part's name.
-        mesh: as `load_mesh` returns it, in the model frame.
-        features: mating features in the model frame, as far as they are known.
+        mesh, features: in the model frame.
         chord_error: how far the true curved surfaces lie from the mesh, m; the mesh's own estimate if not given.
 
     Raises:
@@ -186,12 +176,7 @@ def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:
 
 
 def rebased(part: Part, pose: Pose) -> Part:
-    """The part expressed in the frame `pose` (given in the part's present frame), which becomes the origin.
-
-    Args:
-        part: in any frame.
-        pose: of the new frame in the present one.
-    """
+    """The part expressed in the frame `pose` (given in the part's present frame), which becomes the origin."""
     inward = exact_pose(pose).inverse()
     bodies = tuple(rounded(placed(body, inward)) for body in (part.polyhedron, *part.pieces))
     if not np.all(np.isin(inward.R, (-1.0, 0.0, 1.0))):  # quarter turns keep equal coordinates equal
@@ -201,13 +186,10 @@ def rebased(part: Part, pose: Pose) -> Part:
 
 
 def in_order(part: Part) -> Part:
-    """The part with its pieces and their corners and faces in an order that comes from where they are.
+    """The part with its pieces and their corners and faces in an order that comes from where they are in its frame.
 
     Files name them in the order of the program that wrote them. A motion that is looked for among them one after
     another is then the same for a part however it came.
-
-    Args:
-        part: in the frame of its mating feature.
     """
     askew = _ASKEW / part.polyhedron.diameter
     pieces = sorted((_in_order(piece, askew) for piece in part.pieces), key=lambda piece: _rank(piece.vertices, askew))
@@ -233,11 +215,7 @@ def _rank(corners: Array, askew: Array) -> float:
 
 
 def stretched(part: Part, factors: Sequence[float]) -> Part:
-    """The part stretched along its axes by positive factors (3,), `rounded`; its features stay where they are.
-
-    Args:
-        factors: (3,), positive, along x, y and z.
-    """
+    """The part stretched along its axes by positive factors (3,), `rounded`; its features stay where they are."""
     return replace(
         part,
         polyhedron=rounded(scaled(part.polyhedron, factors)),
@@ -250,11 +228,9 @@ def stretched(part: Part, factors: Sequence[float]) -> Part:
 def settled(moving: Part, fixed: Part) -> tuple[Part, Part]:
     """Two parts with their vertices at the floats nearest to exact coordinates, facing faces exactly parallel.
 
-    Rounded coordinates turn a face of 20 mm by 1e-13 off its own plane and off the face that comes to lie in it. What a
-    motion is found for are then not quite the parts that a proof is about, which has exact ones.
-
-    Args:
-        fixed: the fixed one in the same frame, but for a shift.
+    Both are in one frame, but for a shift. Rounded coordinates turn a face of 20 mm by 1e-13 off its own plane and off
+    the face that comes to lie in it. What a motion is found for are then not quite the parts that a proof is about,
+    which has exact ones.
 
     Raises:
         GeometryError: there are no exact coordinates within 0.1 nm of the floats.
@@ -280,12 +256,9 @@ def _settled(part: Part, exact: Mapping[int, Exact]) -> Part:
 
 
 def _in_planes(piece: Polyhedron, body: Polyhedron, moved: Mapping[bytes, Array]) -> Polyhedron:
-    """A piece whose faces are in the planes of a part's faces where they were but for rounding.
+    """A piece whose faces are in the planes of faces of a part's boundary `body` where they were but for rounding.
 
     A face of 2 mm that rounding turns is 1e-12 off 10 mm farther out, where a piece goes on behind it.
-
-    Args:
-        body: the part's boundary.
     """
     planes = list[tuple[Array, float]]()
     for face in piece.faces:

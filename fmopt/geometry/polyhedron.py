@@ -202,10 +202,7 @@ def triangulated(body: Polyhedron) -> NDArray[np.int64]:
 
 
 def plane_of(points: Array, loops: Sequence[Sequence[int]]) -> tuple[Array, float]:
-    """Unit normal (3,) and offset (m) of the plane through loops of points, exact when all share a coordinate.
-
-    Args:
-        points: (n, 3), m.
+    """Unit normal (3,) and offset (m) of the plane through loops of points (n, 3), exact when all share a coordinate.
 
     Raises:
         GeometryError: the loops have no area.
@@ -238,21 +235,12 @@ def plane_basis(normal: Array) -> Array:
 
 
 def placed(polyhedron: Polyhedron, pose: Pose) -> Polyhedron:
-    """The polyhedron moved by a pose; planes of faces that stay axis-parallel are exact.
-
-    Args:
-        polyhedron: in its own frame.
-        pose: of that frame where it is wanted.
-    """
+    """The polyhedron moved by a pose; planes of faces that stay axis-parallel are exact."""
     return with_vertices(polyhedron, pose.apply(polyhedron.vertices) + 0.0)
 
 
 def scaled(polyhedron: Polyhedron, factors: Sequence[float]) -> Polyhedron:
-    """The polyhedron stretched along the axes by positive factors (3,); balls stay balls, by the least of these.
-
-    Args:
-        factors: (3,), positive, along x, y and z.
-    """
+    """The polyhedron stretched along the axes by positive factors (3,); balls stay balls, by the least of these."""
     found = with_vertices(polyhedron, polyhedron.vertices * np.asarray(factors))
     if not polyhedron.balls:
         return found
@@ -285,21 +273,14 @@ def rounded(polyhedron: Polyhedron) -> Polyhedron:
 
 
 def with_vertices(polyhedron: Polyhedron, points: Array) -> Polyhedron:
-    """The polyhedron with its vertices at other points (n, 3), m, as good as in the same planes.
-
-    Args:
-        points: (n, 3), m, one for each of its vertices.
-    """
+    """The polyhedron with its vertices at other points (n, 3), m, as good as in the same planes."""
     planes = [plane_of(points, face.loops) for face in polyhedron.faces]
     faces = tuple(Face(face.loops, *plane) for face, plane in zip(polyhedron.faces, planes, strict=True))
     return Polyhedron(points, faces, polyhedron.edges, polyhedron.balls)
 
 
 def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
-    """The convex hull of points (n, 3) with merged faces; its vertices are input points, bit for bit, in input order.
-
-    Args:
-        points: (n, 3), m.
+    """The convex hull of points (n, 3), m, with merged faces; its vertices are input points to the bit, in their order.
 
     Raises:
         GeometryError: the points lie in a plane, or as good as in one.

@@ -39,7 +39,6 @@ def imported_of(thing: object, unit: Unit | None = None) -> Imported:
         thing: a Workplane, Shape or Assembly of CadQuery, a Part, Solid or builder of build123d, a shape of OCP, with
             one solid; a Trimesh; a Manifold; or a pair of an outline and a height: corners (n, 2) of a polygon, or
             several such loops, the outer one first, then its holes, in the plane of x and y, the height along z.
-        unit: length unit of its numbers.
 
     Raises:
         GeometryError: no such object, no unit where one is needed, or no solid.
@@ -97,10 +96,7 @@ def _of_shape(thing: object, unit: Unit) -> Imported:
 
 
 def step_of(thing: object, path: Path, unit: str | None = None) -> bool:
-    """Writes a solid of a CAD library as a STEP file, which its own kernel does; False for any other object.
-
-    Args:
-        unit: of the solid's numbers, mm if not given.
+    """Writes a solid of a CAD library, in mm if not said, as a STEP file by its own kernel; False for other objects.
 
     Raises:
         GeometryError: it holds no shape.

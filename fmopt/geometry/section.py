@@ -51,20 +51,12 @@ def section(bodies: Sequence[Polyhedron], frame: Pose) -> MultiPolygon:
 
     Where the plane runs in a face the answer is what both sides share: the seam of two stacked bodies is full, the top
     of a body empty.
-
-    Args:
-        frame: pose of the section plane.
     """
     return _polygons(section_limit(bodies, frame, 1).intersection(section_limit(bodies, frame, -1)))
 
 
 def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1]) -> MultiPolygon:
-    """The limit of the sections of a union of convex bodies when the plane comes from above (1) or below (−1).
-
-    Args:
-        frame: whose plane z = 0 cuts them.
-        side: from where that plane comes, 1 for its positive z.
-    """
+    """The limit of `section` where the plane comes from above (1) or below (−1)."""
     from shapely import MultiPoint, Point
 
     to_frame = exact_pose(frame).inverse()
@@ -130,10 +122,7 @@ def reach(solid: Solid) -> Array:
 
 
 def require_plausible(points: Array) -> None:
-    """Refuses parts that no robot has in its hand.
-
-    Args:
-        points: (n, 3), m.
+    """Refuses parts, by points (n, 3) in m, that no robot has in its hand.
 
     Raises:
         SizeError: they extend over more than 4 m along an axis, or over less than 0.1 mm along all of them.
@@ -153,11 +142,7 @@ def told(size: float) -> str:
 
 
 def lowest_point(moving: Part, pose: Pose) -> float:
-    """How high the lowest point of the moving part is above the mouth, m.
-
-    Args:
-        pose: of the moving part in the B-frame, whose z = 0 is the mouth.
-    """
+    """How high the lowest point of the moving part, at a pose in the B-frame, is above the mouth z = 0, m."""
     return float((pose.apply(moving.polyhedron.vertices)[:, 2] - moving.polyhedron.radii).min())
 
 
@@ -216,13 +201,10 @@ def corner_turns(tip: Array) -> Array:
 
 
 def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """The sides of the leading face on both ways from a corner: inward normal (2,) and a point (2,) on each.
+    """The sides of the leading face on both ways from its corner (3,): inward normal (2,) and a point (2,) on each.
 
     Short sides, such as chamfers, are passed over, and so are sides on until the two stand at an angle. What is short
     is told by the longest side, of an outline so slender that two opposite sides are left by its width, or nothing is.
-
-    Args:
-        corner: (3,), m, in the body frame, of its leading face.
     """
     vertices = moving.polyhedron.vertices
     at = int(np.argmin(np.linalg.norm(vertices - corner, axis=1)))
@@ -293,22 +275,15 @@ def walls_around(moving: Part) -> Walls:
 
 
 def reaching_below(moving: Part, pose: Pose) -> Array:
-    """Where (n, 2) the moving part is below the mouth at most, x and y in the B-frame, m.
-
-    Args:
-        pose: of the moving part in the B-frame, whose z = 0 is the mouth.
-    """
+    """Where (n, 2) the moving part at a pose in the B-frame is below the mouth z = 0 at most, x and y there, m."""
     points = pose.apply(moving.polyhedron.vertices)
     return np.vstack([points[points[:, 2] < 0.0, :2], _crossings(moving.polyhedron, points)])
 
 
 def far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
-    """The long side around the tip that reaches farthest from a corner: that end (3,), and the other (3,).
+    """The long side around the tip that reaches farthest from a corner (3,): that end (3,), and the other (3,).
 
     Of two that meet there, the one that runs more along x.
-
-    Args:
-        corner: (3,), m, in the body frame.
     """
     loop = outline(leading_face(moving))
     after = np.roll(loop, -1, axis=0)

@@ -44,9 +44,7 @@ class Prisms(NamedTuple):
 def upright_prisms(body: Polyhedron, thin: float = 0.0) -> Prisms | None:
     """A body as the fewest prisms; None where its faces have no axis in common along which no section is nested.
 
-    Args:
-        body: closed; corners above each other or on one level agree to the bit.
-        thin: what it lacks no thicker than this, m, it counts as having.
+    Its corners above each other or on one level agree to the bit. What it lacks no thicker than `thin` (m) it has.
     """
     found = []
     for axis in range(3):
