@@ -70,35 +70,19 @@ class Patchwork:
         return around
 
 
-def polygon_faces(
-    vertices: Array, triangles: Indices, tol: float, numbers: Indices | None = None
-) -> tuple[tuple[Loop, ...], ...]:
-    """Faces of a closed triangle mesh as loops of vertex indices, outer loop first, collinear vertices dropped.
+def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices, most: int = MAX_FACES) -> Patchwork:
+    """A closed triangle mesh with the number of the planar face of each triangle.
 
     Args:
         vertices: (n, 3), m.
         triangles: (m, 3), counter-clockwise seen from outside.
         tol: triangles whose corners lie this close to a face's plane belong to the face, m.
-        numbers: what to call each triangle (m,) in an error; its index if not given.
-
-    Raises:
-        GeometryError: the mesh is open or its triangles disagree about orientation, naming a triangle and an edge; or
-            there are more than `MAX_FACES`.
-    """
-    called = np.arange(len(triangles)) if numbers is None else numbers
-    parts = patchwork(vertices, triangles, tol, called)
-    return faces_of(parts, parts.region)[0]
-
-
-def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices, most: int = MAX_FACES) -> Patchwork:
-    """A closed triangle mesh with the number of the planar face of each triangle.
-
-    Args:
-        vertices, triangles, tol, numbers: as for `polygon_faces`, (n, 3) and (m, 3), tol in m, and (m,).
+        numbers: what to call each triangle (m,) in an error.
         most: faces that there may be.
 
     Raises:
-        GeometryError: as `polygon_faces`.
+        GeometryError: the mesh is open or its triangles disagree about orientation, naming a triangle and an edge; or
+            there are more faces than that.
     """
     across = _across(vertices, triangles, numbers)
     parts = Patchwork(vertices, triangles, across, np.full(len(triangles), -1, dtype=np.int64))
@@ -318,14 +302,14 @@ def _straightened(
         axis = parts.areas[region == number].sum(axis=0)
         kept = [tuple(vertex for vertex in loop if meeting[vertex] > 2) for loop in outlines[number]]
         loops = [loop for loop in kept if len(loop) >= 3]
-        faces.append(tuple(sorted(loops, key=lambda loop: -float(loop_area(parts.vertices, loop) @ axis))))
+        faces.append(tuple(sorted(loops, key=lambda loop: -float(np.sum(fan(parts.vertices, loop) @ axis)))))
     return tuple(faces)
 
 
-def loop_area(vertices: Array, loop: Loop) -> Array:
-    """The normal (3,) of a loop of vertices (n, 3), m, as long as its area, m²."""
+def fan(vertices: Array, loop: Loop) -> Array:
+    """Normals (k, 3) of the triangles of a loop of vertices (n, 3) about its first, long by twice their areas, m²."""
     arms = vertices[list(loop)] - vertices[loop[0]]
-    return np.asarray(0.5 * np.cross(arms[1:-1], arms[2:]).sum(axis=0))
+    return np.cross(arms[:-1], arms[1:])
 
 
 def chords(body: Polyhedron) -> Iterator[tuple[tuple[int, int], tuple[float, float]]]:

@@ -8,7 +8,7 @@ meshes the exact half-space pieces of a CSG solid.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations, product
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import bounded, clip, convex_manifold, snapped
 from fmopt.geometry.csg import Difference, Hull, Placed, Solid, exact_pose
-from fmopt.geometry.facets import loop_area, merged_vertices
+from fmopt.geometry.facets import fan, merged_vertices
 from fmopt.geometry.polyhedron import (
     Face,
     Polyhedron,
@@ -44,7 +44,6 @@ _PUSHED = 0.05  # of the diameter: how far tools stand out of the hull
 _LEVEL = 1e-6  # of three normals: less is as good as a plane
 _NEAR = 1e-6  # of the size: no step worth taking
 _OVERLAP = 1e-9  # of the volume: what two bodies have in common by rounding
-_PAIRS = 128  # reflex edges up to which planes through any two are tried; above, through neighbours only
 
 
 def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
@@ -56,27 +55,22 @@ def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
     Raises:
         GeometryError: the excess does not come apart into convex bodies.
     """
+    turn, loops = _squared(body, 4.0 * tol / body.diameter), [face.loops for face in body.faces]
     try:
-        return _apart(body, tol)
+        if np.array_equal(turn, np.eye(3)):
+            solid, ideal = _upright(body, tol)
+            return solid, bounded(solid, from_faces(ideal, loops))
+        back = Pose(np.zeros(3), turn)
+        solid, ideal = _upright(placed(body, Pose(np.zeros(3), turn.T)), tol)
+        whole = Placed(solid, back)
+        return whole, bounded(whole, placed(from_faces(ideal, loops), exact_pose(back)))
     except GeometryError as error:  # of what was cut off, which nobody who reads this has made
         raise GeometryError("it does not come apart into convex bodies") from error
 
 
-def _apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
-    turn = _squared(body, 4.0 * tol / body.diameter)
-    loops = [face.loops for face in body.faces]
-    if np.array_equal(turn, np.eye(3)):
-        solid, ideal = _upright(body, tol)
-        return solid, bounded(solid, from_faces(ideal, loops))
-    back = Pose(np.zeros(3), turn)
-    solid, ideal = _upright(placed(body, Pose(np.zeros(3), turn.T)), tol)
-    whole = Placed(solid, back)
-    return whole, bounded(whole, placed(from_faces(ideal, loops), exact_pose(back)))
-
-
 def _squared(body: Polyhedron, slack: float) -> Array:
     """A rotation (3, 3) whose columns are normals of large faces, where coordinates of corners coincide to the bit."""
-    areas = [np.linalg.norm(sum(loop_area(body.vertices, loop) for loop in face.loops)) for face in body.faces]
+    areas = [np.linalg.norm(sum(fan(body.vertices, loop).sum(axis=0) for loop in face.loops)) for face in body.faces]
     order = [body.normals[i] for i in np.argsort(np.negative(areas), kind="stable")]
     z = order[0]
     x = next((normal for normal in order if abs(normal @ z) <= slack), None)
@@ -106,8 +100,7 @@ def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
         parts = [_grown(p, shape, ideal, p.faces) if len(some) > 1 else p for some in excess for p in some]
     else:
         outer = upright.base
-        ends = [[face for face in one.faces if abs(face.normal[upright.axis]) > 0.5] for one in upright.tools]
-        parts = [_grown(one, shape, ideal, faces) for one, faces in zip(upright.tools, ends, strict=True)]
+        parts = [_grown(one, shape, ideal, one.faces[:2]) for one in upright.tools]
     tools = tuple(_opened(part, outer, tol) for part in parts)
     base = _hull(outer.vertices)
     return (Difference(base, tools) if tools else base), ideal
@@ -206,44 +199,25 @@ def _halves(shape: Manifold, body: Polyhedron, plane: Plane) -> list[Manifold]:
 
 
 def _best_cut(body: Polyhedron, tol: float) -> Plane | None:
-    """The plane that holds most reflex edges, which it leaves convex on both sides; None when there are none.
+    """The plane of a face at a reflex edge that holds most reflex edges; None when there are none.
 
-    Candidates are the planes of the faces at reflex edges and the planes through two of the edges.
+    It leaves those that it holds convex on both sides.
     """
-    reflex = []
+    spans: list[Array] = []
+    planes: list[Plane] = []
     for edge in body.edges:
         one, other = (body.faces[number] for number in edge.faces)
         # A face that rises less than `tol` above the plane of the other is level with it but for noise.
         beyond = body.vertices[list(other.vertices)] @ one.normal - one.offset
         if not edge.convex and beyond.max() > tol:
-            reflex.append((edge.vertices, one.normal, other.normal))
-    spans = [body.vertices[list(ends)] for ends, *_ in reflex]
-    planes = [
-        (normal, float(normal @ span[0]))
-        for span, (_, *normals) in zip(spans, reflex, strict=True)
-        for normal in normals
-    ]
-    for i, j in combinations(range(len(reflex)), 2):
-        near = len(reflex) <= _PAIRS or set(reflex[i][0]) & set(reflex[j][0])
-        if near and (plane := _through(spans[i], spans[j], tol)):
-            planes.append(plane)
+            span = body.vertices[list(edge.vertices)]
+            spans.append(span)
+            planes += [(face.normal, float(face.normal @ span[0])) for face in (one, other)]
     if not planes:
         return None
     normals, offsets = np.array([normal for normal, _ in planes]), np.array([offset for _, offset in planes])
     held = np.all(np.abs(np.array(spans) @ normals.T - offsets) <= tol, axis=1)
     return planes[int(np.argmax(held.sum(axis=0)))]
-
-
-def _through(a: Array, b: Array, tol: float) -> Plane | None:
-    """The plane through two segments (2, 3), if there is one."""
-    corners = np.vstack([a, b])
-    centre = corners.mean(axis=0)
-    normal = np.linalg.svd(corners - centre)[2][2]
-    normal = np.where(np.abs(normal) < 1e-12, 0.0, normal)
-    flat = np.all(np.abs((corners - centre) @ normal) <= tol)
-    # Across an axis the coordinate of a corner to the bit, not a mean.
-    offset = float(normal @ (corners[0] if np.abs(normal).max() == 1.0 else centre))
-    return (normal, offset) if flat else None
 
 
 def _hull(points: Array) -> Hull:

@@ -15,7 +15,7 @@ import numpy as np
 from fmopt.errors import GeometryError
 from fmopt.geometry.mesh.mesh_import import Imported, Unit, mesh_polyhedron
 from fmopt.geometry.mesh.round_planes import chord_error
-from fmopt.geometry.polyhedron import from_faces
+from fmopt.geometry.polyhedron import extruded
 from fmopt.geometry.section import require_plausible
 from fmopt.geometry.step.step_import import load_step
 from fmopt.spatial.values import Array
@@ -74,15 +74,9 @@ def _factor(unit: str | None, what: str) -> float:
 
 def _of_shape(thing: object, unit: Unit) -> Imported:
     """A solid by way of a STEP file of it, which its own library's kernel writes."""
-    from fmopt.geometry.step.step_file import write
-
-    shapes = list(_wrapped(thing))
-    if not shapes:
-        raise GeometryError(f"the {type(thing).__name__} holds no shape", "give it once it is built")
-    scale = _factor(unit, "a solid") / _METRES["mm"]
     with TemporaryDirectory(prefix="fmopt-") as folder:
         path = Path(folder, f"{type(thing).__name__}.step")
-        write(path, shapes, scale)
+        step_of(thing, path, unit)
         try:
             return load_step(path)
         except GeometryError as error:
@@ -171,16 +165,8 @@ def _of_outline(outline: Any, height: Any, factor: float) -> Imported:
         loop if ring.exterior.is_ccw == (number == 0) else loop[::-1]
         for number, (loop, ring) in enumerate(zip(loops, (outer, *holes), strict=True))
     ]
-    count = sum(map(len, turned))
-    starts = np.cumsum([0, *map(len, turned)])
-    lower = [tuple(range(start, start + len(loop))) for start, loop in zip(starts, turned, strict=False)]
-    flat = factor * np.vstack(turned)
-    points = np.vstack([np.column_stack([flat, np.full(count, z)]) for z in (0.0, factor * float(height))])
-    require_plausible(points)
-    sides = [(a, b, b + count, a + count) for loop in lower for a, b in zip(loop, loop[1:] + loop[:1], strict=True)]
-    floor = [loop[::-1] for loop in lower]
-    roof = [tuple(index + count for index in loop) for loop in lower]
-    body = from_faces(points, [floor, roof, *([side] for side in sides)])
+    body = extruded([factor * loop for loop in turned], 0.0, factor * float(height))
+    require_plausible(body.vertices)
     return Imported(body, chord_error(body), kind="solid")
 
 

@@ -6,7 +6,7 @@ exactly, see `convex_polygons`, where cuts through a body would each leave their
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from fractions import Fraction
 from itertools import pairwise
@@ -16,7 +16,7 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.convex_polygons import Convex, convex_pieces, slabs
-from fmopt.geometry.polyhedron import Polyhedron, from_faces
+from fmopt.geometry.polyhedron import Polyhedron, extruded
 
 if TYPE_CHECKING:
     from shapely import Polygon
@@ -31,12 +31,11 @@ class Prisms(NamedTuple):
     """A body as a prism less others.
 
     Attributes:
-        axis: that they are along, 0 to 2.
         base: convex.
-        tools: convex; those at one height overlap, those of neighbouring levels share faces.
+        tools: convex, floor and roof the first of their faces; those at one height overlap, those of neighbouring
+            levels share faces.
     """
 
-    axis: int
     base: Polyhedron
     tools: list[Polyhedron]
 
@@ -67,11 +66,11 @@ def _as_prisms(body: Polyhedron, axis: int, thin: float) -> Prisms:
     # Rolled to the front and dropped, the axis leaves the two that follow it, seen from its positive side.
     whole = _convex(MultiPoint(np.delete(np.roll(body.vertices, -axis, axis=1), 0, axis=1)).convex_hull)
     tools = [
-        _prism(piece, axis, low, high)
+        extruded([piece.outline], low, high, axis)
         for low, high in pairwise(levels)
         for piece in _lacking(whole, _section(body, axis, 0.5 * (low + high)), thin)
     ]
-    return Prisms(axis, _prism(whole, axis, levels[0], levels[-1]), tools)
+    return Prisms(extruded([whole.outline], levels[0], levels[-1], axis), tools)
 
 
 def _lacking(whole: Convex, section: BaseGeometry, thin: float) -> Iterator[Convex]:
@@ -128,16 +127,3 @@ def _section(body: Polyhedron, axis: int, height: float) -> BaseGeometry:
         # Between the first crossing and the second there is wall, between the second and the third none.
         sides += zip(found[::2], found[1::2], strict=True)
     return build_area(MultiLineString(sides))
-
-
-def _prism(piece: Convex, axis: int, low: float, high: float) -> Polyhedron:
-    outline = np.array(piece.outline)
-    count = len(outline)
-    corners = np.vstack([np.column_stack([np.full(count, at), outline]) for at in (low, high)])
-    ring = range(count)
-    loops: Sequence[Sequence[Sequence[int]]] = [
-        [[*reversed(ring)]],
-        [[count + k for k in ring]],
-        *([[k, (k + 1) % count, count + (k + 1) % count, count + k]] for k in ring),
-    ]
-    return from_faces(np.roll(corners, axis, axis=1), loops)
