@@ -30,7 +30,7 @@ from fmopt.geometry.csg import (
     convex_polyhedron,
     corners,
     exact_pose,
-    primitives,
+    operands,
 )
 from fmopt.geometry.facets import place
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, from_faces, from_triangles
@@ -126,7 +126,8 @@ def polyhedron(solid: Solid) -> Polyhedron:
 
 def bounded(solid: Solid, body: Polyhedron) -> Polyhedron:
     """The boundary of a solid that is known but for rounding, coordinates of its operands kept to the bit."""
-    known = np.vstack([convex_polyhedron(*operand).vertices for operand in primitives(solid, Pose.identity())])
+    found = operands(solid, Pose.identity())
+    known = np.vstack([convex_polyhedron(operand.primitive, operand.pose).vertices for operand in found])
     return from_faces(snapped(body.vertices, known), [face.loops for face in body.faces])
 
 

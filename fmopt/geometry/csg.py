@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import TypeAlias, assert_never
+from typing import NamedTuple, TypeAlias, assert_never
 
 import numpy as np
 
@@ -233,26 +233,35 @@ def ring(radius: float, sides: int) -> Array:
     return radius * np.array([(_cosine(j, sides), _sine(j, sides)) for j in range(1, 2 * sides, 2)])
 
 
-def primitives(solid: Solid, pose: Pose, tools: bool = True) -> Iterator[tuple[Primitive, Pose]]:
-    """The primitives of a solid at a pose, each with its own pose; those that are taken away only with `tools`."""
+class Operand(NamedTuple):
+    """A primitive of a solid, the pose of its frame, and of how many tools, one of the other, it is a part."""
+
+    primitive: Primitive
+    pose: Pose
+    taken: int
+
+
+def operands(solid: Solid, pose: Pose, taken: int = 0) -> Iterator[Operand]:
+    """The primitives of a solid at a pose, from left to right."""
     match solid:
         case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
-            yield solid, pose
+            yield Operand(solid, exact_pose(pose), taken)
         case Placed(inner, move):
-            yield from primitives(inner, exact_pose(pose).compose(exact_pose(move)), tools)
+            yield from operands(inner, exact_pose(pose).compose(exact_pose(move)), taken)
         case Union(parts):
             for part in parts:
-                yield from primitives(part, pose, tools)
-        case Difference(base, taken):
-            for part in (base, *taken) if tools else (base,):
-                yield from primitives(part, pose, tools)
+                yield from operands(part, pose, taken)
+        case Difference(base, tools):
+            yield from operands(base, pose, taken)
+            for tool in tools:
+                yield from operands(tool, pose, taken + 1)
         case _:
             assert_never(solid)
 
 
 def sagitta(solid: Solid) -> float:
     """Largest distance in m between a curved surface of the solid and the polyhedron that stands for it."""
-    return max(_sagitta(primitive) for primitive, _ in primitives(solid, Pose.identity()))
+    return max(_sagitta(operand.primitive) for operand in operands(solid, Pose.identity()))
 
 
 def _sagitta(primitive: Primitive) -> float:
@@ -328,14 +337,19 @@ def _require_convex(solid: Prism, polygon: tuple[tuple[float, float], ...]) -> N
     points = np.array(polygon)
     if len(polygon) < 3 or not np.isfinite(points).all():
         raise GeometryError(f"Prism has {len(polygon)} usable corners", "give at least three finite ones")
-    forward = np.roll(points, -1, axis=0) - points
-    back = points - np.roll(points, 1, axis=0)
-    turn = back[:, 0] * forward[:, 1] - back[:, 1] * forward[:, 0]
+    turns = outline_turns(points)
     # A star turns left everywhere, too, but goes round more than once.
-    sweep = np.sum(np.arctan2(turn, np.sum(back * forward, axis=1)))
-    if not np.all(turn > 0.0) or abs(sweep - 2.0 * math.pi) > 1e-6:
-        worst = int(np.argmin(turn))
+    if not np.all(turns > 0.0) or abs(turns.sum() - 2.0 * math.pi) > 1e-6:
+        worst = int(np.argmin(turns))
         raise GeometryError(
             f"Prism is not convex and counter-clockwise at corner {worst}, {polygon[worst]}",
             "list the corners of a convex polygon counter-clockwise; build others as Union or Difference",
         )
+
+
+def outline_turns(corners: Array) -> Array:
+    """How far an outline (n, 2) turns to the left at each of its corners (n,), rad."""
+    ahead = np.roll(corners, -1, axis=0) - corners
+    before = np.roll(ahead, 1, axis=0)
+    sines = before[:, 0] * ahead[:, 1] - before[:, 1] * ahead[:, 0]
+    return np.asarray(np.arctan2(sines, np.sum(before * ahead, axis=1)))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.csg import Hull, Placed, Prism, Solid, Stack
+from fmopt.geometry.csg import Hull, Placed, Prism, Ring, Solid, Stack
 from fmopt.geometry.facets import place
 from fmopt.geometry.plane.convex_polygons import Convex, Outline, convex_pieces, simple
 from fmopt.geometry.section import united
@@ -36,29 +36,30 @@ def stack(sections: Sequence[tuple[float, Outline]]) -> Solid:
     """
     levels = [(float(at), simple(outline)) for at, outline in sections]
     lofts = []
-    for (low, lower), (high, upper) in pairwise(levels):
+    for below, above in pairwise(levels):
+        low, high = below[0], above[0]
         if not high >= low:
             raise GeometryError(f"a section at {1e3 * high:g} mm follows one at {1e3 * low:g} mm", "list them upwards")
         if high > low:
-            _require_walls(low, lower, high, upper)
-            lofts.append((low, lower, high, upper))
+            _require_walls(below, above)
+            lofts.append((below, above))
     if not lofts:
         raise GeometryError("the stack has no height", "give sections at two heights")
     parts = tuple(_part(run) for run in _runs(lofts))
     if len(parts) == 1:
         return parts[0]
-    rings = tuple(
-        tuple(tuple((x, y, at) for x, y in outline) for at, outline in ((low, lower), (high, upper)))
-        for low, lower, high, upper in lofts
-    )
-    return Stack(parts, tuple((below, above) for below, above in rings))
+    return Stack(parts, tuple((_corners(below), _corners(above)) for below, above in lofts))
 
 
-_Loft: TypeAlias = tuple[float, Outline, float, Outline]
 _Ring: TypeAlias = tuple[float, Outline]
 
 
-def _require_walls(low: float, lower: Outline, high: float, upper: Outline) -> None:
+def _corners(*rings: _Ring) -> Ring:
+    return tuple((x, y, at) for at, outline in rings for x, y in outline)
+
+
+def _require_walls(below: _Ring, above: _Ring) -> None:
+    (low, lower), (high, upper) = below, above
     where = f"the sections at {1e3 * low:g} and {1e3 * high:g} mm"
     advice = (
         "between two heights an outline keeps its corners and the directions of its sides; put two sections at one "
@@ -74,20 +75,19 @@ def _require_walls(low: float, lower: Outline, high: float, upper: Outline) -> N
         raise GeometryError(f"{where} are not parallel from corner {worst} on, {place((*lower[worst], low))}", advice)
 
 
-def _runs(lofts: Sequence[_Loft]) -> Iterator[tuple[_Ring, ...]]:
+def _runs(lofts: Sequence[tuple[_Ring, _Ring]]) -> Iterator[tuple[_Ring, ...]]:
     """Convex pieces of all lofts as rings one above the other, those that are convex together joined."""
     open_: dict[tuple[int | None, ...], tuple[_Ring, ...]] = {}
-    for low, lower, high, upper in lofts:
+    for (low, lower), (high, upper) in lofts:
         ahead: dict[tuple[int | None, ...], tuple[_Ring, ...]] = {}
         for key, below, above in _lofted(lower, upper):
-            ring = (high, above)
-            before = open_.pop(key, None)
-            if before is not None and before[-1] == (low, below) and _is_one((*before, ring)):
-                ahead[key] = (*before, ring)
-                continue
-            if before is not None:
-                yield before
-            ahead[key] = ((low, below), ring)
+            run, loft = open_.pop(key, ()), ((low, below), (high, above))
+            if run and run[-1] == loft[0] and _is_one((*run, loft[1])):
+                ahead[key] = (*run, loft[1])
+            else:
+                if run:
+                    yield run
+                ahead[key] = loft
         yield from open_.values()
         open_ = ahead
     yield from open_.values()
@@ -155,7 +155,7 @@ def _is_one(rings: Sequence[_Ring]) -> bool:
     from scipy.spatial import ConvexHull
 
     def hull(rings: Sequence[_Ring]) -> float:
-        return float(ConvexHull([(x, y, at) for at, outline in rings for x, y in outline]).volume)
+        return float(ConvexHull(_corners(*rings)).volume)
 
     return hull(rings) <= (1.0 + _NOISE) * sum(map(hull, pairwise(rings)))
 
@@ -170,4 +170,4 @@ def _part(rings: tuple[_Ring, ...]) -> Prism | Hull | Placed:
             return prism
         if exact:
             return Placed(prism, Pose(np.array([0.0, 0.0, low]), np.eye(3)))
-    return Hull(tuple((x, y, at) for at, outline in rings for x, y in outline))
+    return Hull(_corners(*rings))

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import pieces, polyhedron
-from fmopt.geometry.csg import Hull, Solid, Union, exact_pose, sagitta
+from fmopt.geometry.csg import Hull, Solid, Union, exact_pose, outline_turns, sagitta
 from fmopt.geometry.exact_coordinates import Exact, exact_vertices, facing_directions
 from fmopt.geometry.facets import place
 from fmopt.geometry.mating_features import Feature, in_frame
@@ -318,14 +318,14 @@ def ridge(polygon: ArrayLike) -> Solid:
 
 def outline(polygons: Sequence[ArrayLike]) -> tuple[Array, ...]:
     """The loops (k, 2) of the union of convex polygons, outlines counter-clockwise, holes clockwise."""
-    from shapely import MultiPolygon, Polygon, get_parts
+    from shapely import Polygon, get_parts
     from shapely.geometry.polygon import orient
 
     from fmopt.geometry.section import united
 
     whole = united([Polygon(convex(polygon)) for polygon in polygons])
     loops = []
-    for part in get_parts(MultiPolygon([*get_parts(whole)])):
+    for part in get_parts(whole):
         turned = orient(part)
         loops += [frozen(ring.coords[:-1], None, 2) for ring in (turned.exterior, *turned.interiors)]
     return tuple(loops)
@@ -340,13 +340,9 @@ def convex(polygon: ArrayLike) -> Array:
     corners = frozen(polygon, None, 2, name="polygon")
     if len(corners) < 3:
         raise GeometryError(f"a polygon with {len(corners)} corners", "give at least three")
-    e = np.roll(corners, -1, axis=0) - corners
-    before = np.roll(e, 1, axis=0)
-    turns = before[:, 0] * e[:, 1] - before[:, 1] * e[:, 0]
-    lengths = np.hypot(*e.T) * np.hypot(*before.T)
-    around = np.arctan2(turns, np.sum(before * e, axis=1)).sum()
-    if not np.all(turns > 1e-9 * lengths) or around > 7.0:  # once around is 6.28 rad
-        k = int(np.argmin(turns - 1e-9 * lengths))
+    turns = outline_turns(corners)
+    if not np.all(turns > 1e-9) or turns.sum() > 7.0:  # once around is 6.28 rad
+        k = int(np.argmin(turns))
         raise GeometryError(
             f"a polygon of a profile does not turn left at corner {k}",
             "list the corners of a convex polygon counter-clockwise, x to the right and z up; cut others into several",

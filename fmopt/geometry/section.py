@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import SizeError
-from fmopt.geometry.csg import Solid, corners, exact_pose, primitives
+from fmopt.geometry.csg import Solid, corners, exact_pose, operands
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, remembered
@@ -117,8 +117,8 @@ def _polygons(geometry: BaseGeometry) -> MultiPolygon:
 
 def reach(solid: Solid) -> Array:
     """Points (n, 3) in m whose bounding box holds the solid: what is taken away from it does not count."""
-    found = primitives(solid, Pose.identity(), tools=False)
-    return np.vstack([pose.apply(corners(primitive)) for primitive, pose in found])
+    found = operands(solid, Pose.identity())
+    return np.vstack([pose.apply(corners(primitive)) for primitive, pose, taken in found if not taken])
 
 
 def require_plausible(points: Array) -> None:

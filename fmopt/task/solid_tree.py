@@ -15,7 +15,6 @@ from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.outline_solids import stack
 from fmopt.geometry.part import Part, mesh_part, part_of, ridge, slab, with_balls
-from fmopt.geometry.plane.convex_polygons import is_convex
 from fmopt.geometry.section import reach
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array

@@ -231,9 +231,8 @@ def _parted(polygon: Convex) -> Iterator[Convex]:
             at, edge = _ahead(corners, k, back)
             settled = sum(_left(back, corners[k], corners[n]) == 0 for n in reflex)
             square = sum((p - q) ** 2 for p, q in zip(corners[k], at, strict=True))
-            cuts.append(((-settled, square), k, edge, at, side))
-    _, *best = min(cuts, key=lambda cut: cut[0])
-    for part in _cut(polygon, *best):
+            cuts.append(((-settled, square), (k, edge, at, side)))
+    for part in _cut(polygon, *min(cuts, key=lambda cut: cut[0])[1]):
         yield from _parted(part)
 
 

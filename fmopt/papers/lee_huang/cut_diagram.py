@@ -36,6 +36,7 @@ from fmopt.geometry.csg import (
     Wedge,
     corners,
     exact_pose,
+    operands,
 )
 from fmopt.geometry.plane.boolean import difference, intersection, union
 from fmopt.geometry.plane.conic import ConicArc
@@ -66,7 +67,7 @@ def cut_diagram(solid: Solid, plane: Pose) -> Region:
     Args:
         plane: pose of the section plane in the solid's frame.
     """
-    above, below = zip(*_leaves(solid, exact_pose(exact_pose(plane).inverse())), strict=True)
+    above, below = zip(*_leaves(solid, plane), strict=True)
     # Nearly always the plane runs in no face, and both limits are one: half the booleans are spared.
     if all(map(same, above, below)):
         return _section(solid, iter(above))
@@ -81,25 +82,13 @@ def section_limit(solid: Solid, plane: Pose, limit: Limit) -> Region:
         plane: whose z = 0 cuts it, in that frame.
         limit: from where the plane comes, 1 for its positive z.
     """
-    leaves = _leaves(solid, exact_pose(exact_pose(plane).inverse()))
-    return _section(solid, (above if limit > 0 else below for above, below in leaves))
+    return _section(solid, (above if limit > 0 else below for above, below in _leaves(solid, plane)))
 
 
-def _leaves(solid: Solid, pose: Pose) -> Iterator[tuple[Region, Region]]:
+def _leaves(solid: Solid, plane: Pose) -> Iterator[tuple[Region, Region]]:
     """Both limits of the sections of all instances, from left to right."""
-    match solid:
-        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
-            yield instance_sections(solid, pose)
-        case Placed(inner, inner_pose):
-            yield from _leaves(inner, exact_pose(pose.compose(exact_pose(inner_pose))))
-        case Union(parts):
-            for part in parts:
-                yield from _leaves(part, pose)
-        case Difference(base, tools):
-            for part in (base, *tools):
-                yield from _leaves(part, pose)
-        case _:
-            assert_never(solid)
+    for primitive, pose, _ in operands(solid, exact_pose(plane).inverse()):
+        yield instance_sections(primitive, pose)
 
 
 def _section(solid: Solid, leaves: Iterator[Region]) -> Region:

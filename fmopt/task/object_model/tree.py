@@ -12,7 +12,7 @@ A − B + C, and such a term keeps its own tree as its body.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import groupby
@@ -21,7 +21,7 @@ from typing import Literal, TypeAlias
 from fmopt.errors import GeometryError, TaskError
 from fmopt.geometry.clearance import deepest
 from fmopt.geometry.convex_pieces import pieces
-from fmopt.geometry.csg import Difference, Placed, Primitive, Solid, Union
+from fmopt.geometry.csg import Difference, Placed, Primitive, Solid, Union, operands
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Value
 
@@ -136,22 +136,8 @@ class Instance(Value):
 
 def instances(body: Solid) -> tuple[Instance, ...]:
     """The leaves of a CSG tree, from left to right."""
-    return tuple(_leaves(body, "+", Pose.identity()))
-
-
-def _leaves(body: Solid, sign: Sign, pose: Pose) -> Iterator[Instance]:
-    match body:
-        case Placed(inner, move):
-            yield from _leaves(inner, sign, pose.compose(move))
-        case Union(parts):
-            for part in parts:
-                yield from _leaves(part, sign, pose)
-        case Difference(base, tools):
-            yield from _leaves(base, sign, pose)
-            for tool in tools:
-                yield from _leaves(tool, "-" if sign == "+" else "+", pose)
-        case _:
-            yield Instance(sign, body, pose)
+    found = operands(body, Pose.identity())
+    return tuple(Instance("-" if taken % 2 else "+", primitive, pose) for primitive, pose, taken in found)
 
 
 @dataclass(frozen=True, eq=False)
