@@ -136,21 +136,14 @@ def first_within(points: Array, reach: float) -> Indices:
     from scipy.spatial import cKDTree
 
     # Equal points count once: a corner of many triangles would be a heap of pairs by itself.
-    distinct, which = _distinct(points)
-    _refuse_heaps(points[distinct], reach)
-    pairs = cKDTree(points[distinct]).query_pairs(reach, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(distinct), len(distinct)))
-    group = connected_components(links, directed=False)[1]
-    return np.asarray(distinct[np.unique(group, return_index=True)[1]][group][which])
-
-
-def _distinct(points: Array) -> tuple[Indices, Indices]:
-    """The first of each set of equal points (k,), in their order, and for every point (n,) which of these it is."""
     first, which = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
-    order = np.argsort(first)
-    rank = np.empty(len(order), dtype=np.int64)
-    rank[order] = np.arange(len(order))
-    return first[order], rank[which.ravel()]
+    _refuse_heaps(points[first], reach)
+    pairs = cKDTree(points[first]).query_pairs(reach, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(first), len(first)))
+    count, group = connected_components(links, directed=False)
+    firsts = np.full(count, len(points), dtype=np.int64)
+    np.minimum.at(firsts, group, first)
+    return np.asarray(firsts[group][which.ravel()])
 
 
 def _refuse_heaps(points: Array, reach: float) -> None:

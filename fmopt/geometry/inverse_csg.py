@@ -134,13 +134,15 @@ def _pushed(part: Polyhedron, normal: Array, offset: float, height: float) -> Po
     faces = [
         face for face in part.faces if not (face.normal @ normal > 1.0 - 1e-9 and abs(face.offset - offset) < 1e-9)
     ]
-    reach = 2.0 * (part.diameter + height - offset)
-    body: Polyhedron | None = convex_hull_polyhedron(
-        part.vertices.mean(axis=0) + reach * np.array(list(product((-1.0, 1.0), repeat=3)))
-    )
+    body: Polyhedron | None = _room(part, 2.0 * (part.diameter + height - offset))
     for plane in [*((face.normal, face.offset) for face in faces), (normal, height)]:
         body = clip(body, *plane) if body is not None else None
     return body
+
+
+def _room(body: Polyhedron, reach: float) -> Polyhedron:
+    """A cube around the middle of a body."""
+    return convex_hull_polyhedron(body.vertices.mean(axis=0) + reach * np.array(list(product((-1.0, 1.0), repeat=3))))
 
 
 def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> list[Polyhedron]:
@@ -192,8 +194,7 @@ def _opened(tool: Polyhedron, outer: Polyhedron, tol: float) -> Hull:
 
 def _halves(shape: Manifold, body: Polyhedron, plane: Plane) -> list[Manifold]:
     """The shape on both sides of a plane, by subtraction: that leaves no skin where a face lies in the plane."""
-    corners = np.array(list(product((-2.0, 2.0), repeat=3)))
-    room = convex_hull_polyhedron(body.vertices.mean(axis=0) + body.diameter * corners)
+    room = _room(body, 2.0 * body.diameter)
     sides = (clip(room, *plane), clip(room, -plane[0], -plane[1]))
     return [shape - convex_manifold(side) for side in sides if side is not None]
 

@@ -55,11 +55,7 @@ def upright_prisms(body: Polyhedron, thin: float = 0.0) -> Prisms | None:
 
 
 def _as_prisms(body: Polyhedron, axis: int, thin: float) -> Prisms:
-    """See `upright_prisms`.
-
-    Raises:
-        GeometryError: a section touches itself, or has one piece within another.
-    """
+    """See `upright_prisms`; refuses sections that touch themselves, or have one piece within another."""
     from shapely import MultiPoint
 
     levels = np.unique(body.vertices[:, axis]).tolist()
@@ -74,11 +70,7 @@ def _as_prisms(body: Polyhedron, axis: int, thin: float) -> Prisms:
 
 
 def _lacking(whole: Convex, section: BaseGeometry, thin: float) -> Iterator[Convex]:
-    """Convex polygons that make up what a convex polygon has more than a section.
-
-    Raises:
-        GeometryError: one piece of the section is within another.
-    """
+    """Convex polygons that make up what a convex polygon has more than a section without pieces within others."""
     from shapely import Polygon, get_parts
 
     def is_thick(polygon: Polygon) -> bool:
