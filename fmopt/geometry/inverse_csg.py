@@ -8,7 +8,7 @@ meshes the exact half-space pieces of a CSG solid.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
+from itertools import combinations, product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +44,7 @@ _PUSHED = 0.05  # of the diameter: how far tools stand out of the hull
 _LEVEL = 1e-6  # of three normals: less is as good as a plane
 _NEAR = 1e-6  # of the size: no step worth taking
 _OVERLAP = 1e-9  # of the volume: what two bodies have in common by rounding
+_PAIRS = 128  # reflex edges up to which planes through any two are tried; above, through neighbours only
 
 
 def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
@@ -200,25 +201,44 @@ def _halves(shape: Manifold, body: Polyhedron, plane: Plane) -> list[Manifold]:
 
 
 def _best_cut(body: Polyhedron, tol: float) -> Plane | None:
-    """The plane of a face at a reflex edge that holds most reflex edges; None when there are none.
+    """The plane that holds most reflex edges, which it leaves convex on both sides; None when there are none.
 
-    It leaves those that it holds convex on both sides.
+    Candidates are the planes of the faces at reflex edges and the planes through two of the edges.
     """
-    spans: list[Array] = []
-    planes: list[Plane] = []
+    reflex = []
     for edge in body.edges:
         one, other = (body.faces[number] for number in edge.faces)
         # A face that rises less than `tol` above the plane of the other is level with it but for noise.
         beyond = body.vertices[list(other.vertices)] @ one.normal - one.offset
         if not edge.convex and beyond.max() > tol:
-            span = body.vertices[list(edge.vertices)]
-            spans.append(span)
-            planes += [(face.normal, float(face.normal @ span[0])) for face in (one, other)]
+            reflex.append((edge.vertices, one.normal, other.normal))
+    spans = [body.vertices[list(ends)] for ends, *_ in reflex]
+    planes = [
+        (normal, float(normal @ span[0]))
+        for span, (_, *normals) in zip(spans, reflex, strict=True)
+        for normal in normals
+    ]
+    for i, j in combinations(range(len(reflex)), 2):
+        near = len(reflex) <= _PAIRS or set(reflex[i][0]) & set(reflex[j][0])
+        if near and (plane := _through(spans[i], spans[j], tol)):
+            planes.append(plane)
     if not planes:
         return None
     normals, offsets = np.array([normal for normal, _ in planes]), np.array([offset for _, offset in planes])
     held = np.all(np.abs(np.array(spans) @ normals.T - offsets) <= tol, axis=1)
     return planes[int(np.argmax(held.sum(axis=0)))]
+
+
+def _through(a: Array, b: Array, tol: float) -> Plane | None:
+    """The plane through two segments (2, 3), if there is one."""
+    corners = np.vstack([a, b])
+    centre = corners.mean(axis=0)
+    normal = np.linalg.svd(corners - centre)[2][2]
+    normal = np.where(np.abs(normal) < 1e-12, 0.0, normal)
+    flat = np.all(np.abs((corners - centre) @ normal) <= tol)
+    # Across an axis the coordinate of a corner to the bit, not a mean.
+    offset = float(normal @ (corners[0] if np.abs(normal).max() == 1.0 else centre))
+    return (normal, offset) if flat else None
 
 
 def _hull(points: Array) -> Hull:
