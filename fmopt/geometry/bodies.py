@@ -1,4 +1,4 @@
-"""The bodies of a file that may hold several by name: products of a STEP file, objects of an OBJ file."""
+"""The bodies of a file that may hold several: products of a STEP file, objects of a mesh, or what lies apart in it."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ if TYPE_CHECKING:
 
 
 def bodies_of(path: Path, unit: str | None) -> tuple[NamedBody, ...]:
-    """All bodies of a STEP or OBJ file, the numbers of the latter in mm if no unit is given.
+    """All bodies of a STEP or mesh file, the numbers of the latter in mm if no unit is given.
 
     Raises:
         ResourceError, SizeError, GeometryError: it cannot be read.
     """
-    if path.suffix.lower() != ".obj":
+    if path.suffix.lower() in (".step", ".stp"):
         from fmopt.geometry.step.step_import import bodies
 
         return bodies(path)
     from fmopt.geometry.mesh.mesh_import import mesh_bodies
 
-    return mesh_bodies(path, cast("Unit", unit or "mm"))
+    return mesh_bodies(path, cast("Unit", "m" if path.suffix.lower() in (".3mf", ".glb") else unit or "mm"))

@@ -12,7 +12,7 @@ import numpy as np
 from fmopt.errors import FmoptError, InputError
 from fmopt.geometry.bodies import bodies_of
 from fmopt.plan import STDIO
-from fmopt.task.mesh_source import HOLD_BODIES, MESHES
+from fmopt.task.mesh_source import MESHES
 from fmopt.task.model import Bare, load_model
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.toml.model_file import STEP
@@ -48,7 +48,7 @@ def load_part(file: Path, unit: str | None = None) -> tuple[Part, ...]:
         InputError: with every fault.
         ResourceError: no library that reads STEP files.
     """
-    several = file.suffix.lower() in STEP or (file.suffix.lower() in HOLD_BODIES and _lie_apart(file))
+    several = file.suffix.lower() in STEP or (file.suffix.lower() in MESHES and _lie_apart(file))
     bodies: Sequence[str | None] = _bodies(file, unit) if several else (None,)
     return tuple(_loaded(file, Bare(unit, body)) for body in bodies)
 

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 MAX_MESH_BYTES = 100_000_000
 OWN_UNIT = (*STEP, ".3mf", ".glb")  # files that say the unit of their numbers
-HOLD_BODIES = (*STEP, ".obj")  # files that may hold several bodies by name
 MESHES = (".stl", ".obj", ".ply", *OWN_UNIT)
 
 
@@ -31,19 +30,11 @@ def says_unit(mesh: Mesh) -> bool:
 
 def takes(mesh: Mesh, name: str) -> bool:
     """Whether the table of a mesh may say its "unit", or which "body" of the file is meant."""
-    return holds_bodies(mesh) if name == "body" else not says_unit(mesh)
-
-
-def holds_bodies(mesh: Mesh) -> bool:
-    """Whether the file that a model names may hold several bodies by name."""
-    return Path(mesh.file).suffix.lower() in HOLD_BODIES
+    return name == "body" or not says_unit(mesh)
 
 
 def mesh_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
     """A mesh without a unit, with its size in the numbers of its file to choose by; or a file that says it with one."""
-    if mesh.body is not None and not holds_bodies(mesh):
-        place = source.place(("mesh", "body"), of_key=True)
-        yield place.fault("conflict", "only a STEP or OBJ file holds bodies to choose from", "remove 'body'")
     if says_unit(mesh):
         if mesh.unit is not None:
             place = source.place(("mesh", "unit"), of_key=True)

@@ -12,7 +12,6 @@ from pathlib import Path
 from fmopt.errors import Fault, InputError, SizeError
 from fmopt.geometry.section import require_plausible
 from fmopt.task.mesh_source import (
-    HOLD_BODIES,
     MAX_MESH_BYTES,
     MESHES,
     OWN_UNIT,
@@ -124,13 +123,11 @@ def _bare_model(
     advice = "name a model file, or leave it out"
     message = f"{path.name} has no parameters"
     faults = [given.place.fault("unknown-parameter", message, advice) for given in overrides.values()]
-    several, own = (path.suffix.lower() in kinds for kinds in (HOLD_BODIES, OWN_UNIT))
+    own = path.suffix.lower() in OWN_UNIT
     if own:
         faults += said.misplaced("unit", cited, f"{path.name} says its unit itself", "leave 'unit' out")
-    if not several:
-        faults += said.misplaced("body", cited, f"{path.name} is one body", "leave 'body' out")
     table: dict[str, object] = {"file": path.name}
-    if several and said.body is not None:
+    if said.body is not None:
         table["body"] = said.body
     if not own:
         table["unit"] = said.unit or USUAL_UNIT

@@ -205,7 +205,7 @@ def test_wrong_calls_are_answered_by_what_is_wrong(tmp_path: Path, run: Run) -> 
     peg, plate = write(generated(seed=1)[0], tmp_path, "stl")
     problem = four_lines((peg, plate))
     calls = [
-        ((peg, "--error", ERROR), "one-part: this is one part, and an insertion takes two"),
+        ((peg, "--error", ERROR), "one-body: "),
         ((peg, peg, "--error", ERROR), "same-part: this part is named twice"),
         ((peg, plate), "missing-error: how far off the part may start is not stated"),
         ((peg, plate, peg, "--error", ERROR), "too-many: 3 files are named"),
@@ -214,7 +214,7 @@ def test_wrong_calls_are_answered_by_what_is_wrong(tmp_path: Path, run: Run) -> 
         ((peg, tmp_path / "none.stl", "--error", ERROR), "file-missing"),
         ((peg, plate, "--error", ERROR, "--unit", "furlong"), "'furlong' is no unit of a mesh; write one of m, cm, mm"),
         ((peg, plate, "--error", ERROR, "--unit", "m"), "implausible-size"),
-        ((peg, plate, "--error", ERROR, "--moving", "a"), "is one body; leave 'body' out"),
+        ((peg, plate, "--error", ERROR, "--moving", "a"), "it has no body 'a'"),
     ]
     for words, said in calls:
         code, out, err = run("solve", *words, "--out", tmp_path / "out")

@@ -91,11 +91,13 @@ def test_points_without_a_surface_are_refused(tmp_path: Path) -> None:
         load_mesh(tmp_path / "line.obj", "mm")
 
 
-def test_shells_that_lie_apart_stay_two(tmp_path: Path) -> None:
+def test_shells_that_lie_apart_are_bodies_by_number(tmp_path: Path) -> None:
     meshes = boxes([((10, 10, 10), (0, 0, 0)), ((4, 4, 6), (0, 0, 9))], turned=True)
     (tmp_path / "part.stl").write_bytes(trimesh.util.concatenate(meshes).export(file_type="stl"))
-    found = load_mesh(tmp_path / "part.stl", "mm")
-    assert (found.notes, len(found.body.faces)) == ((), 12)
+    with pytest.raises(GeometryError, match="holds 2 bodies: 1, 2"):
+        load_mesh(tmp_path / "part.stl", "mm")
+    found = load_mesh(tmp_path / "part.stl", "mm", "2")
+    assert (found.notes, len(found.body.faces)) == ((), 6)
 
 
 def test_objects_that_lie_apart_are_offered_by_name(tmp_path: Path) -> None:

@@ -108,7 +108,6 @@ BROKEN = {
     "half an impact": f'{BASE}[specification]\nimpact_force = "30 N"\n',
     "clearance of another part": f'{BASE}[clearance]\nx = "9 mm"\n',
     "unit of a STEP file": f'{LONG.replace("plate.toml", "plate.step")}unit = "mm"\n{BASE[BASE.index("[unc") :]}',
-    "body of a mesh": f"{LONG.replace('plate.toml', 'plate.stl')}body = 1\n{BASE[BASE.index('[unc') :]}",
 }
 
 

@@ -142,11 +142,11 @@ def _find(
     chosen = _first(seats, depth)
     side = next(a for one, a in found if one.led is chosen.candidate.led)
     like = [seat for seat in seats if abs(seat.clearance - chosen.clearance) <= _EQUALLY]
-    openings = list[_Seat]()
-    for seat in like:
-        if seat.other is chosen.other and not any(_same_opening(seat.candidate, other.candidate) for other in openings):
-            openings.append(seat)
-    return _fit(chosen, side == 1, max(len(openings), 1))
+    feet = list[Array]()
+    for foot in (_foot(seat.candidate) for seat in like if seat.other is chosen.other):
+        if all(float(np.linalg.norm(foot - other)) > _FITS * chosen.candidate.width for other in feet):
+            feet.append(foot)
+    return _fit(chosen, side == 1, max(len(feet), 1))
 
 
 def _is_stated(one: Candidate, frames: Sequence[Pose]) -> bool:

@@ -10,8 +10,8 @@ import io
 import lzma
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -27,7 +27,14 @@ _UNREADABLE = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
     *(EOFError, NotImplementedError, RuntimeError, OSError, ValueError, LookupError),
 )
-Shell = tuple[Array, Any]  # points (n, 3), triangles (m, 3)
+
+
+class Shell(NamedTuple):
+    """A solid by its name, "" where it has none: points (n, 3) and triangles (m, 3)."""
+
+    name: str
+    points: Array
+    triangles: Any
 
 
 class Broken(ValueError):
@@ -83,8 +90,8 @@ def _built(text: bytes) -> tuple[str, list[Shell]]:
             raise Broken(f"the solid {name[:20]!r} is not there, or made of itself")
         if next(put, None) is None:
             raise Broken(f"it puts more than {_MOST} solids together")
-        if all(map(len, meshes[name])):
-            yield _moved(*meshes[name], place)
+        if all(map(len, meshes[name][1:])):
+            yield _moved(meshes[name], place)
         for part, own in made_of[name]:
             yield from solids(part, own @ place, depth + 1)
 
@@ -100,7 +107,7 @@ def _all(one: ElementTree.Element, name: str) -> list[ElementTree.Element]:
 def _mesh(one: ElementTree.Element) -> Shell:
     points = [[float(vertex.attrib[axis]) for axis in "xyz"] for vertex in _all(one, "vertex")]
     corners = [[int(triangle.attrib[corner]) for corner in ("v1", "v2", "v3")] for triangle in _all(one, "triangle")]
-    return np.array(points, dtype=np.float64), np.array(corners, dtype=np.int64)
+    return Shell(one.get("name", ""), np.array(points, dtype=np.float64), np.array(corners, dtype=np.int64))
 
 
 def _placed(one: ElementTree.Element, name: str) -> list[tuple[str, Array]]:
@@ -128,41 +135,28 @@ def glb(data: bytes) -> list[Shell]:
 
     try:
         scene = trimesh.load_scene(io.BytesIO(data), file_type="glb", process=False, skip_materials=True)
-        nodes = [scene.graph[name] for name in scene.graph.nodes_geometry]
+        nodes = [(name, scene.graph[name]) for name in scene.graph.nodes_geometry]
     except Exception as error:  # noqa: BLE001 (trimesh raises what its reading runs into)
         raise Broken(f"what the file says of its scene cannot be followed: {type(error).__name__}: {error}") from None
-    bodies = [(scene.geometry[name], place) for place, name in nodes]
-    if any(not hasattr(body, "faces") for body, _ in bodies):
+    bodies = [(name, scene.geometry[geometry], place) for name, (place, geometry) in nodes]
+    if any(not hasattr(body, "faces") for _, body, _ in bodies):
         raise Broken("a mesh is not of plain triangles")
-    shells = ((np.asarray(body.vertices), np.asarray(body.faces, dtype=np.int64), place) for body, place in bodies)
-    return [*_few(_moved(points, triangles, np.asarray(place).T) for points, triangles, place in shells)]
+    shells = ((Shell(str(name), np.asarray(b.vertices), np.asarray(b.faces, np.int64)), at) for name, b, at in bodies)
+    return [*_few(_moved(shell, np.asarray(place).T) for shell, place in shells)]
 
 
 def _few(shells: Iterator[Shell]) -> Iterator[Shell]:
     """Solids as they come, refused before there are too many."""
     count = 0
-    for points, triangles in shells:
-        count += 1 + len(points) + len(triangles)
+    for shell in shells:
+        count += 1 + len(shell.points) + len(shell.triangles)
         if count > _MOST:
             raise Broken(f"it puts more than {_MOST} points and triangles together")
-        yield points, triangles
+        yield shell
 
 
-def _moved(points: Array, triangles: Any, place: Array) -> Shell:
+def _moved(shell: Shell, place: Array) -> Shell:
     """A solid in its place; in a mirror its triangles are turned."""
-    there = points @ place[:3, :3] + place[3, :3]
-    return there, triangles[:, ::-1] if np.linalg.det(place[:3, :3]) < 0.0 else triangles
-
-
-def together(shells: Sequence[Shell]) -> Shell:
-    """Solids as one list of points and triangles."""
-    starts = np.cumsum([0, *(len(points) for points, _ in shells[:-1])])
-    for points, triangles in shells:
-        if len(triangles) and (triangles.min() < 0 or triangles.max() >= len(points)):
-            raise Broken(f"a triangle names a point that is none of {len(points)}")
-    if not shells:
-        raise Broken("it holds no triangles")
-    return (
-        np.vstack([points for points, _ in shells]),
-        np.vstack([triangles + start for (_, triangles), start in zip(shells, starts, strict=True)]),
-    )
+    there = shell.points @ place[:3, :3] + place[3, :3]
+    turned = shell.triangles[:, ::-1] if np.linalg.det(place[:3, :3]) < 0.0 else shell.triangles
+    return Shell(shell.name, there, turned)

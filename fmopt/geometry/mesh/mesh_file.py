@@ -7,9 +7,9 @@ triangles, ears where they are not convex; points that no face uses are left out
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from fmopt.errors import GeometryError, ResourceError
 from fmopt.geometry.facets import Indices
@@ -25,6 +25,9 @@ from fmopt.geometry.mesh.surface import (
     quoted,
 )
 from fmopt.spatial.values import Array
+
+if TYPE_CHECKING:
+    from fmopt.geometry.mesh.archive import Shell
 
 T = TypeVar("T")
 FORMATS = ("stl", "obj", "ply", "3mf", "glb")
@@ -69,32 +72,36 @@ def _read(path: Path, taken: Callable[[Surface], T]) -> T:
 
 
 def _three_mf(data: bytes) -> Surface:
-    from fmopt.geometry.mesh.archive import METRES, Broken, three_mf, together
+    from fmopt.geometry.mesh.archive import METRES, Broken, three_mf
 
     try:
         unit, shells = three_mf(data, MAX_BYTES)
-        points, triangles = together(shells)
     except Broken as error:
         raise Damage(str(error)) from None
-    return _packed(METRES[unit] * points, triangles)
+    return _packed([shell._replace(points=METRES[unit] * shell.points) for shell in shells])
 
 
 def _glb(data: bytes) -> Surface:
-    from fmopt.geometry.mesh.archive import Broken, glb, together
+    from fmopt.geometry.mesh.archive import Broken, glb
 
     try:
-        return _packed(*together(glb(data)))
+        return _packed(glb(data))
     except Broken as error:
         raise Damage(str(error)) from None
 
 
-def _packed(points: Array, triangles: Indices) -> Surface:
-    """Points and triangles of a package, as if read one by one."""
+def _packed(shells: Sequence[Shell]) -> Surface:
+    """Solids of a package, as if read one by one."""
     surface = Surface()
-    for number, point in enumerate(points.tolist()):
-        surface.point(point, f"point {number}")
-    for number, corners in enumerate(triangles.tolist()):
-        surface.face(corners, f"triangle {number}")
+    for shell in shells:
+        first, count = len(surface.points), len(shell.points)
+        surface.objects.append((shell.name[:80], len(surface.triangles)))
+        for number, point in enumerate(shell.points.tolist(), first):
+            surface.point(point, f"point {number}")
+        for number, corners in enumerate(shell.triangles.tolist(), len(surface.triangles)):
+            if min(corners) < 0 or max(corners) >= count:
+                raise Damage(f"a triangle names a point that is none of {count}")
+            surface.face([first + corner for corner in corners], f"triangle {number}")
     return surface
 
 

@@ -115,14 +115,32 @@ def mesh_bodies(path: Path, unit: Unit) -> tuple[NamedBody, ...]:
     """All named objects of a mesh file, in the frame of the file; errors as of `load_mesh`."""
     return tuple(
         NamedBody(name, number, _imported(path, unit, points, triangles), Pose.identity())
-        for number, (name, points, triangles) in enumerate(read_bodies(path), 1)
+        for number, (name, points, triangles) in enumerate(_objects(path), 1)
     )
 
 
 def lie_apart(path: Path) -> bool:
     """Whether a mesh file has several named objects that are not one part, as they do not all touch."""
-    found = read_bodies(path)
+    found = _objects(path)
     return len(found) > 1 and united(*_together(found)).count > 1
+
+
+def _objects(path: Path) -> tuple[tuple[str, Array, Indices], ...]:
+    """Name, points (n, 3) and triangles (m, 3) of each object of a file; of one object each body that lies apart."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    found = read_bodies(path)
+    points, triangles, reach = _together(found)
+    # Where some touch and were united the file is one part, as its writer meant it.
+    if len(found) > 1 or (shells := united(points, triangles, reach)).count < 2 or shells.notes:
+        return found
+    points, triangles, _ = merged_vertices(shells.points, shells.triangles, reach)
+    sides = np.vstack([triangles[:, :2], triangles[:, 1:]])
+    links = coo_array((np.ones(len(sides)), sides.T), shape=(len(points), len(points)))
+    label = connected_components(links, directed=False)[1][triangles[:, 0]]
+    bodies = [np.unique(triangles[label == own], return_inverse=True) for own in dict.fromkeys(label.tolist())]
+    return tuple((found[0][0], points[used], corners.reshape(-1, 3)) for used, corners in bodies)
 
 
 def _together(found: Sequence[tuple[str, Array, Indices]]) -> tuple[Array, Indices, float]:
@@ -150,7 +168,7 @@ def load_mesh(path: Path | str, unit: Unit, body: str = "") -> Imported:
         SizeError: too large or too small for a part, as where the unit is another one.
         GeometryError: unreadable, open or crossing itself; names the triangle, the edge, the place.
     """
-    found = read_bodies(Path(path))
+    found = _objects(Path(path))
     points, triangles, reach = _together(found)
     # Objects that touch are one part, as simulators have it, where none of them is named.
     if body or (len(found) > 1 and united(points, triangles, reach).count > 1):

@@ -224,7 +224,6 @@ ABOUT_MESHES = (
     edited(
         "another size", "its file says its unit itself: export it again, in the size that is meant", of_glb, 1e3, 1.0
     ),
-    edited("a body of a mesh", "remove 'body'", of_stl, 'unit = "mm"\nbody = 1', 'unit = "mm"'),
     edited("a unit of a STEP file", "remove 'unit'", of_step, 'unit = "mm"', ""),
     edited(
         "no deviation", "give a deviation such as 0.01 mm", of_step, "deviation = 0", 'deviation = "0.01 mm"', slow=True
@@ -252,13 +251,6 @@ ABOUT_MESHES = (
         'model = "rod.step"\nunit = "mm"',
         'model = "rod.step"',
         slow=True,
-    ),
-    edited(
-        "a body of an STL file itself",
-        "leave 'body' out",
-        asked,
-        'model = "rod.stl"\nunit = "mm"\nbody = 1',
-        'model = "rod.stl"\nunit = "mm"',
     ),
     edited(
         "parameters of a mesh",
