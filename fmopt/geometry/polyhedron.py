@@ -332,6 +332,13 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
         return of_manifold(Manifold.hull_points(cloud), reach)
 
 
+def of_polyhedron(body: Polyhedron) -> Manifold:
+    """The manifold3d solid of a polyhedron."""
+    from manifold3d import Manifold, Mesh64
+
+    return Manifold(Mesh64(vert_properties=np.array(body.vertices), tri_verts=triangulated(body).astype(np.uint64)))
+
+
 def of_manifold(shape: Manifold, tol: float) -> Polyhedron:
     """The polyhedron of a manifold3d solid; errors and `tol` as of `from_triangles`."""
     mesh = shape.to_mesh64()

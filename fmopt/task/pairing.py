@@ -27,8 +27,7 @@ Kind = Literal["solid", "hollow"]
 SIDES: tuple[Side, Side] = ("moving", "fixed")
 _FULL = 1e-9  # m
 _HERE = 1e-3  # m: stated features that are no nearer are others than one without a place
-_LYING = 0.7  # cosine between the way in and the longest axis of what goes in, below which it lies
-_SLENDER = 1.2  # times its other widths: a part that is so long has a longest axis
+_UPSIDE_DOWN = 0.7  # cosine between the way in and the file's own way down
 
 
 @dataclass(frozen=True)
@@ -173,15 +172,15 @@ def _found(name: str, table: MatingFeature, model: Model) -> str:
 
 def _doubts(part: Part, frame: Pose, fit: Fit, kind: Kind) -> Iterator[str]:
     """What speaks against the way in that was found, as warnings."""
+    from fmopt.geometry.fit.search import lies
+
     if kind == "hollow":
         if fit.alike > 1:
             yield f"warning: {part.name} has {fit.alike} openings that fit alike, of which one was taken"
         return
-    z, widths = frame.R[:, 2], np.sort(part.polyhedron.widths)
-    longest = np.eye(3)[int(np.argmax(part.polyhedron.widths))]
-    if widths[2] > _SLENDER * widths[1] and abs(z @ longest) < _LYING:
+    if lies(part.polyhedron, frame.R[:, 2]):
         yield f"warning: {part.name} goes in across its longest axis, lying down, where it fits the closest"
-    elif z[2] < -_LYING:
+    elif frame.R[2, 2] < -_UPSIDE_DOWN:
         yield f"warning: {part.name} goes in with the end first that is up in its file"
 
 

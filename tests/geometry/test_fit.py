@@ -101,6 +101,16 @@ def test_screw_holes_that_nothing_reaches_add_nothing_to_the_errors() -> None:
     assert problem.start_box[:3] == pytest.approx([3e-4] * 3, abs=1e-12)
 
 
+def test_a_seat_that_no_straight_way_leads_to_is_an_undercut() -> None:
+    """A head behind a narrower neck; without the neck's walls it is drawn out."""
+    head = polyhedron(csg.Union((box(10, 10, 4, z=0.004), box(6, 6, 12, z=0.008))))
+    snap = less(box(30, 30, 14), box(10.4, 10.4, 4.4, z=0.0038), box(6.4, 6.4, 20, z=0.007))
+    with pytest.raises(GeometryError, match=r"an undercut \(thread, snap or bayonet\)"):
+        find(head, snap, seated=Pose.identity())
+    free = less(box(30, 30, 14), box(10.4, 10.4, 20, z=0.0038))
+    assert find(head, free, seated=Pose.identity()).clearance == pytest.approx(2e-4, abs=1e-9)
+
+
 def seventeen() -> tuple[Polyhedron, Polyhedron]:
     return polyhedron(box(17, 30, 20)), less(box(60, 60, 20), box(16.98, 50, 30, z=0.008))
 

@@ -20,6 +20,7 @@ UNFOLLOWED = {  # advice that no test can follow, and why
     "export the bodies as they are, each by itself": "no program at hand writes bodies that are mirrored or scaled",
     "report the model: its faces do not close": "a fault of this program: convex bodies are made closed",
     "check both outlines": "outlines are refused before walls are made between them, unless they are all but one line",
+    "name files of one part each, to have another fit found": "an undercut stays one: test_fit",
     "mend the files; or {}": "sections that shapely cannot unite",
     "give the curves there more distance": "rounding that loses a curve where several all but touch",
 }

@@ -27,7 +27,7 @@ from fmopt.geometry.fit.placing import moved
 from fmopt.geometry.fit.search import SHARES, Candidate, Led, largest
 from fmopt.geometry.fit.seat import Way, most_room
 from fmopt.geometry.mating_features import DESCRIBE
-from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.geometry.polyhedron import Polyhedron, of_polyhedron, placed
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array
 
@@ -125,6 +125,9 @@ def _find(
         if there:
             one, a = min(there, key=lambda one: (-round(one[0].walls[-1], 12), one[0].depth))
             return _fit(_Seat(one, depth, one.material.high - one.depth), a == 1, 1)
+        if _is_locked(*bodies, seated):
+            message = "it is clear in its seat, but no straight way leads there: an undercut (thread, snap or bayonet)"
+            raise GeometryError(message, "name files of one part each, to have another fit found")
     # A solid is led against z of its frame, and z of an opening looks out of it.
     solids = [[Led(Layers(bodies[a], search.upright(z))) for z in _ways(bodies[a], stated[a])] for a, _ in roles]
     others = [[Layers(bodies[b], search.upright(z)) for z in _ways(bodies[b], stated[b])] for _, b in roles]
@@ -161,13 +164,8 @@ def _standing(solid: Polyhedron, other: Polyhedron, pose: Pose) -> Iterator[Cand
     Args:
         pose: of the solid in the frame of the other one.
     """
-    ways = [*search.directions(other), *(pose.R @ way for way in search.directions(solid))]
-    for out in ways:
-        material = Layers(other, search.upright(out))
-        led, shift = Led(Layers(solid, material.turn @ pose.R)), material.turn @ pose.p
-        pivot, at = np.zeros(2), np.array([shift[0], shift[1], 0.0])
-        depth = material.high - (led.layers.low + float(shift[2]))
-        way = Way(led, material, pivot)
+    for way, at, depth in _ways_out(solid, other, pose):
+        led, material, pivot = way.led, way.material, way.pivot
         if depth <= _SAME or way.is_blocked(depth, at, _SAME):
             continue
         for height in reversed(material.middles):
@@ -179,6 +177,23 @@ def _standing(solid: Polyhedron, other: Polyhedron, pose: Pose) -> Iterator[Cand
                 if (area := search.walls(found))[-1] > 0.0:
                     yield replace(found, walls=area)
                 break
+
+
+def _ways_out(solid: Polyhedron, other: Polyhedron, pose: Pose) -> Iterator[tuple[Way, Array, float]]:
+    """Straight ways by which a solid may leave another one, its place there (3,), and how deep it stands, m."""
+    for out in [*search.directions(other), *(pose.R @ way for way in search.directions(solid))]:
+        material = Layers(other, search.upright(out))
+        led, shift = Led(Layers(solid, material.turn @ pose.R)), material.turn @ pose.p
+        depth = material.high - (led.layers.low + float(shift[2]))
+        yield Way(led, material, np.zeros(2)), np.array([shift[0], shift[1], 0.0]), depth
+
+
+def _is_locked(solid: Polyhedron, other: Polyhedron, pose: Pose) -> bool:
+    """Whether two solids are clear of each other but inside of each other's hulls, and no straight way parts them."""
+    one, two = of_polyhedron(placed(solid, pose)), of_polyhedron(other)
+    if (one ^ two).volume() > _LITTLE * _LITTLE * solid.volume or (one.hull() ^ two.hull()).volume() <= 0.0:
+        return False
+    return all(way.is_blocked(depth, at, _SAME) for way, at, depth in _ways_out(solid, other, pose) if depth > _SAME)
 
 
 def _ways(body: Polyhedron, stated: Stated) -> list[Array]:

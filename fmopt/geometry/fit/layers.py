@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import shapely
@@ -23,6 +23,7 @@ from fmopt.spatial.values import Array
 
 MERGED = 1e-5  # of the extent along the direction: corners whose heights differ by less are on one level
 _MOST_SLABS = 12
+_MOST_TONGUES = 3
 _LEAST_SLABS = 4
 _FLAT = 1e-6  # of a normal across the direction, up to which a face is level
 _STRAIGHT = 1e-9  # m: corners of an outline that lie off by less are none
@@ -73,6 +74,14 @@ class Outline:
             for region in (() if self.is_empty else shapely.get_parts(without(self.hull, self.shape)))
             if region.geom_type == "Polygon" and region.area > _SMALL * self.hull.area
         ]
+
+    @cached_property
+    def tongues(self) -> list[shapely.Polygon]:
+        """What stands between two notches, as a dovetail on its base."""
+        notches = [notch for notch, is_closed in self.openings if not is_closed]
+        between = [without(shapely.union(a, b).convex_hull, shapely.union(a, b)) for a, b in combinations(notches, 2)]
+        parts = [part for one in between[:_MOST_TONGUES] for part in shapely.get_parts(one.intersection(self.shape))]
+        return [part for part in parts if part.geom_type == "Polygon" and part.area > _SMALL * self.hull.area]
 
     def is_like(self, other: Outline) -> bool:
         """Whether two outlines differ by less than rounding."""

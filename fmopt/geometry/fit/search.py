@@ -41,6 +41,7 @@ _IN_HULL = 0.5  # of the section's area, which is to lie inside the hull of the 
 _ROUGHLY = 1e-5  # of the width: accuracy of a clearance in the search
 _GIVEN = 1e-8  # m: what a section gives up so that what touches does not overlap
 _SAMPLES = 200  # points of an outline
+_SLENDER = 1.2  # times its other widths: a solid that is so long has a longest axis
 _LOOSE = 2.0  # times that: walls with so much room between them do not count
 SHARES = (0.02, 0.05, 0.1, 0.25)  # of the width: walls so near count
 
@@ -148,6 +149,11 @@ def candidates(solids: Sequence[Led], materials: Sequence[Layers], closed: bool)
                     if is_closed is closed and room[0] < opening.area < room[1] and not _known(opening, seen):
                         seen.append(opening)
                         yield from _placed(led, slab, material, height, opening, closed)
+                    elif not (closed or is_closed or _known(opening, seen)):
+                        seen.append(opening)
+                        for tongue in swept.tongues:
+                            if _LEAST_ROOM * tongue.area < opening.area < _MOST_ROOM_OPEN * tongue.convex_hull.area:
+                                yield from _placed(led, slab, material, height, opening, closed, tongue)
 
 
 def largest(shape: BaseGeometry) -> shapely.Polygon:
@@ -164,6 +170,14 @@ def width_of(outline: Outline) -> float:
     """How wide an outline is across its longest extent, m."""
     corners = np.asarray(outline.shape.minimum_rotated_rectangle.exterior.coords)
     return float(np.hypot(*np.diff(corners[:3], axis=0).T).min())
+
+
+def lies(body: Polyhedron, along: Array) -> bool:
+    """Whether a solid is longer across a direction (3,) than along it and the other way across."""
+    flat = shapely.MultiPoint(body.vertices @ plane_basis(along)).minimum_rotated_rectangle
+    sides = np.hypot(*np.diff(np.asarray(flat.exterior.coords)[:3], axis=0).T)
+    others = max(float(sides.min()), float(np.ptp(body.vertices @ along)))
+    return bool(sides.max() > _SLENDER * others)
 
 
 def turns(outline: Outline, material: Outline, opening: shapely.Polygon) -> list[float]:
@@ -200,14 +214,20 @@ def _headings(outline: Outline) -> list[float]:
 
 
 def placements(
-    outline: Outline, material: Outline, opening: shapely.Polygon, tolerance: float, every: bool = False
+    outline: Outline,
+    material: Outline,
+    opening: shapely.Polygon,
+    tolerance: float,
+    every: bool = False,
+    part: shapely.Polygon | None = None,
 ) -> Iterator[Placement]:
     """An outline placed in an opening from the few turns with the least overlap, or from all with little.
 
     Args:
         tolerance: of the clearance, m.
+        part: of the outline, which goes into the opening; its largest region if None.
     """
-    pivot, middle = (np.array(one.centroid.coords[0]) for one in (largest(outline.shape), opening))
+    pivot, middle = (np.array(one.centroid.coords[0]) for one in (part or largest(outline.shape), opening))
     found = list[tuple[float, float, Array]]()
     for turn in turns(outline, material, opening):
         at = np.append(middle, turn)
@@ -224,12 +244,18 @@ def placements(
 
 
 def _placed(
-    led: Led, slab: int, material: Layers, height: float, opening: shapely.Polygon, closed: bool
+    led: Led,
+    slab: int,
+    material: Layers,
+    height: float,
+    opening: shapely.Polygon,
+    closed: bool,
+    tongue: shapely.Polygon | None = None,
 ) -> Iterator[Candidate]:
     swept, section = led.swept[slab], material.section(height)
-    part, width = largest(swept.shape), width_of(swept)
+    part, width = tongue or largest(swept.shape), width_of(swept if tongue is None else Outline.of(tongue))
     pivot = np.array(part.centroid.coords[0])
-    for placed in placements(swept, section, opening, _ROUGHLY * width):
+    for placed in placements(swept, section, opening, _ROUGHLY * width, part=part):
         if not _TIGHTEST * width < placed.clearance < _LOOSEST * width:
             continue
         if common(moved(part, pivot, placed.at), section.hull) < _IN_HULL * part.area:

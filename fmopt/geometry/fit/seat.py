@@ -41,7 +41,7 @@ class Way:
         Args:
             pivot: (2,) of the solid's layers, m.
         """
-        self.own, self.material, self.pivot = led.layers, material, pivot
+        self.led, self.own, self.material, self.pivot = led, led.layers, material, pivot
         self._swept = dict[float, Outline]()
 
     @cached_property
