@@ -12,9 +12,8 @@ import typer
 from fmopt.cli.entry import say
 from fmopt.errors import Fault, InputError
 from fmopt.notebook.asking import Asked, of_assembly
-from fmopt.notebook.parts import is_part
+from fmopt.notebook.parts import holds_several, is_part
 from fmopt.plan import STDIO
-from fmopt.task.mesh_source import MESHES
 from fmopt.task.toml.source import read
 
 if TYPE_CHECKING:
@@ -67,7 +66,7 @@ def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
             f"name the part that moves and the one that stays: {_EXAMPLE}",
         )
     single = len(files) == 1
-    if single and files[0].suffix.lower() not in MESHES:
+    if single and not holds_several(files[0]):
         message = "this is one part, and an insertion takes two"
         raise _wrong(files[0], "one-part", message, f"name the other one, too: {_EXAMPLE}")
     if error is None:

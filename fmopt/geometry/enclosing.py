@@ -107,9 +107,13 @@ def enclosing(points: Array, triangles: Indices) -> Enclosure:
 def _enclosure(done: Sequence[_Body], known: Array, few: int) -> Enclosure:
     """Bodies with at most so many faces each; coordinates that differ from known ones (n, 3) by rounding are those."""
     from manifold3d import Manifold
+    from scipy.spatial import QhullError
 
     size = done[0].size
-    bounds = [_bounds(body, few) for body in done]
+    try:
+        bounds = [_bounds(body, few) for body in done]
+    except QhullError as error:
+        raise GeometryError("what it is cut into is too thin") from error
     offs = [(body.off, body.where) for body in done] + [(off, at) for _, off, at in bounds]
     off, where = max(offs, key=lambda one: one[0])
     inner = [(planes, body.points.mean(axis=0)) for (planes, _, _), body in zip(bounds, done, strict=True)]

@@ -42,7 +42,7 @@ class Asked:
     Args:
         files: of the moving and the fixed part: mesh, STEP or model files; one file twice for an assembly.
         units: of the numbers of mesh files; mm where it is not given, which is said.
-        bodies: of STEP or OBJ files, by name or number; None for the only one.
+        bodies: of STEP or mesh files, by name or number; None for the only one.
     """
 
     files: tuple[Path, Path]

@@ -48,17 +48,18 @@ def load_part(file: Path, unit: str | None = None) -> tuple[Part, ...]:
         InputError: with every fault.
         ResourceError: no library that reads STEP files.
     """
-    several = file.suffix.lower() in STEP or (file.suffix.lower() in MESHES and _lie_apart(file))
-    bodies: Sequence[str | None] = _bodies(file, unit) if several else (None,)
+    bodies: Sequence[str | None] = _bodies(file, unit) if holds_several(file) else (None,)
     return tuple(_loaded(file, Bare(unit, body)) for body in bodies)
 
 
-def _lie_apart(file: Path) -> bool:
-    """Whether an OBJ file has several bodies; what is wrong with it is told by who reads it."""
+def holds_several(file: Path) -> bool:
+    """Whether a file is one of STEP, or a mesh of several bodies; what is wrong with it is told by who reads it."""
     from fmopt.geometry.mesh.mesh_import import lie_apart
 
+    if file.suffix.lower() in STEP:
+        return True
     try:
-        return lie_apart(file)
+        return file.suffix.lower() in MESHES and lie_apart(file)
     except FmoptError:
         return False
 

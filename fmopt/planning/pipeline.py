@@ -112,6 +112,8 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None, reserved: 
         InfeasibleError: no bias force holds the contacts.
     """
     with until(clock() + problem.settings.time_limit):
+        if problem.settings.evidence == "certified" and _is_enclosed(problem):
+            raise SearchError("nothing is certified of enclosed parts", advice='state settings.evidence = "tested"')
         if problem.settings.evidence == "tested" and problem.plane is None:
             return _tested(problem, Stages(progress))
         if problem.settings.reduce_errors:
@@ -136,6 +138,8 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
     try:
         found = press_solution(posed, lambda presses: subject(press_document(posed, presses, None)), stages.progress)
     except (SearchError, OverdueError) as error:
+        if _is_enclosed(problem):
+            raise
         stages.progress(f"presses: {error.message}")
         stages.ended("presses")
         heed()
@@ -143,7 +147,7 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
         return _completed(left, certified_motion(left, stages), stages)
     stages.ended("presses")
     share = None
-    if found.evidence is not None and found.evidence.level != "tested":
+    if found.evidence is not None and found.evidence.level != "tested" and not _is_enclosed(problem):
         stages.progress("guarded moves: for all of the errors, then for shares of them")
         whole = _certified_whole(problem, stages)
         if whole is None:
@@ -157,6 +161,10 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
     document, verdict = _checked(press_document(posed, found.plan, found.evidence, found.trace, share), TESTED)
     stages.ended("verify")
     return Synthesis(document, verdict, stages.seconds)
+
+
+def _is_enclosed(problem: Problem) -> bool:
+    return problem.moving.enclosed or problem.fixed.enclosed
 
 
 def _certified_whole(problem: Problem, stages: Stages) -> Synthesis | None:

@@ -205,7 +205,7 @@ def test_wrong_calls_are_answered_by_what_is_wrong(tmp_path: Path, run: Run) -> 
     peg, plate = write(generated(seed=1)[0], tmp_path, "stl")
     problem = four_lines((peg, plate))
     calls = [
-        ((peg, "--error", ERROR), "one-body: "),
+        ((peg, "--error", ERROR), "one-part: this is one part, and an insertion takes two"),
         ((peg, peg, "--error", ERROR), "same-part: this part is named twice"),
         ((peg, plate), "missing-error: how far off the part may start is not stated"),
         ((peg, plate, peg, "--error", ERROR), "too-many: 3 files are named"),

@@ -249,7 +249,7 @@ def _of_shells(shells: United, rounding: float) -> Imported:
 
 
 def enclosed(points: Array, triangles: Indices, notes: tuple[str, ...] = ()) -> Imported:
-    """A closed surface whose solid is enclosed by convex bodies; arguments and errors as of `enclosing`."""
+    """A closed surface of triangles (m, 3) over points (n, 3), m, its solid enclosed; errors as of `enclosing`."""
     found = enclosing(points, triangles)
     return Imported(found.boundary, sagitta(points, triangles), notes=notes, enclosure=found)
 

@@ -14,9 +14,6 @@ from fmopt.geometry.mesh.mesh_import import TOLD, Imported
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed, triangulated
 from fmopt.spatial.values import Value, remembered
 
-_MANY = (
-    200  # corners of tools whose slabs, each as large as it may be, take minutes: bodies side by side stand for them
-)
 _VOLUME = 1e-4  # of the volume, by which pieces may be off
 
 
@@ -47,25 +44,16 @@ def decomposed(mesh: Imported) -> Decomposed:
         GeometryError: it is too thin for that.
     """
     body, enclosure = mesh.body, mesh.enclosure
-    if enclosure is None:
-        try:
+    try:
+        if enclosure is None:
             return _exact(body)
-        except GeometryError as error:
-            try:
-                enclosure = enclosing(body.vertices, triangulated(body))
-            except GeometryError:
-                raise error from None
+    except GeometryError:
+        enclosure = enclosing(body.vertices, triangulated(body))
     return Decomposed(_less_others(enclosure), enclosure.boundary, enclosure.bodies, _told(enclosure), True)
 
 
 def _exact(body: Polyhedron) -> Decomposed:
     solid, boundary = apart(body, MESH_NOISE * body.diameter)
-    upright = solid.solid if isinstance(solid, Placed) else solid
-    tools = upright.tools if isinstance(upright, Difference) else ()
-    if len(tools) > 1 and sum(len(tool.points) for tool in tools if isinstance(tool, Hull)) > _MANY:
-        found = enclosing(boundary.vertices, triangulated(boundary))
-        if found.off <= TOLD:
-            return Decomposed(solid, boundary, found.bodies, enclosed=True)
     if abs((volume := manifold(solid).volume()) - boundary.volume) > _VOLUME * boundary.volume:
         raise GeometryError(f"it has {boundary.volume:.6g} m³, its convex pieces {volume:.6g} m³")
     return Decomposed(solid, boundary, _upright_pieces(solid))

@@ -71,7 +71,7 @@ class Operand(Table):
     unit: Literal["m", "cm", "mm", "um", "in"] | None = None
     """Unit of the numbers of a mesh file that is named itself; mm if not given."""
     body: Annotated[str, Field(min_length=1, max_length=200)] | Annotated[int, Field(ge=1, le=10_000)] | None = None
-    """Which body of a STEP or OBJ file that is named itself, by name or number, where it holds several. Two bodies of
+    """Which body of a STEP or mesh file that is named itself, by name or number, where it holds several. Two bodies of
     one file stand there as the goal has them."""
     feature: Name | None = None
     """The mating feature: one solid and one hollow; where the hollow part moves, the operands are exchanged. Not given:

@@ -19,7 +19,7 @@ from fmopt.papers.basanez_suarez.sources import (
     edge_turn,
 )
 from fmopt.task.sources import Deviation as StatedDeviation
-from fmopt.task.sources import Sources, start_box
+from fmopt.task.sources import Sources, budget, total
 from tests.shared.planar_sampling import disc
 
 SHAPE, FEEDER, ROBOT, SLIDE = 2e-5, Deviation(1e-4), Deviation(3e-4, 0.004), Deviation(5e-5, 0.001)
@@ -59,10 +59,10 @@ def test_sums_of_the_paper() -> None:
 
 def test_the_start_box_has_the_same_sums() -> None:
     feeder, robot, slide = StatedDeviation(1e-4), StatedDeviation(3e-4, 0.004), StatedDeviation(5e-5, 0.001)
-    box = start_box(Sources(2e-5, None, feeder, feeder, robot, slide, 0.0), 0.0)
-    total = deviations(SHAPE, FEEDER, [(0.0, 0.0)], GRASPED)
-    assert box[0] == pytest.approx(total.static[0] + total.position, rel=1e-14)
-    assert box[3] == pytest.approx(total.angle, rel=1e-14)
+    box = total(budget(Sources(2e-5, None, feeder, feeder, robot, slide, 0.0), 0.0))
+    off = deviations(SHAPE, FEEDER, [(0.0, 0.0)], GRASPED)
+    assert box[0] == pytest.approx(off.static[0] + off.position, rel=1e-14)
+    assert box[3] == pytest.approx(off.angle, rel=1e-14)
 
 
 def test_a_point_of_the_grasped_object_along_the_chain() -> None:
