@@ -21,7 +21,7 @@ def straight_presses(task: PressTask) -> Iterator[Attempt]:
     from shapely import MultiPoint
 
     tips = (task.goal.R @ task.tip.T).T
-    room = float(MultiPoint((tips + task.goal.p)[:, :2]).convex_hull.exterior.distance(task.mouth.exterior))
+    room = float(MultiPoint((tips + task.goal.p)[:, :2]).convex_hull.distance(task.mouth.exterior))
     off = max(support(task, direction(angle), tip) for tip in tips for angle in np.linspace(0.0, np.pi, 8))
     if room < min(off, _CHAMFERED * task.size):
         return
