@@ -66,7 +66,7 @@ def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
             f"name the part that moves and the one that stays: {_EXAMPLE}",
         )
     single = len(files) == 1
-    if single and not holds_several(files[0]):
+    if single and files[0].suffix.lower() not in {".obj", ".glb", ".3mf"} and not holds_several(files[0]):
         message = "this is one part, and an insertion takes two"
         raise _wrong(files[0], "one-part", message, f"name the other one, too: {_EXAMPLE}")
     if error is None:
