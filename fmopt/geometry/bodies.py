@@ -19,6 +19,7 @@ def bodies_of(path: Path, unit: str | None) -> tuple[NamedBody, ...]:
         from fmopt.geometry.step.step_import import bodies
 
         return bodies(path)
+    from fmopt.geometry.mesh.mesh_file import OWN_UNIT
     from fmopt.geometry.mesh.mesh_import import mesh_bodies
 
-    return mesh_bodies(path, cast("Unit", "m" if path.suffix.lower() in (".3mf", ".glb") else unit or "mm"))
+    return mesh_bodies(path, cast("Unit", "m" if path.suffix.lower()[1:] in OWN_UNIT else unit or "mm"))

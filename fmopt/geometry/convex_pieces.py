@@ -33,7 +33,7 @@ from fmopt.geometry.csg import (
     operands,
 )
 from fmopt.geometry.facets import place
-from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, from_faces, from_triangles
+from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, from_faces, from_triangles, manifold_of
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, remembered
@@ -142,12 +142,10 @@ def convex_manifold(body: Polyhedron) -> Manifold:
     Raises:
         GeometryError: its faces do not close.
     """
-    from manifold3d import Manifold, Mesh64
-
     fans = [
         (loop[0], loop[i], loop[i + 1]) for (loop,) in (f.loops for f in body.faces) for i in range(1, len(loop) - 1)
     ]
-    made = Manifold(Mesh64(vert_properties=np.array(body.vertices), tri_verts=np.array(fans, dtype=np.uint64)))
+    made = manifold_of(body.vertices, np.array(fans))
     if made.is_empty():
         raise GeometryError(f"a convex body is no solid: {made.status()}", "report the model: its faces do not close")
     return made
@@ -344,7 +342,7 @@ def _manifold(solid: Solid, pose: Pose, stock: list[Array]) -> Manifold:
 
 def _loft(below: Ring, above: Ring, pose: Pose, stock: list[Array]) -> Manifold:
     """What is between two rings of corners, the walls straight, one above the other."""
-    from manifold3d import Manifold, Mesh64, triangulate
+    from manifold3d import triangulate
 
     points, count = exact_pose(pose).apply(np.array([*below, *above])) + 0.0, len(below)
     cap = np.asarray(triangulate([np.array(below)[:, :2]]), dtype=np.int64)
@@ -352,9 +350,9 @@ def _loft(below: Ring, above: Ring, pose: Pose, stock: list[Array]) -> Manifold:
     one = np.arange(count)
     two = np.roll(one, -1)
     walls = [np.column_stack([one, two, two + count]), np.column_stack([one, two + count, one + count])]
-    triangles = np.vstack([cap[:, ::-1], *walls, lid]).astype(np.uint64)
+    triangles = np.vstack([cap[:, ::-1], *walls, lid])
     stock.append(points)
-    made = Manifold(Mesh64(vert_properties=points, tri_verts=triangles))
+    made = manifold_of(points, triangles)
     if made.is_empty():
         raise GeometryError(f"the walls between two sections do not close: {made.status()}", "check both outlines")
     return made

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from heapq import heapify, heappop, heappush
-from itertools import product
+from itertools import count, product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import snapped
 from fmopt.geometry.facets import Indices
-from fmopt.geometry.polyhedron import Polyhedron, of_manifold, placed, with_vertices
+from fmopt.geometry.polyhedron import Polyhedron, manifold_of, of_manifold, placed, plane_basis, with_vertices
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
@@ -28,23 +27,23 @@ from fmopt.spatial.values import Array, Value, frozen
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-_EVEN = 1e-4  # of the diameter: bodies that are off their hulls by less are convex
-_MOST_BODIES, _MOST_PLANES, _LEAST_PLANES = 200, 240, 8  # planes of one body
-_ALL_PLANES = 1200  # of all bodies, beyond which each has few
-_MOST_CUTS = 600  # planes that are held against the reflex edges
-_RISE = 1e-7  # of the diameter, by which faces rise above each other at a reflex edge
-_HELD = 1e-7  # of the diameter: an edge so near to a plane lies in it
-_SAME = 9  # decimals of normals by which planes of a hull are one
-_ALIKE = 6  # decimals of normals, and of offsets over the diameter, by which planes are one
-_THIN = 1e-6  # of the diameter: what is thinner is a skin that rounding leaves
-_SHARP = 1e-3  # sine of the angle between edges that span a plane
-_AT_ONCE = 8  # planes that are added to a body before it is measured again
-_FAR = 2e-3  # of the diameter: by so much planes of a hull may be exceeded for there to be few
-_NOISE = 2e-7  # of the diameter: planes of a hull that are exceeded by less count once
-_SKIN = 1e-7  # of the diameter: by how much bodies are wider where they are united
-_GAP = 1e-8  # of the diameter: how far beside a plane it is cut
-_LEVEL = 1e-8  # of the diameter of a body: corners so near to a face are on it
-_CHUNK = 256  # planes that points are measured from at once
+_MAX_CONCAVITY = 1e-4  # of the diameter: bodies that are off their hulls by less are convex
+_MAX_BODIES, _MAX_PLANES, _MIN_PLANES = 200, 240, 8  # planes of one body
+_PLANES_OF_ALL = 1200  # of all bodies, beyond which each has few
+_MAX_CUTS = 600  # planes that are held against the reflex edges
+_MIN_RISE = 1e-7  # of the diameter, by which faces rise above each other at a reflex edge
+_IN_PLANE = 1e-7  # of the diameter: an edge so near to a plane lies in it
+_NORMAL_DECIMALS = 9  # decimals of normals by which planes of a hull are one
+_PLANE_DECIMALS = 6  # decimals of normals, and of offsets over the diameter, by which planes are one
+_MIN_THICKNESS = 1e-6  # of the diameter: what is thinner is a skin that rounding leaves
+_MIN_SINE = 1e-3  # sine of the angle between edges that span a plane
+_PLANES_AT_ONCE = 8  # planes that are added to a body before it is measured again
+_MAX_EXCESS = 2e-3  # of the diameter: by so much planes of a hull may be exceeded for there to be few
+_MIN_EXCESS = 2e-7  # of the diameter: planes of a hull that are exceeded by less count once
+_WIDENING = 1e-7  # of the diameter: by how much bodies are wider where they are united
+_CUT_GAP = 1e-8  # of the diameter: how far beside a plane it is cut
+_FLATNESS = 1e-8  # of the diameter of a body: corners so near to a face are on it
+_CHUNK_PLANES = 256  # planes that points are measured from at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,31 +74,29 @@ def enclosing(points: Array, triangles: Indices) -> Enclosure:
     Raises:
         GeometryError: the surface does not close, or what it bounds is too thin.
     """
-    from manifold3d import Manifold, Mesh64
-
-    whole = Manifold(Mesh64(vert_properties=np.array(points, order="C"), tri_verts=triangles.astype(np.uint64)))
+    whole = manifold_of(points, triangles)
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    if whole.is_empty() or 2.0 * whole.volume() <= _THIN * size * whole.surface_area():
+    if whole.is_empty() or 2.0 * whole.volume() <= _MIN_THICKNESS * size * whole.surface_area():
         raise GeometryError("the surface bounds no solid")
-    queue = [(-body.off, number, body) for number, body in enumerate(_Body(one, size) for one in whole.decompose())]
+    number, done = count(), list[_Body]()
+    queue = [(-body.off, next(number), body) for body in (_Body(one, size) for one in whole.decompose())]
     heapify(queue)
-    count, done = len(queue), list[_Body]()
-    while queue and len(queue) + len(done) < _MOST_BODIES:
+    while queue and len(queue) + len(done) < _MAX_BODIES:
         heed()
         _, _, body = heappop(queue)
-        halves = body.halves() if body.off > _EVEN * size else []
+        halves = body.halves() if body.off > _MAX_CONCAVITY * size else []
         if len(halves) < 2:
             done.append(body)
-        for half in halves if len(halves) > 1 else ():
-            heappush(queue, (-half.off, count, half))
-            count += 1
+            continue
+        for half in halves:
+            heappush(queue, (-half.off, next(number), half))
     done += [body for *_, body in sorted(queue)]
-    few = min(_ALL_PLANES // len(done), _MOST_PLANES)
+    few = min(_PLANES_OF_ALL // len(done), _MAX_PLANES)
     while True:
         try:
-            return _enclosure(done, points, max(few, _LEAST_PLANES))
+            return _enclosure(done, points, max(few, _MIN_PLANES))
         except GeometryError:  # of more faces than are taken
-            if few <= _LEAST_PLANES:
+            if few <= _MIN_PLANES:
                 raise
             few //= 2
 
@@ -114,12 +111,11 @@ def _enclosure(done: Sequence[_Body], known: Array, few: int) -> Enclosure:
         bounds = [_bounds(body, few) for body in done]
     except QhullError as error:
         raise GeometryError("what it is cut into is too thin") from error
-    offs = [(body.off, body.where) for body in done] + [(off, at) for _, off, at in bounds]
-    off, where = max(offs, key=lambda one: one[0])
-    inner = [(planes, body.points.mean(axis=0)) for (planes, _, _), body in zip(bounds, done, strict=True)]
-    hulls = [Manifold.hull_points(snapped(_corners(planes, at, size), known)) for planes, at in inner]
-    bodies = tuple(of_manifold(hull.simplify(_LEVEL * size), _LEVEL * size) for hull in hulls)
-    return Enclosure(bodies, _boundary(inner, size), off, where)
+    spots = [(one.off, one.where) for one in done] + [(one.off, one.where) for one in bounds]
+    off, where = max(spots, key=lambda spot: spot[0])
+    hulls = [Manifold.hull_points(snapped(one.corners(size), known)) for one in bounds]
+    bodies = tuple(of_manifold(hull.simplify(_FLATNESS * size), _FLATNESS * size) for hull in hulls)
+    return Enclosure(bodies, _boundary(bounds, size), off, where)
 
 
 class _Body:
@@ -142,28 +138,26 @@ class _Body:
         self.offsets = np.einsum("ij,ij->i", self.normals, a)
         self.planes = _hull_planes(shape, size)
         self.below = _depth(self.planes, self.points)
-        centres = _depth(self.planes, (a + b + c) / 3.0) * (self.areas > 1e-9 * self.areas.max())
-        at = int(np.argmax(centres)) if centres.max() > self.below.max() else int(np.argmax(self.below))
-        self.where = ((a + b + c) / 3.0 if centres.max() > self.below.max() else self.points)[at]
-        self.off = float(max(centres.max(), self.below.max()))
+        centres = (a + b + c) / 3.0
+        inside = _depth(self.planes, centres) * (self.areas > 1e-9 * self.areas.max())
+        depth = np.concatenate([self.below, inside])
+        self.off, self.where = float(depth.max()), np.vstack([self.points, centres])[depth.argmax()]
 
-    @cached_property
     def _reflex(self) -> tuple[Indices, NDArray[np.intp]]:
         """Ends (k, 2) of the reflex edges below the hull, and the triangles (k, 2) at each."""
-        count, corners = len(self.points), self.triangles
+        corners, wide = self.triangles, len(self.points)
         start, end, ahead = corners.ravel(), np.roll(corners, -1, axis=1).ravel(), np.roll(corners, -2, axis=1).ravel()
-        order = np.argsort(start * count + end)
-        keys = (start * count + end)[order]
-        back = np.minimum(np.searchsorted(keys, end * count + start), len(keys) - 1)
-        one = np.flatnonzero((keys[back] == end * count + start) & (start < end))
+        order = np.argsort(start * wide + end)
+        keys = (start * wide + end)[order]
+        back = np.minimum(np.searchsorted(keys, end * wide + start), len(keys) - 1)
+        one = np.flatnonzero((keys[back] == end * wide + start) & (start < end))
         other = order[back[one]]
         sides = np.column_stack([one // 3, other // 3])
         rise = [
-            np.einsum("ij,ij->i", self.normals[sides[:, k]], self.points[ahead[(other, one)[k]]])
-            - self.offsets[sides[:, k]]
-            for k in (0, 1)
+            np.einsum("ij,ij->i", self.normals[own], self.points[ahead[across]]) - self.offsets[own]
+            for own, across in zip(sides.T, (other, one), strict=True)
         ]
-        reflex = (np.maximum(*rise) > _RISE * self.size) & (self.areas[sides] > 0.0).all(axis=1)
+        reflex = (np.maximum(*rise) > _MIN_RISE * self.size) & (self.areas[sides] > 0.0).all(axis=1)
         return np.column_stack([start[one], end[one]])[reflex], sides[reflex]
 
     def _cut(self) -> tuple[Array, float] | None:
@@ -171,11 +165,11 @@ class _Body:
 
         Candidates are the planes of the faces at reflex edges, and those through two of them that share a corner.
         """
-        edges, sides = self._reflex
+        edges, sides = self._reflex()
         depth = np.maximum(
             _depth(self.planes, self.points[edges].mean(axis=1)), self.below[edges].max(axis=1, initial=0.0)
         )
-        deep = depth > 0.5 * _EVEN * self.size
+        deep = depth > 0.5 * _MAX_CONCAVITY * self.size
         edges, sides, depth = edges[deep], sides[deep], depth[deep]
         if not len(edges):
             return None
@@ -193,17 +187,17 @@ class _Body:
             one, other = own[at], own[at + lag]
             across = np.cross(along[one], along[other]) / (lengths[one] * lengths[other])[:, None]
             sine = np.linalg.norm(across, axis=1)
-            wide = sine > _SHARP
+            wide = sine > _MIN_SINE
             across = across[wide] / sine[wide, None]
             normals.append(across)
             offsets.append(np.einsum("ij,ij->i", across, self.points[corner[at][wide]]))
             heavy.append((weights[one] + weights[other])[wide])
         planes = np.column_stack([np.vstack(normals), np.concatenate(offsets) / self.size])
-        first = np.sort(np.unique(np.round(planes, _ALIKE), axis=0, return_index=True)[1])
-        first = np.sort(first[np.argsort(-np.concatenate(heavy)[first], kind="stable")[:_MOST_CUTS]])
+        first = np.sort(np.unique(np.round(planes, _PLANE_DECIMALS), axis=0, return_index=True)[1])
+        first = np.sort(first[np.argsort(-np.concatenate(heavy)[first], kind="stable")[:_MAX_CUTS]])
         normal, offset = planes[first, :3], self.size * planes[first, 3]
         away = np.abs(self.points[edges.ravel()] @ normal.T - offset).reshape(len(edges), 2, -1).max(axis=1)
-        score = ((away <= _HELD * self.size) * weights[:, None]).sum(axis=0)
+        score = ((away <= _IN_PLANE * self.size) * weights[:, None]).sum(axis=0)
         best = int(np.argmax(np.round(score / score.max(), 9)))
         return normal[best], float(offset[best])
 
@@ -212,7 +206,7 @@ class _Body:
         if (plane := self._cut()) is None:
             return []
         parts = [part for side in (1.0, -1.0) for part in self._half(*plane, side).decompose()]
-        thick = [part for part in parts if 2.0 * part.volume() > _THIN * self.size * part.surface_area()]
+        thick = [part for part in parts if 2.0 * part.volume() > _MIN_THICKNESS * self.size * part.surface_area()]
         return [_Body(part, self.size) for part in thick]
 
     def _half(self, normal: Array, offset: float, side: float) -> Manifold:
@@ -220,15 +214,12 @@ class _Body:
 
         It is cut a little off the plane, and put back onto it: no skin is left of faces that lie in the plane.
         """
-        from manifold3d import Manifold, Mesh64
-
-        gap = _GAP * self.size
+        gap = _CUT_GAP * self.size
         mesh = (self.shape - _room(self.points, normal, offset - side * gap, side, 2.0 * self.size)).to_mesh64()
         points = np.array(mesh.vert_properties)[:, :3]
         away = points @ normal - offset
         points -= np.where(np.abs(away) <= 2.0 * gap, away, 0.0)[:, None] * normal
-        triangles = np.array(mesh.tri_verts, dtype=np.uint64, order="C")
-        return Manifold(Mesh64(vert_properties=np.ascontiguousarray(points), tri_verts=triangles))
+        return manifold_of(points, np.array(mesh.tri_verts, dtype=np.int64))
 
 
 def _hull_planes(shape: Manifold, size: float) -> Array:
@@ -238,10 +229,10 @@ def _hull_planes(shape: Manifold, size: float) -> Array:
     sides = [points[triangles[:, (k + 1) % 3]] - points[triangles[:, k]] for k in range(3)]
     normals = np.cross(sides[0], sides[1])
     areas, longest = np.linalg.norm(normals, axis=1), np.max([np.linalg.norm(side, axis=1) for side in sides], axis=0)
-    normals = normals[areas > _NOISE * size * longest] / areas[areas > _NOISE * size * longest, None]
-    normals = normals[np.sort(np.unique(np.round(normals, _SAME), axis=0, return_index=True)[1])]
+    normals = normals[areas > _MIN_EXCESS * size * longest] / areas[areas > _MIN_EXCESS * size * longest, None]
+    normals = normals[np.sort(np.unique(np.round(normals, _NORMAL_DECIMALS), axis=0, return_index=True)[1])]
     far = np.concatenate(
-        [(points @ some.T).max(axis=0) for some in np.array_split(normals, len(normals) // _CHUNK + 1)]
+        [(points @ some.T).max(axis=0) for some in np.array_split(normals, len(normals) // _CHUNK_PLANES + 1)]
     )
     return np.column_stack([normals, -far])
 
@@ -249,8 +240,8 @@ def _hull_planes(shape: Manifold, size: float) -> Array:
 def _depth(planes: Array, points: Array) -> Array:
     """How far points (n, 3) lie below the nearest of some planes (k, 4), m, 0 above."""
     least = np.full(len(points), np.inf)
-    for first in range(0, len(planes), _CHUNK):
-        some = planes[first : first + _CHUNK]
+    for first in range(0, len(planes), _CHUNK_PLANES):
+        some = planes[first : first + _CHUNK_PLANES]
         least = np.minimum(least, -(points @ some[:, :3].T + some[:, 3]).max(axis=1, initial=-np.inf))
     return np.asarray(np.maximum(least, 0.0))
 
@@ -261,62 +252,69 @@ def _room(points: Array, normal: Array, offset: float, side: float, reach: float
 
     middle = points.mean(axis=0)
     middle = middle - (normal @ middle - offset) * normal
-    x = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    x = x - (x @ normal) * normal
-    x /= np.linalg.norm(x)
-    axes = np.array([x, np.cross(normal, x), side * normal])
+    axes = np.vstack([plane_basis(normal).T, side * normal])
     corners = np.array(list(product((-1.0, 1.0), (-1.0, 1.0), (0.0, 1.0))))
     return Manifold.hull_points(middle + reach * corners @ axes)
 
 
-def _bounds(body: _Body, few: int) -> tuple[Array, float, Array]:
-    """Few half-spaces (k, 4) that hold a body, by how much they are beyond its hull at most, m, and where (3,).
+@dataclass(frozen=True, eq=False)
+class _Bounds:
+    """Half-spaces (k, 4) that hold a body, a point inside (3,), how far they exceed its hull at most, m, and where."""
 
-    They are those of the hull that the others exceed the most, added one after the other.
+    planes: Array
+    inside: Array
+    off: float
+    where: Array
+
+    def corners(self, size: float, out: float = 0.0) -> Array:
+        """The corners (n, 3) of what the planes bound, m, each of them a distance farther out."""
+        return _corners(self.planes - [0.0, 0.0, 0.0, out], self.inside, size)
+
+
+def _bounds(body: _Body, few: int) -> _Bounds:
+    """Few half-spaces of a body's hull: those that the others exceed the most, added one after the other.
 
     Args:
         few: so many are taken where the hull has more.
     """
-    from scipy.spatial import HalfspaceIntersection
-
     middle, size = body.points.mean(axis=0), body.size
+    # About the middle and in sizes, so that what is equal but for rounding counts as equal.
     planes = np.column_stack([body.planes[:, :3], (body.planes[:, 3] + body.planes[:, :3] @ middle) / size])
     box = np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.full(6, -2.0)])
     chosen = list[int]()
     while True:
-        corners = HalfspaceIntersection(np.vstack([box, planes[chosen]]), np.zeros(3)).intersections
+        corners = _corners(np.vstack([box, planes[chosen]]), np.zeros(3), 1.0)
         beyond = corners @ planes[:, :3].T + planes[:, 3]
         order = np.argsort(-np.round(beyond.max(axis=0), 12), kind="stable")
         most, seen = float(beyond[:, order[0]].max()), set[int]()
-        if most <= _NOISE or len(chosen) >= _MOST_PLANES or (len(chosen) >= few and most <= _FAR):
-            return body.planes[chosen], size * max(most, 0.0), middle + size * corners[beyond[:, order[0]].argmax()]
-        for plane in order[: 8 * _AT_ONCE].tolist():
+        if most <= _MIN_EXCESS or len(chosen) >= _MAX_PLANES or (len(chosen) >= few and most <= _MAX_EXCESS):
+            where = middle + size * corners[beyond[:, order[0]].argmax()]
+            return _Bounds(body.planes[chosen], middle, size * max(most, 0.0), where)
+        for plane in order[: 8 * _PLANES_AT_ONCE].tolist():
             at = int(beyond[:, plane].argmax())
-            if beyond[at, plane] > 0.5 * most and at not in seen and len(chosen) < _MOST_PLANES:
+            if beyond[at, plane] > 0.5 * most and at not in seen and len(chosen) < _MAX_PLANES:
                 seen.add(at)
                 chosen.append(plane)
 
 
 def _corners(planes: Array, middle: Array, size: float) -> Array:
-    """The corners (n, 3) of what planes (k, 4) bound, m."""
+    """The corners (n, 3) of what planes (k, 4) around a point (3,) bound, m."""
     from scipy.spatial import HalfspaceIntersection
 
+    # Qhull rounds by the size of numbers: it gets the planes about the point, in sizes.
     rows = np.column_stack([planes[:, :3], (planes[:, 3] + planes[:, :3] @ middle) / size])
     return np.asarray(middle + size * HalfspaceIntersection(rows, np.zeros(3)).intersections)
 
 
-def _boundary(bounds: Sequence[tuple[Array, Array]], size: float) -> Polyhedron:
+def _boundary(bounds: Sequence[_Bounds], size: float) -> Polyhedron:
     """The boundary of the union of bodies.
 
     They are united a little larger than they are, so that no skin is left where they touch, and corners are put back.
-
-    Args:
-        bounds: planes (k, 4) and a point inside (3,) of each.
     """
     from manifold3d import Manifold, OpType
 
-    skin = _SKIN * size
-    wider = [Manifold.hull_points(_corners(planes - [0.0, 0.0, 0.0, skin], at, size)) for planes, at in bounds]
+    skin = _WIDENING * size
+    wider = [Manifold.hull_points(one.corners(size, skin)) for one in bounds]
     body = of_manifold(Manifold.batch_boolean(wider, OpType.Add).simplify(skin), 2.0 * skin)
     points = np.array(body.vertices)
     for number, faces in enumerate(body.vertex_faces):

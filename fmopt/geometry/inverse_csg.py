@@ -24,6 +24,7 @@ from fmopt.geometry.polyhedron import (
     from_faces,
     from_triangles,
     level,
+    manifold_of,
     placed,
     plane_basis,
     triangulated,
@@ -86,10 +87,8 @@ def _squared(body: Polyhedron, slack: float) -> Array:
 
 def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
     """The solid, and the vertices (n, 3) of the body as cleaned."""
-    from manifold3d import Manifold, Mesh64
-
     ideal = _idealised(body, tol)
-    shape = Manifold(Mesh64(vert_properties=ideal, tri_verts=triangulated(body).astype(np.uint64)))
+    shape = manifold_of(ideal, triangulated(body))
     upright = upright_prisms(from_faces(ideal, [face.loops for face in body.faces]), tol)
     if upright is None:
         if len(body.faces) > _MOST_FACES:

@@ -332,11 +332,12 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
         return of_manifold(Manifold.hull_points(cloud), reach)
 
 
-def of_polyhedron(body: Polyhedron) -> Manifold:
-    """The manifold3d solid of a polyhedron."""
+def manifold_of(points: Array, triangles: NDArray[np.int64]) -> Manifold:
+    """The manifold3d solid of triangles (m, 3) over points (n, 3)."""
     from manifold3d import Manifold, Mesh64
 
-    return Manifold(Mesh64(vert_properties=np.array(body.vertices), tri_verts=triangulated(body).astype(np.uint64)))
+    # It takes arrays that are contiguous and may be written.
+    return Manifold(Mesh64(np.array(points, order="C"), np.array(triangles, dtype=np.uint64, order="C")))
 
 
 def of_manifold(shape: Manifold, tol: float) -> Polyhedron:

@@ -27,7 +27,7 @@ from fmopt.geometry.fit.placing import moved
 from fmopt.geometry.fit.search import SHARES, Candidate, Led, largest
 from fmopt.geometry.fit.seat import Way, most_room
 from fmopt.geometry.mating_features import DESCRIBE
-from fmopt.geometry.polyhedron import Polyhedron, of_polyhedron, placed
+from fmopt.geometry.polyhedron import Polyhedron, manifold_of, placed, triangulated
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array
 
@@ -190,7 +190,7 @@ def _ways_out(solid: Polyhedron, other: Polyhedron, pose: Pose) -> Iterator[tupl
 
 def _is_locked(solid: Polyhedron, other: Polyhedron, pose: Pose) -> bool:
     """Whether two solids are clear of each other but inside of each other's hulls, and no straight way parts them."""
-    one, two = of_polyhedron(placed(solid, pose)), of_polyhedron(other)
+    one, two = (manifold_of(body.vertices, triangulated(body)) for body in (placed(solid, pose), other))
     if (one ^ two).volume() > _LITTLE * _LITTLE * solid.volume or (one.hull() ^ two.hull()).volume() <= 0.0:
         return False
     return all(way.is_blocked(depth, at, _SAME) for way, at, depth in _ways_out(solid, other, pose) if depth > _SAME)

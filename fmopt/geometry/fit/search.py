@@ -168,14 +168,18 @@ def _known(opening: shapely.Polygon, seen: Sequence[shapely.Polygon]) -> bool:
 
 def width_of(outline: Outline) -> float:
     """How wide an outline is across its longest extent, m."""
-    corners = np.asarray(outline.shape.minimum_rotated_rectangle.exterior.coords)
-    return float(np.hypot(*np.diff(corners[:3], axis=0).T).min())
+    return float(_box(outline.shape).min())
+
+
+def _box(shape: BaseGeometry) -> Array:
+    """Lengths (2,) of the sides of the least rectangle around a plane shape, m."""
+    corners = np.asarray(shape.minimum_rotated_rectangle.exterior.coords)
+    return np.asarray(np.hypot(*np.diff(corners[:3], axis=0).T))
 
 
 def lies(body: Polyhedron, along: Array) -> bool:
     """Whether a solid is longer across a direction (3,) than along it and the other way across."""
-    flat = shapely.MultiPoint(body.vertices @ plane_basis(along)).minimum_rotated_rectangle
-    sides = np.hypot(*np.diff(np.asarray(flat.exterior.coords)[:3], axis=0).T)
+    sides = _box(shapely.MultiPoint(body.vertices @ plane_basis(along)))
     others = max(float(sides.min()), float(np.ptp(body.vertices @ along)))
     return bool(sides.max() > _SLENDER * others)
 

@@ -19,7 +19,7 @@ from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, joined, o
 from fmopt.geometry.mesh.plane_facets import flattened
 from fmopt.geometry.mesh.round_planes import chord_error, sagitta
 from fmopt.geometry.mesh.shells import United, united
-from fmopt.geometry.polyhedron import Polyhedron, placed
+from fmopt.geometry.polyhedron import Polyhedron, manifold_of, placed
 from fmopt.geometry.section import require_plausible
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
@@ -131,16 +131,19 @@ def _objects(path: Path) -> tuple[tuple[str, Array, Indices], ...]:
     from scipy.sparse.csgraph import connected_components
 
     found = read_bodies(path)
-    points, triangles, reach = _together(found)
-    # Where some touch and were united the file is one part, as its writer meant it.
-    if len(found) > 1 or (shells := united(points, triangles, reach)).count < 2 or shells.notes:
+    if len(found) > 1:
         return found
-    points, triangles, _ = merged_vertices(shells.points, shells.triangles, reach)
-    sides = np.vstack([triangles[:, :2], triangles[:, 1:]])
-    links = coo_array((np.ones(len(sides)), sides.T), shape=(len(points), len(points)))
-    label = connected_components(links, directed=False)[1][triangles[:, 0]]
-    bodies = [np.unique(triangles[label == own], return_inverse=True) for own in dict.fromkeys(label.tolist())]
-    return tuple((found[0][0], points[used], corners.reshape(-1, 3)) for used, corners in bodies)
+    points, triangles, reach = _together(found)
+    merged, corners, _ = merged_vertices(points, triangles, reach)
+    sides = np.vstack([corners[:, :2], corners[:, 1:]])
+    links = coo_array((np.ones(len(sides)), sides.T), shape=(len(merged), len(merged)))
+    label = connected_components(links, directed=False)[1][corners[:, 0]]
+    shells = dict.fromkeys(label.tolist())
+    # Where some touch and were united the file is one part, as its writer meant it.
+    if len(shells) < 2 or (whole := united(points, triangles, reach)).count < 2 or whole.notes:
+        return found
+    bodies = [np.unique(corners[label == shell], return_inverse=True) for shell in shells]
+    return tuple((found[0][0], merged[used], own.reshape(-1, 3)) for used, own in bodies)
 
 
 def _together(found: Sequence[tuple[str, Array, Indices]]) -> tuple[Array, Indices, float]:
@@ -425,11 +428,10 @@ def _require_simple(points: Array, triangles: Indices, crossing: Crossing | None
         message = f"the surface passes through itself: triangles {numbers[one]} and {numbers[other]} cross"
         advice = "unite the bodies in the program that made the mesh, and export it again"
         raise GeometryError(f"{message} at {place(where)}", advice)
-    from manifold3d import Manifold, Mesh64, OpType
+    from manifold3d import Manifold, OpType
 
-    body = Manifold(Mesh64(vert_properties=points, tri_verts=triangles.astype(np.uint64)))
     # Shells of cavities have negative volumes.
-    shells = [shell for shell in body.decompose() if shell.volume() > 0.0]
+    shells = [shell for shell in manifold_of(points, triangles).decompose() if shell.volume() > 0.0]
     apart = sum(shell.volume() for shell in shells)
     together = Manifold.batch_boolean(shells, OpType.Add).volume()
     if together < (1.0 - 1e-6) * apart:

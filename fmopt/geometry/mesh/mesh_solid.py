@@ -49,7 +49,7 @@ def decomposed(mesh: Imported) -> Decomposed:
             return _exact(body)
     except GeometryError:
         enclosure = enclosing(body.vertices, triangulated(body))
-    return Decomposed(_less_others(enclosure), enclosure.boundary, enclosure.bodies, _told(enclosure), True)
+    return Decomposed(_less_others(enclosure), enclosure.boundary, enclosure.bodies, _enclosure_notes(enclosure), True)
 
 
 def _exact(body: Polyhedron) -> Decomposed:
@@ -77,7 +77,7 @@ def _hull(body: Polyhedron) -> Hull:
     return Hull(tuple((float(x), float(y), float(z)) for x, y, z in body.vertices))
 
 
-def _told(enclosure: Enclosure) -> tuple[str, ...]:
+def _enclosure_notes(enclosure: Enclosure) -> tuple[str, ...]:
     if enclosure.off <= TOLD:
         return ()
     count = len(enclosure.bodies)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmopt.geometry.facets import Indices, merged_vertices
+from fmopt.geometry.polyhedron import manifold_of
 from fmopt.spatial.values import Array
 
 _LOST = 1e-9  # of the volume of shells, by which that of their union is smaller where they overlap
@@ -43,18 +44,14 @@ def united(points: Array, triangles: Indices, reach: float) -> United:
         triangles: (m, 3), counter-clockwise seen from outside.
         reach: between vertices that are one, m.
     """
-    from manifold3d import Error, Manifold, Mesh64, OpType
+    from manifold3d import Error, Manifold, OpType
 
     as_it_is = United(points, triangles)
     if not _normals(points, triangles).any():
         return as_it_is
     R = _axes(points, triangles)
     shells = _shells(_levelled(points @ R.T, reach), triangles, reach)
-
-    def solid(vertices: Array, corners: Indices) -> Manifold:
-        return Manifold(Mesh64(vert_properties=vertices, tri_verts=corners.astype(np.uint64)))
-
-    solids = [solid(*shell) for shell in shells]
+    solids = [manifold_of(*shell) for shell in shells]
     if not solids or any(one.status() != Error.NoError or one.volume() <= 0.0 for one in solids):
         return as_it_is
     if len(solids) == 1:
@@ -63,7 +60,7 @@ def united(points: Array, triangles: Indices, reach: float) -> United:
     union = Manifold.batch_boolean(solids, OpType.Add)
     count = len(union.decompose())
     # Slanted faces that touch but for rounding meet where all are moved outward by as much; edges that touch do not.
-    wider = [solid(_offset(*shell, deep), shell[1]) for shell in shells]
+    wider = [manifold_of(_offset(*shell, deep), shell[1]) for shell in shells]
     met = Manifold.batch_boolean(wider, OpType.Add)
     common = sum(one.volume() for one in wider) - met.volume() - (apart - union.volume())
     if (closer := len(met.decompose())) < count and common > deep * _FACING * float(np.ptp(points, axis=0).max()) ** 2:
