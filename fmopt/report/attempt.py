@@ -13,11 +13,10 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from fmopt.plan import Contact, Part
-from fmopt.plan.position_force import AXES
 from fmopt.report.figures import Figure
-from fmopt.report.naming import binding_words, contact_words, degrees, millimetres, pose_words, quantity
+from fmopt.report.naming import binding_words, box_words, contact_words, degrees, pose_words, quantity
 from fmopt.report.scene import resource
-from fmopt.report.shell import chaptered, figure, page, table
+from fmopt.report.shell import bullets, chaptered, figure, page, table
 from fmopt.report.views import cut_view
 from fmopt.report.views.cut_view import End
 from fmopt.spatial.se3 import Pose
@@ -196,12 +195,6 @@ class Failure:
         return failure_page(self, {name: figure.svg() for name, figure in self.figures.items()})
 
 
-def box_words(box: Numbers) -> str:
-    """Half-widths (6,) of errors: "x ±0.45 mm, rx ±0.45°"; those that are zero are left out."""
-    said = [f"{AXES[k]} ±{millimetres(v) + ' mm' if k < 3 else degrees(v) + '°'}" for k, v in enumerate(box) if v]
-    return ", ".join(said) or "none"
-
-
 def move_ends(failure: Failure) -> list[End]:
     """The start and the end of every move."""
     ends = [
@@ -227,11 +220,14 @@ def _paint(failure: Failure, sheet: Sheet) -> None:
 
 def failure_page(failure: Failure, svgs: Mapping[str, str]) -> str:
     """The page: what is missing first, then the closest attempt, what would work, and what was asked."""
-    catalogue = failure.figures
-    drawn = "".join(figure(svg, *_said(catalogue[name])) for name, svg in svgs.items())
+    drawn = "".join(figure(svgs[name], d.alt, d.title, d.size) for name, d in failure.figures.items())
     chapters = [
         ("attempt", "The closest attempt", drawn + _moves(failure)),
-        ("works", "What does work", _paragraph(_sentence(failure.nearest_words)) + _advice(failure)),
+        (
+            "works",
+            "What does work",
+            _paragraph(_sentence(failure.nearest_words)) + bullets(map(_sentence, failure.advice)),
+        ),
         ("asked", "What was asked", _paragraph(f"Start errors: {box_words(failure.box)}.")),
     ]
     limit = "The time limit ended this. " if failure.late else ""
@@ -245,10 +241,6 @@ def failure_page(failure: Failure, svgs: Mapping[str, str]) -> str:
     return page(f"{title}: no plan", resource("page.css"), chaptered("No insertion plan", title, chapters, lead))
 
 
-def _said(drawing: Figure) -> tuple[str, str, tuple[float, float]]:
-    return drawing.alt, drawing.title, drawing.size
-
-
 def _moves(failure: Failure) -> str:
     rows = []
     for number, step in enumerate(failure.steps, start=1):
@@ -259,10 +251,6 @@ def _moves(failure: Failure) -> str:
     worst = -1 if failure.lack is None or failure.lack.move > len(rows) else failure.lack.move - 1
     head = ("move", "along or about", "ends at", "contacts made", "certified margin")
     return table("The moves of the closest attempt", head, rows, "n....", worst)
-
-
-def _advice(failure: Failure) -> str:
-    return "<ul>\n" + "".join(f"<li>{escape(_sentence(words))}</li>\n" for words in failure.advice) + "</ul>\n"
 
 
 def _paragraph(words: str) -> str:

@@ -218,6 +218,12 @@ def _piece_words(part: Part, number: int) -> str:
     return f"{part.name} piece {number} ({span})"
 
 
+def box_words(box: Sequence[float]) -> str:
+    """Half-widths (6,) of errors: "x ±0.45 mm, rx ±0.45°"; those that are zero are left out."""
+    said = [f"{AXES[k]} ±{millimetres(v) + ' mm' if k < 3 else degrees(v) + '°'}" for k, v in enumerate(box) if v]
+    return ", ".join(said) or "none"
+
+
 def pose_words(pose: Sequence[float]) -> str:
     """A pose: position in mm, rotation vector in degrees."""
     way, angle = (", ".join(form(v) for v in half) for form, half in ((millimetres, pose[:3]), (degrees, pose[3:])))

@@ -59,12 +59,13 @@ def _press_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, str
 
 def _guarded_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, str, str]]:
     """Chapters of guarded moves: what they do, why it holds, what it tolerates."""
+    planar = possible_contacts(plan)
     return [
         ("moves", "The moves", sections.move_table(plan)),
         ("states", "Contact states, and why this sequence", _states(plan, shown)),
         ("margins", "Margins and what binds them", sections.margin_words_of(plan) + shown.get("margin", "")),
         ("budget", "Uncertainty budget", _budget(plan, shown)),
-        ("plane", "Possible contacts in the plane", _plane(plan, shown)),
+        ("plane", "Possible contacts in the plane", planar + shown.get("sets", "") + shown.get("surfaces", "")),
         ("trajectory", "Position and force over time", _nominal(plan, shown)),
         ("hybrid", "Hybrid strategies", control_tables.hybrid_table(plan) + jamming_table(plan)),
         ("tolerance", "Tolerated errors and sensitivities", tolerance_chapter(plan)),
@@ -86,10 +87,6 @@ def _budget(plan: Plan, shown: Mapping[str, str]) -> str:
     """Where the start errors come from, what becomes of them on the way, and what they take of the clearance."""
     sources = budget_table(plan) + shown.get("budget", "")
     return sources + sections.error_table(plan) + shown.get("tube", "") + sections.taken(plan)
-
-
-def _plane(plan: Plan, shown: Mapping[str, str]) -> str:
-    return possible_contacts(plan) + shown.get("sets", "") + shown.get("surfaces", "")
 
 
 def _states(plan: Plan, shown: Mapping[str, str]) -> str:

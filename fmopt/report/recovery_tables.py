@@ -14,7 +14,7 @@ from fmopt.plan.diagnostics import ErrorTolerance, ToleranceEnd
 from fmopt.plan.position_force import AXES
 from fmopt.report.moves import verdict
 from fmopt.report.naming import binding_words, degrees, meeting_words, millimetres, signed
-from fmopt.report.shell import table
+from fmopt.report.shell import bullets, table
 
 # One step more of each tolerance: of a length (m) or a share, and of an angle (rad).
 _ONE = {"start": (1e-4, math.radians(0.1)), "velocity": (0.01, 0.01), "clearance": (1e-5, 1e-5)}
@@ -78,10 +78,10 @@ def recovery_chapter(plan: Plan) -> str:
     head = ("move", "contact", "all errors", "one alone", "angle", "felt apart")
     text += f"<p>{note}</p>\n" + table("Contacts that errors would make first", head, rows, "n.nnn.")
     if found.retries:
-        text += table("Shifts of the start, in mm", ("number", "x", "y"), _shifts(found), "nnn")
+        shifts = [(str(k), *map(millimetres, shift[:2])) for k, shift in enumerate(found.retries, start=1)]
+        text += table("Shifts of the start, in mm", ("number", "x", "y"), shifts, "nnn")
         text += table("In which order they are tried", ("move", "felt too early", "not felt"), _orders(found), "n..")
-    items = "\n".join(f"<li>{escape(words)}</li>" for words in found.not_covered)
-    return f"{text}<p>Not covered:</p>\n<ul>\n{items}\n</ul>\n"
+    return f"{text}<p>Not covered:</p>\n{bullets(found.not_covered)}"
 
 
 def _rows(plan: Plan, move: MoveRecovery) -> list[tuple[str, ...]]:
@@ -101,10 +101,6 @@ def _rows(plan: Plan, move: MoveRecovery) -> list[tuple[str, ...]]:
         )
         for first in mine
     ]
-
-
-def _shifts(found: Recovery) -> list[tuple[str, ...]]:
-    return [(str(k + 1), *(millimetres(v) for v in shift[:2])) for k, shift in enumerate(found.retries)]
 
 
 def _orders(found: Recovery) -> list[tuple[str, ...]]:

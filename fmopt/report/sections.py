@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from html import escape
 
 import numpy as np
 
 from fmopt.plan import FORMAT, FRAMES, UNITS, Numbers, Part, Plan
 from fmopt.plan.position_force import AXES
-from fmopt.report.moves import margin_claim, margin_name, margin_words, move_words, moves, states, verdict
-from fmopt.report.naming import binding_words, contact_words, degrees, millimetres, pose_words, quantity, signed
-from fmopt.report.shell import table
+from fmopt.report.moves import margin_claim, margin_name, margin_words, move_words, moves, states, summary_rows, verdict
+from fmopt.report.naming import binding_words, box_words, contact_words, millimetres, pose_words, quantity, signed
+from fmopt.report.shell import bullets, table
 from fmopt.report.views.tube_view import ends_words, error_sets
 
 
@@ -21,12 +19,11 @@ def asked(plan: Plan) -> str:
     parts = [_part_row(side, part) for side, part in plan.parts.items()]
     text = table("Parts", ("part", "name", "extent, mm", "faces", "convex pieces"), parts, "...nn")
     if plan.diagnostics is not None and plan.diagnostics.imported:
-        items = "\n".join(f"<li>{escape(note)}</li>" for note in plan.diagnostics.imported)
-        text += f"<p>Of the parts that came as meshes:</p>\n<ul>\n{items}\n</ul>\n"
+        text += "<p>Of the parts that came as meshes:</p>\n" + bullets(plan.diagnostics.imported)
     text += table("The task", ("", ""), _task_rows(plan))
     if plan.diagnostics is not None and plan.diagnostics.notes:
-        items = "\n".join(f"<li>{escape(note)}</li>" for note in plan.diagnostics.notes)
-        text += f"<p>What the plan leaves out, on which its certificate does not rest:</p>\n<ul>\n{items}\n</ul>\n"
+        text += "<p>What the plan leaves out, on which its certificate does not rest:</p>\n"
+        text += bullets(plan.diagnostics.notes)
     return text
 
 
@@ -35,7 +32,7 @@ def asked_words(plan: Plan) -> str:
     sides = [f"{kind} {text}" for kind in ("declared", "measured") if (text := clearance_words(plan, kind))]
     words = f"Asked for: {plan.moving.name} into {plan.fixed.name}"
     words += f"; clearance on each side {', '.join(sides)}." if sides else "."
-    return f"{words} Start error {_box_words(plan.start_box)}."
+    return f"{words} Start error {box_words(plan.start_box)}."
 
 
 def clearance_words(plan: Plan, kind: str) -> str:
@@ -64,12 +61,12 @@ def _task_rows(plan: Plan) -> list[tuple[str, str]]:
     for kind in ("declared", "measured"):
         if words := clearance_words(plan, kind):
             rows.append((f"{kind} clearance on each side", words))
-    rows.append(("start error, half-widths", _box_words(box)))
+    rows.append(("start error, half-widths", box_words(box)))
     if max(box[:2]) > (part.measured_clearance or min(part.declared_clearance or (0.0,))):
         rows.append(("what follows", "the start error is larger than the clearance: contacts have to shrink it"))
     reduced = None if plan.diagnostics is None else plan.diagnostics.reduced
     if reduced is not None:
-        stated = _box_words(reduced.stated_start_box)
+        stated = box_words(reduced.stated_start_box)
         rows.append(("start error that the problem states", f"{stated}: the plan is for {reduced.share:.0%} of it"))
         rows.append(("for all of it", reduced.short))
     across, turning = (f"{100.0 * share:.3g} %" for share in plan.velocity_error)
@@ -83,13 +80,6 @@ def start_of(plan: Plan) -> Numbers:
     return plan.segments[0].start if plan.press_plan is None else plan.press_plan.attempts[0].start
 
 
-def _box_words(box: Sequence[float]) -> str:
-    """Half-widths by component; those that are 0 are left out."""
-    form = {axis: (millimetres, " mm") if k < 3 else (degrees, "°") for k, axis in enumerate(AXES)}
-    stated = [(axis, value, *form[axis]) for axis, value in zip(AXES, box, strict=True) if value]
-    return ", ".join(f"{axis} ±{said(value)}{unit}" for axis, value, said, unit in stated) or "none"
-
-
 def worst_move(plan: Plan) -> str:
     """Where the smallest margin lies, in a sentence."""
     worst = min(moves(plan), key=lambda move: move.margin)
@@ -100,18 +90,11 @@ def worst_move(plan: Plan) -> str:
 def move_table(plan: Plan) -> str:
     """One row per move."""
     run = moves(plan)
-    head = ("move", "what it does", "held", "travel, turn", "clearance", margin_name(plan), "what binds")
+    (*first, travel, turn, margin, binds), *listed = summary_rows(plan)
+    head = (*first, f"{travel}, {turn}", "clearance", margin, binds)
     rows = [
-        (
-            str(move.number),
-            move_words(plan, move),
-            ", ".join(move.state) or "none",
-            f"{1e3 * move.travel:.2f} mm, {math.degrees(move.turn):.2f}°",
-            quantity(move.clearance),
-            margin_words(move.margin),
-            binding_words(plan, move.binding),
-        )
-        for move in run
+        (*first, f"{travel}, {turn}", quantity(move.clearance), margin, binds)
+        for move, (*first, travel, turn, margin, binds) in zip(run, listed, strict=True)
     ]
     worst = min(range(len(run)), key=lambda k: run[k].margin)
     pieces = sum(len(move.segments) for move in run)
@@ -240,8 +223,7 @@ def taken(plan: Plan) -> str:
 
 def not_covered(plan: Plan) -> str:
     """What the plan says was not checked."""
-    items = "\n".join(f"<li>{escape(words)}</li>" for words in plan.not_covered)
-    return f"<ul>\n{items}\n</ul>\n" if items else "<p>The plan does not say what was not checked.</p>\n"
+    return bullets(plan.not_covered) if plan.not_covered else "<p>The plan does not say what was not checked.</p>\n"
 
 
 def provenance(plan: Plan) -> str:

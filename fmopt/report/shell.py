@@ -90,6 +90,11 @@ def _section(name: str, heading: str, text: str) -> str:
     return f'<section id="{name}" aria-labelledby="{name}-head">\n{head}\n{text}\n</section>'
 
 
+def bullets(items: Iterable[str]) -> str:
+    """A list of plain texts."""
+    return "<ul>\n" + "".join(f"<li>{escape(words)}</li>\n" for words in items) + "</ul>\n"
+
+
 def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], numbers: str = "", worst: int = -1) -> str:
     """A table with its caption; the first cell of a row heads it. Nothing when there are no rows.
 
