@@ -23,7 +23,7 @@ from fmopt.notebook.drawing import Drawing
 from fmopt.plan import Body
 from fmopt.plan import Part as StatedPart
 from fmopt.plan.position_force import AXES
-from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, fill
 from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from fmopt.notebook.plan import Plan
     from fmopt.papers.lee_huang.mapping import Mapping as Diagrams
-    from fmopt.report.figures import Figure
     from fmopt.task.problem import Problem
 
 
@@ -58,12 +57,8 @@ def _plan(plan: Plan) -> Iterable[Drawing]:
     stated = plan.stated
     title = f"{stated.moving.name} going into {stated.fixed.name}, to be turned and played"
     yield Drawing("scene", title, title, _SCENE, fragment=partial(scene, stated))
-    yield from map(figure_drawing, catalogue(stated).values())
-
-
-def figure_drawing(figure: Figure) -> Drawing:
-    """A figure of a report as a drawing."""
-    return Drawing(figure.name, figure.title, figure.alt, figure.size, figure.paint)
+    for figure in catalogue(stated).values():
+        yield Drawing(figure.name, figure.title, figure.alt, figure.size, figure.paint)
 
 
 def _problem(problem: Problem) -> Iterable[Drawing]:
@@ -169,16 +164,10 @@ VIEWS: Mapping[str, Callable[[Any], Iterable[Drawing]]] = {
 
 def paint_region(region: Region, sheet: Sheet) -> None:
     """The region hatched, each loop with an arrow that has the interior on its left; mm."""
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path
-
     axes = sheet.subplots()
     tolerance = 1e-4 * region.size if not region.empty else 1.0
-    loops = [1e3 * np.vstack([curve.polyline(tolerance)[:-1] for curve in loop]) for loop in region.loops]
-    if loops:
-        closed = [Path(np.vstack([loop, loop[:1]]), closed=True) for loop in loops]
-        path = Path.make_compound_path(*closed)
-        axes.add_patch(PathPatch(path, facecolor=PALE, edgecolor=BLUE, linewidth=1.1))
+    loops = [np.vstack([curve.polyline(tolerance)[:-1] for curve in loop]) for loop in region.loops]
+    fill(axes, [1e3 * np.vstack([loop, loop[:1]]) for loop in loops], facecolor=PALE, edgecolor=BLUE, linewidth=1.1)
     for loop in region.loops:
         longest = max(loop, key=lambda curve: curve.length)
         at, along = 1e3 * longest.point(0.5), longest.tangent(0.5)

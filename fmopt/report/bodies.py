@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed, plane_of
+from fmopt.geometry.polyhedron import Edge, Polyhedron, from_faces, placed, plane_of
 from fmopt.geometry.section import section
 from fmopt.plan import Body, Part
 from fmopt.report.naming import Parts
@@ -17,6 +17,7 @@ from fmopt.spatial.values import Array
 if TYPE_CHECKING:
     from shapely import MultiPolygon
 
+_CREASE = math.cos(math.radians(30.0))  # edges flatter than this belong to a curved face and are not drawn
 _SLIT = 1e-10  # m: rounding leaves slits between the sections of neighbouring pieces
 
 
@@ -65,6 +66,17 @@ def contact_place(plan: Parts, contact: str, pose: Pose) -> Array:
     level = ee * ff - ef * ef <= 1e-9 * ee * ff
     share = 0.5 if level else float(np.clip(((d @ e) * ff - (d @ f) * ef) / (ee * ff - ef * ef), 0.0, 1.0))
     return np.asarray(moving[0] + share * e)
+
+
+def creases(body: Polyhedron) -> list[Edge]:
+    """The edges that are worth a line."""
+    faces = body.faces
+    return [edge for edge in body.edges if np.dot(*(faces[k].normal for k in edge.faces)) < _CREASE]
+
+
+def loops_of(shape: MultiPolygon) -> list[Array]:
+    """The loops (n, 2) around a section and its holes, their first corner again at the end, m."""
+    return [np.asarray(loop.coords) for polygon in shape.geoms for loop in (polygon.exterior, *polygon.interiors)]
 
 
 def section_of(bodies: tuple[Polyhedron, ...], pose: Pose, plane: Pose) -> MultiPolygon:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 from fmopt.runtime.escape import one_line
+from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 WIDTH = 7.0  # inches: the text width of an A4 page, so that print shows every figure at its own size
@@ -69,6 +71,16 @@ def _calm(figure: Figure) -> None:
     for text in figure.findobj(Text):
         if isinstance(text, Text) and not (words := text.get_text()).isprintable():
             text.set_text("\n".join(map(one_line, words.split("\n"))))
+
+
+def fill(axes: Axes, loops: Iterable[Array], **style: Any) -> None:
+    """Fills what loops (n, 2) bound, whose first corner comes again at the end; whatever their unit."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    closed = [Path(loop, closed=True) for loop in loops]
+    if closed:
+        axes.add_patch(PathPatch(Path.make_compound_path(*closed), **style))
 
 
 def drawn(paint: Callable[[Figure], None], size: tuple[float, float], form: str = "svg", dpi: float = 150.0) -> bytes:

@@ -22,7 +22,7 @@ from fmopt.geometry.convex_pieces import clip, faceted
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
 from fmopt.plan import Contact, Numbers, Part, Plan, Segment
-from fmopt.report.bodies import body_of, contact_place, pieces_of
+from fmopt.report.bodies import body_of, contact_place, creases, loops_of, pieces_of
 from fmopt.report.moves import Move, margin_claim, move_words, moves, turn_between
 from fmopt.report.presses import press_rows, presses_of
 from fmopt.report.sections import start_of
@@ -34,7 +34,6 @@ _SAME = 1e-9  # m, and what the cosine between equal normals may be short of 1 b
 _LEANS = math.sin(math.radians(1.0))  # a lean from which on the first view is across it
 # How near to a wall's plane sight may change its side, and how far off that plane it is led: 20° together.
 _ALONGSIDE, _ASIDE = math.sin(math.radians(5.0)), math.sin(math.radians(15.0))
-_CREASE = math.cos(math.radians(30.0))  # edges flatter than this belong to a curved face and are not drawn
 
 
 def resource(name: str) -> str:
@@ -248,8 +247,7 @@ def _covering(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[Array]:
 
 def _creases(body: Polyhedron) -> list[Array]:
     """The edges worth a line, each (2, 3), m."""
-    kept = [e for e in body.edges if body.faces[e.faces[0]].normal @ body.faces[e.faces[1]].normal < _CREASE]
-    return [body.vertices[list(edge.vertices)] for edge in kept]
+    return [body.vertices[list(edge.vertices)] for edge in creases(body)]
 
 
 def _opened(body: Polyhedron, pieces: Sequence[Polyhedron], quarter: tuple[int, int]) -> dict[str, Any]:
@@ -301,10 +299,8 @@ def _cut_lines(pieces: Sequence[Polyhedron], x: Array, y: Array) -> list[Array]:
     lines = []
     for other in (y, x):
         frame = Pose(np.zeros(3), np.column_stack([other, [0.0, 0.0, 1.0], np.cross(other, [0.0, 0.0, 1.0])]))
-        for polygon in section(pieces, frame).geoms:
-            for loop in (polygon.exterior, *polygon.interiors):
-                corners = np.asarray(loop.coords)
-                for line in pairwise(np.column_stack([corners, np.zeros(len(corners))]) @ frame.R.T):
-                    part = _clipped(np.array(line), -other)
-                    lines += [part] if len(part) else []
+        for corners in loops_of(section(pieces, frame)):
+            for line in pairwise(np.column_stack([corners, np.zeros(len(corners))]) @ frame.R.T):
+                part = _clipped(np.array(line), -other)
+                lines += [part] if len(part) else []
     return lines

@@ -15,7 +15,6 @@ from fmopt.report.shell import table
 from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 TITLE = "Uncertainty budget: which source adds how much to the start error"
@@ -122,9 +121,4 @@ def paint(plan: Plan, figure: Figure) -> None:
     axes.spines["left"].set_visible(False)
     axes.tick_params(axis="y", length=0)
     axes.set_title("Uncertainty budget of the start error")
-    _legend(figure, axes)
-
-
-def _legend(figure: Figure, axes: Axes) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    figure.legend(loc="outside lower center", ncols=2)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.plan import Plan
-from fmopt.report.bodies import CUTS, contact_place, extent, pieces_of, section_of, upright_plane
-from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH
+from fmopt.report.bodies import CUTS, contact_place, extent, loops_of, pieces_of, section_of, upright_plane
+from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH, fill
 from fmopt.report.moves import moves
 from fmopt.report.naming import Parts, quantity
 from fmopt.spatial.se3 import Pose
@@ -161,10 +161,13 @@ def sections(plan: Parts, end: End) -> tuple[MultiPolygon, MultiPolygon]:
 
 
 def _section_panel(axes: Axes, plan: Parts, end: End, peg: MultiPolygon, block: MultiPolygon) -> None:
-    _fill(axes, block, facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0)
-    _outline(axes, block, color=INK, linewidth=0.8)
-    _fill(axes, peg, facecolor=BLUE, alpha=0.15, linewidth=0)
-    _outline(axes, peg, color=BLUE, linewidth=1.2)
+    ground: dict[str, Any] = {"facecolor": PALE, "edgecolor": "#999999", "hatch": "////", "linewidth": 0}
+    tint: dict[str, Any] = {"facecolor": BLUE, "alpha": 0.15, "linewidth": 0}
+    for shape, inside, colour, width in ((block, ground, INK, 0.8), (peg, tint, BLUE, 1.2)):
+        loops = [1e3 * loop for loop in loops_of(shape)]
+        fill(axes, loops, **inside)
+        for loop in loops:
+            axes.plot(*loop.T, color=colour, linewidth=width)
     to_plane = upright_plane(end.azimuth).inverse()
     places = [to_plane.apply(contact_place(plan, name, end.pose))[:2] for name in end.made]
     if places:
@@ -177,22 +180,6 @@ def move_ends(plan: Plan) -> list[End]:
         End(f"end of move {move.number}", Pose.from_vector(move.segments[-1].goal), move.new) for move in moves(plan)
     ]
     return [End("start", Pose.from_vector(plan.segments[0].start), ()), *ends]
-
-
-def _fill(axes: Axes, shape: MultiPolygon, **style: Any) -> None:
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path
-
-    loops = [loop for polygon in shape.geoms for loop in (polygon.exterior, *polygon.interiors)]
-    if loops:
-        paths = [Path(1e3 * np.asarray(loop.coords), closed=True) for loop in loops]
-        axes.add_patch(PathPatch(Path.make_compound_path(*paths), **style))
-
-
-def _outline(axes: Axes, shape: MultiPolygon, **style: Any) -> None:
-    for polygon in shape.geoms:
-        for loop in (polygon.exterior, *polygon.interiors):
-            axes.plot(*(1e3 * np.asarray(loop.coords)).T, **style)
 
 
 def _all_gaps(plan: Plan) -> list[tuple[str, _Gap]]:

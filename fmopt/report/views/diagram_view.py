@@ -11,7 +11,7 @@ import numpy as np
 from fmopt.plan import Plan
 from fmopt.plan.diagnostics import Diagram
 from fmopt.plan.field_types import Polyline
-from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH, fill
 from fmopt.report.naming import quantity
 from fmopt.spatial.values import Array
 
@@ -79,10 +79,11 @@ def paint(items: Sequence[Diagram], figure: Figure) -> None:
 
 
 def _whole(axes: Axes, item: Diagram) -> None:
-    _regions(axes, item, 1e3)
-    _path(axes, item, 1e3)
-    _lines(axes, item, 1e3)
-    _names(axes, item, np.array([1e3, 1e3]), _extent(item))
+    factor = np.array([1e3, 1e3])
+    _regions(axes, item, factor)
+    _path(axes, item, factor)
+    _lines(axes, item, factor)
+    _names(axes, item, factor, _extent(item))
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.05)
     axes.set_title(f"plane {_name(item)}, whole")
@@ -95,14 +96,14 @@ def _close(axes: Axes, item: Diagram) -> None:
     low, high = _window(item)
     upright = item.plane[1] == "z"
     scale_u, unit = (1e3, "mm") if high[0] - low[0] > _COARSE else (1e6, "µm")
-    scale_v = 1e3 if upright else scale_u
-    _regions(axes, item, scale_u, scale_v)
-    _path(axes, item, scale_u, scale_v)
-    _zones(axes, item, scale_u, scale_v)
-    _lines(axes, item, scale_u, scale_v)
-    _names(axes, item, np.array([scale_u, scale_v]), high - low)
-    axes.set_xlim(scale_u * low[0], scale_u * high[0])
-    axes.set_ylim(scale_v * low[1], scale_v * high[1])
+    factor = np.array([scale_u, 1e3 if upright else scale_u])
+    _regions(axes, item, factor)
+    _path(axes, item, factor)
+    _zones(axes, item, factor)
+    _lines(axes, item, factor)
+    _names(axes, item, factor, high - low)
+    axes.set_xlim(factor[0] * low[0], factor[0] * high[0])
+    axes.set_ylim(factor[1] * low[1], factor[1] * high[1])
     if not upright:
         axes.set_aspect("equal", adjustable="box")
     axes.set_title(f"plane {_name(item)}, magnified {'across' if upright else 'both ways'}")
@@ -128,37 +129,28 @@ def _window(item: Diagram) -> tuple[Array, Array]:
     return low, np.array([centre[0] + half, max(heights) + 0.06 * reach])
 
 
-def _regions(axes: Axes, item: Diagram, scale: float, other: float | None = None) -> None:
+def _regions(axes: Axes, item: Diagram, factor: Array) -> None:
     """GE as ground, that of all orientations as its outline, and G hatched on it."""
-    factor = np.array([scale, scale if other is None else other])
-    _fill(axes, item.expanded, factor, facecolor=_GROUND, edgecolor=RUST, linewidth=1.0)
-    _fill(axes, item.fixed, factor, facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0.0)
-    for loop in item.turning or ():
-        closed = np.array([*loop, loop[0]]) * factor
-        axes.plot(*closed.T, **_TURNING)
-    for loop in item.fixed:
-        closed = np.array([*loop, loop[0]]) * factor
-        axes.plot(*closed.T, color=INK, linewidth=0.8)
+    material = _closed(item.fixed, factor)
+    fill(axes, _closed(item.expanded, factor), facecolor=_GROUND, edgecolor=RUST, linewidth=1.0)
+    fill(axes, material, facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0.0)
+    for loop in _closed(item.turning or (), factor):
+        axes.plot(*loop.T, **_TURNING)
+    for loop in material:
+        axes.plot(*loop.T, color=INK, linewidth=0.8)
 
 
-def _fill(axes: Axes, loops: Sequence[Polyline], factor: Array, **style: Any) -> None:
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path
-
-    if loops:
-        closed = [Path(np.array([*loop, loop[0]]) * factor, closed=True) for loop in loops]
-        axes.add_patch(PathPatch(Path.make_compound_path(*closed), **style))
+def _closed(loops: Sequence[Polyline], factor: Array) -> list[Array]:
+    return [np.array([*loop, loop[0]]) * factor for loop in loops]
 
 
-def _path(axes: Axes, item: Diagram, scale: float, other: float | None = None) -> None:
-    factor = np.array([scale, scale if other is None else other])
+def _path(axes: Axes, item: Diagram, factor: Array) -> None:
     points = np.array(item.path) * factor
     axes.plot(*points.T, color=INK, linewidth=0.9, linestyle=":", marker="o", markersize=2.6)
 
 
-def _lines(axes: Axes, item: Diagram, scale: float, other: float | None = None) -> None:
+def _lines(axes: Axes, item: Diagram, factor: Array) -> None:
     """L at its poses, a dot for the nominal centre."""
-    factor = np.array([scale, scale if other is None else other])
     for pose in item.poses:
         line = np.array(pose.line) * factor
         axes.plot(*line.T, color=BLUE, linewidth=1.4)
@@ -169,7 +161,6 @@ def _names(axes: Axes, item: Diagram, factor: Array, extent: Array) -> None:
     """What the poses are called, each name on a side of its pose where no other name stands.
 
     Args:
-        axes: where to write.
         factor: what a metre along u and along v is on the axes.
         extent: width and height (2,) of what is shown, m.
     """
@@ -202,9 +193,8 @@ def _extent(item: Diagram) -> Array:
     return np.asarray(np.ptp(np.array(points), axis=0))
 
 
-def _zones(axes: Axes, item: Diagram, scale_u: float, scale_v: float) -> None:
+def _zones(axes: Axes, item: Diagram, factor: Array) -> None:
     """Ball, cone and trapezoid at every pose."""
-    factor = np.array([scale_u, scale_v])
     for pose in item.poses:
         trapezoid, ball = np.array(pose.trapezoid) * factor, np.array(pose.ball) * factor
         axes.fill(*trapezoid.T, facecolor=BLUE, alpha=0.12, linewidth=0)

@@ -92,7 +92,8 @@ def paint(graph: StateGraph, figure: Figure) -> None:
         place = 1.0 - (row + 0.5) / (len(lines) + 1)
         text.text(0.0, place, line, va="center", fontsize=8, color=INK if strong else GREY, transform=text.transAxes)
     if graph.dimensions:
-        places = _chain_places(graph) if not graph.name else _layered(graph)
+        in_order = np.column_stack([np.arange(len(graph.dimensions)), graph.dimensions]).astype(np.float64)
+        places = _layered(graph) if graph.name else in_order
         _draw_links(axes, graph, places)
         _draw_states(axes, graph, places)
     layers = sorted(set(graph.dimensions))
@@ -158,10 +159,6 @@ def _named(contacts: Sequence[str]) -> str:
 
 def _picture_height(graph: StateGraph) -> float:
     return (0.55 if graph.name else 0.36) * len(set(graph.dimensions)) + 0.6
-
-
-def _chain_places(graph: StateGraph) -> Array:
-    return np.column_stack([np.arange(len(graph.dimensions)), graph.dimensions]).astype(np.float64)
 
 
 def _layered(graph: StateGraph) -> Array:

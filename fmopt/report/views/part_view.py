@@ -11,7 +11,8 @@ import numpy as np
 from fmopt.geometry.convex_pieces import faceted
 from fmopt.geometry.polyhedron import Face, Polyhedron
 from fmopt.geometry.section import section
-from fmopt.report.drawing import BLUE, GREY, INK, PALE, WIDTH
+from fmopt.report.bodies import creases, loops_of
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, WIDTH, fill
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_CREASE = math.cos(math.radians(30.0))  # edges flatter than this belong to a curved face and are not drawn
 _LAMP = np.array([0.3, -0.5, 0.81])
 # Where the part is looked at from: rows to the right, up, and towards the viewer.
 _VIEW = np.array([[0.8, 0.6, 0.0], [-0.3, 0.4, math.sqrt(0.75)], [0.52, -0.69, 0.5]])
@@ -73,16 +73,16 @@ def corner(axes: Axes, body: Polyhedron) -> None:
         axes: of one picture.
         body: in its frame.
     """
-    from matplotlib.patches import PathPatch
-
     body, across = faceted(body), view()
+    sharp = creases(body)
     seen = [face for face in body.faces if float(face.normal @ across[2]) > 1e-9]
     for order, face in enumerate(sorted(seen, key=lambda f: float(np.mean(_corners(body, f) @ across[2])))):
         light = 0.72 + 0.26 * max(0.0, float(face.normal @ _LAMP))
-        path = _outline([1e3 * body.vertices[list(loop)] @ across[:2].T for loop in face.loops])
-        axes.add_patch(PathPatch(path, facecolor=(light,) * 3, edgecolor="none", zorder=order))
-        for a, b in _creases(body, face):
-            ends = 1e3 * np.array([a, b]) @ across[:2].T
+        loops = [1e3 * body.vertices[[*loop, loop[0]]] @ across[:2].T for loop in face.loops]
+        fill(axes, loops, facecolor=(light,) * 3, edgecolor="none", zorder=order)
+        number = body.faces.index(face)
+        for edge in (edge for edge in sharp if number in edge.faces):
+            ends = 1e3 * body.vertices[list(edge.vertices)] @ across[:2].T
             axes.plot(*ends.T, color=INK, linewidth=0.7, zorder=order, solid_capstyle="round")
     axes.autoscale_view()
     axes.set_aspect("equal")
@@ -93,14 +93,6 @@ def _corners(body: Polyhedron, face: Face) -> Array:
     return np.asarray(body.vertices[list(face.loops[0])])
 
 
-def _creases(body: Polyhedron, face: Face) -> list[Array]:
-    """The ends (2, 3) of the edges of a face that are worth a line, m."""
-    number = body.faces.index(face)
-    own = [edge for edge in body.edges if number in edge.faces]
-    sharp = [e for e in own if body.faces[e.faces[0]].normal @ body.faces[e.faces[1]].normal < _CREASE]
-    return [body.vertices[list(edge.vertices)] for edge in sharp]
-
-
 def cut(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> None:
     """The section of pieces by a plane of their frame.
 
@@ -109,15 +101,9 @@ def cut(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> 
         pieces: convex, m.
         height: of "x–y" above the origin, m; no other plane is moved along its normal.
     """
-    from matplotlib.patches import PathPatch
-
-    origin = np.array([0.0, 0.0, height])
-    shape = section(pieces, Pose(origin, _PLANES[plane]))
-    for polygon in shape.geoms:
-        loops = [1e3 * np.asarray(loop.coords)[:-1] for loop in (polygon.exterior, *polygon.interiors)]
-        axes.add_patch(
-            PathPatch(_outline(loops), facecolor=PALE, edgecolor=BLUE, linewidth=0.8, hatch="////", hatch_linewidth=0.3)
-        )
+    style: dict[str, Any] = {"facecolor": PALE, "edgecolor": BLUE, "linewidth": 0.8, "hatch": "////"}
+    loops = loops_of(section(pieces, Pose(np.array([0.0, 0.0, height]), _PLANES[plane])))
+    fill(axes, [1e3 * loop for loop in loops], hatch_linewidth=0.3, **style)
     for place in (axes.axhline, axes.axvline):
         place(0.0, color=GREY, linewidth=0.5, linestyle=(0, (8, 2, 2, 2)))
     axes.autoscale_view()
@@ -127,10 +113,3 @@ def cut(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> 
     axes.set_title(f"section {plane}{across}")
     axes.set_xlabel(f"{plane[0]}, mm")
     axes.set_ylabel(f"{plane[-1]}, mm")
-
-
-def _outline(loops: Sequence[Array]) -> Any:
-    """A path of closed loops (n, 2), the outer one first."""
-    from matplotlib.path import Path
-
-    return Path.make_compound_path(*(Path(np.vstack([loop, loop[:1]]), closed=True) for loop in loops))
