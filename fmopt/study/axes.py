@@ -50,11 +50,7 @@ class Axis:
 def axes_of(
     source: Source, file: files.StudyFile, reading: Reading, targets: Mapping[str, Target]
 ) -> tuple[list[Axis], list[Fault]]:
-    """The axes of a study file, and everything that is wrong with them.
-
-    Args:
-        reading: its units.
-    """
+    """The axes of a study file, and everything that is wrong with them."""
     axes, faults = [], list[Fault]()
     names = [axis.name for axis in file.axes]
     for i, axis in enumerate(file.axes):
@@ -269,11 +265,7 @@ def _expression_faults(place: Place, expression: str, goal: Target, names: Mappi
 
 
 def points_of(axes: Sequence[Axis], sampling: files.Sampling) -> list[tuple[Number, ...]]:
-    """The points of a study, each a value for every axis; the axes' place in the design is that of the file.
-
-    Args:
-        axes: of the study.
-    """
+    """The points of a study, each a value for every axis; the axes' place in the design is that of the file."""
     free = [i for i, axis in enumerate(axes) if axis.linked is None]
     row = {number: column for column, number in enumerate(free)}
     # A linked axis reads the column of the one that it moves along with: the same quantile, or the same index.
@@ -287,11 +279,7 @@ def points_of(axes: Sequence[Axis], sampling: files.Sampling) -> list[tuple[Numb
 
 
 def count_of(axes: Sequence[Axis], sampling: files.Sampling) -> int:
-    """How many points there will be, without making them.
-
-    Args:
-        axes, sampling: as for `points_of`.
-    """
+    """How many points `points_of` will make, without making them."""
     free = [axis for axis in axes if axis.linked is None]
     if sampling.method == "grid":
         # In Python's integers: a product that overflows could pass for a small one.
@@ -303,9 +291,6 @@ def count_of(axes: Sequence[Axis], sampling: files.Sampling) -> int:
 
 def assignments(axes: Sequence[Axis], point: Sequence[Number]) -> tuple[tuple[Key, Assigned], ...]:
     """What a point puts into the base problem.
-
-    Args:
-        axes: of the study.
 
     Raises:
         QuantityError: arithmetic on the values fails.

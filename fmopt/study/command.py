@@ -6,6 +6,8 @@ import json
 import math
 import statistics
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -32,7 +34,6 @@ class Asked:
 
     Args:
         jobs: processes, or batches under way on a cluster; None for as many as there are processors.
-        retry_failed: whether to do failed runs again.
         cluster: address of a Dask scheduler, None for this machine.
     """
 
@@ -45,9 +46,6 @@ class Asked:
 def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally], None]) -> Tally:
     """Starts or continues the study of a file in a folder, and writes its table.
 
-    Args:
-        file: the study's.
-
     Raises:
         InputError: the file cannot be used.
         ResourceError: the folder, the workers or the cluster cannot be had.
@@ -55,15 +53,8 @@ def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally]
     from fmopt.runtime import output
 
     work = load_study(file).work()
-    if asked.cluster is not None:
-        from fmopt.study.running.cluster import cluster
-
-        with cluster(asked.cluster) as (executor, threads):
-            options = Options(asked.jobs or threads, asked.limit, asked.retry_failed, executor)
-            tally = run(work, folder, evaluate, options, progress)
-    else:
-        options = Options(asked.jobs or cores(), asked.limit, asked.retry_failed)
-        tally = run(work, folder, evaluate, options, progress)
+    with _hands(asked) as (executor, count):
+        tally = run(work, folder, evaluate, Options(count, asked.limit, asked.retry_failed, executor), progress)
     # From the store, not from memory: it has what earlier starts did, too, and nothing that is not durable.
     output.save(csv_text(results(folder)).encode(), folder / "table.csv")
     return tally
@@ -169,7 +160,8 @@ def forecast(file: Path, folder: Path, asked: Asked, progress: Callable[[str], N
     """
     study = load_study(file)
     work = study.work()
-    count = _workers(asked)
+    with _hands(asked) as (_, count):
+        pass  # for a cluster that cannot be had
     keys = list(dict.fromkeys(run.key for run in work.runs))
     outcomes, known = dict[str, str](), list[float]()
     if (folder / NAME).is_file():
@@ -189,14 +181,16 @@ def forecast(file: Path, folder: Path, asked: Asked, progress: Callable[[str], N
     return Forecast(len(keys), len(outcomes), left, seconds, rest, source, tuple(_listing(study)))
 
 
-def _workers(asked: Asked) -> int:
-    """How many runs would be under way at a time."""
+@contextmanager
+def _hands(asked: Asked) -> Iterator[tuple[Executor | None, int]]:
+    """Where batches go, None for processes on this machine, and how many are under way at a time."""
     if asked.cluster is None:
-        return asked.jobs or cores()
+        yield None, asked.jobs or cores()
+        return
     from fmopt.study.running.cluster import cluster
 
-    with cluster(asked.cluster) as (_, threads):
-        return asked.jobs or threads
+    with cluster(asked.cluster) as (executor, threads):
+        yield executor, asked.jobs or threads
 
 
 def _trial(work: Work) -> tuple[float | None, str]:

@@ -28,11 +28,7 @@ _COMMON = ("number", "outcome", "reason")  # columns that every table has
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A study whose file is in order.
-
-    Args:
-        axes: what varies.
-    """
+    """A study whose file is in order."""
 
     source: Source
     file: files.StudyFile

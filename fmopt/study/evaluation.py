@@ -41,7 +41,6 @@ class Quantity:
 
     columns: tuple[str, ...]
     answer: Callable[[Solved], Mapping[str, Scalar]]
-    says: str
 
 
 class Solved:
@@ -172,6 +171,7 @@ def _shortfall(error: FmoptError) -> float | None:
 
 
 def _clearance(solved: Solved) -> dict[str, Scalar]:
+    """Measured clearance on each side, m."""
     x, y = (0.5 * float(width) for width in solved.clearance.play)
     # Play is infinite where nothing stops the part, and the store takes finite numbers only.
     finite = [side if side < float("inf") else None for side in (x, y)]
@@ -190,6 +190,7 @@ def _plan(solved: Solved) -> dict[str, Scalar]:
 
 
 def _margins(solved: Solved) -> dict[str, Scalar]:
+    """Least margin of the plan, m, and what binds it."""
     from fmopt.report.naming import binding_label
 
     found = solved.plan
@@ -213,7 +214,7 @@ def _tolerated(solved: Solved) -> dict[str, Scalar]:
 
 
 def _bias(solved: Solved) -> dict[str, Scalar]:
-    """Whether every held contact can be held while the next is felt: the least normal force over all segments."""
+    """Whether every held contact can be held while the next is felt: the least normal force over all segments, N."""
     from fmopt.planning.control.controlled_motion import controlled
 
     try:
@@ -246,30 +247,15 @@ def _execution(solved: Solved) -> dict[str, Scalar]:
 
 # Each has a verdict and a shortfall, which `evaluate` fills in where it has no answer.
 QUANTITIES: Mapping[str, Quantity] = {
-    "clearance": Quantity(
-        ("clearance", "clearance_x", "clearance_y", "verdict", "shortfall"),
-        _clearance,
-        "measured clearance on each side, m",
-    ),
-    "plan": Quantity(
-        ("verdict", "shortfall", "moves", "segments", "cost", "lower_bound"), _plan, "the plan's verdict, size and cost"
-    ),
+    "clearance": Quantity(("clearance", "clearance_x", "clearance_y", "verdict", "shortfall"), _clearance),
+    "plan": Quantity(("verdict", "shortfall", "moves", "segments", "cost", "lower_bound"), _plan),
     "margins": Quantity(
         ("verdict", "shortfall", "margin", "nominal_clearance", "binding_contact", "binding_words", "binding_move"),
         _margins,
-        "least margin of the plan, m, and what binds it",
     ),
-    "tolerated_error": Quantity(
-        ("verdict", "shortfall", "tolerated_factor"), _tolerated, "factor of the start error that the motion stands"
-    ),
-    "bias": Quantity(
-        ("verdict", "shortfall", "holds", "least_normal_force", "greatest_push"),
-        _bias,
-        "least normal force, N, with which a bias can hold every contact against friction",
-    ),
+    "tolerated_error": Quantity(("verdict", "shortfall", "tolerated_factor"), _tolerated),
+    "bias": Quantity(("verdict", "shortfall", "holds", "least_normal_force", "greatest_push"), _bias),
     "execution": Quantity(
-        ("verdict", "shortfall", "trials", "successes", "success", "success_low", "success_high"),
-        _execution,
-        "share of trials that succeed when the plan is executed in a physics engine, with its 95 % interval",
+        ("verdict", "shortfall", "trials", "successes", "success", "success_low", "success_high"), _execution
     ),
 }

@@ -88,7 +88,7 @@ def test_what_is_no_store_is_refused_in_words(tmp_path: Path) -> None:
 
 def test_a_store_of_another_format_is_refused(tmp_path: Path) -> None:
     with Store(tmp_path) as store:
-        store.state({"format": "fmopt.study/99"})
+        store.design([], {"format": "fmopt.study/99"})
     with pytest.raises(ResourceError, match=r"fmopt\.study/99"):
         Store(tmp_path)
 

@@ -192,8 +192,9 @@ def _down(value: float, dimension: Dimension) -> float:
 
 def allocation_page(answer: Mapping[str, Any]) -> str:
     """The report of an answer as its file holds it; a page without any reference to something outside it."""
+    words = "tolerances as multiples of what they were"
     chapters = [
-        ("outcome", "What came out", _outcome(answer) + _figure(answer["tolerances"])),
+        ("outcome", "What came out", _outcome(answer) + picture(words, changes(answer["tolerances"]))),
         ("tolerances", "The tolerances", _tolerances(answer["tolerances"])),
         ("checked", "What was checked", _checked(answer)),
         ("provenance", "How it was found", _found(answer)),
@@ -207,10 +208,6 @@ def _outcome(answer: Mapping[str, Any]) -> str:
     words += "no bound is known" if bound is None else f"for the last motion it is at least {bound:.4g}"
     words += ", as its margins are not concave." if bound is None else " where margins are concave."
     return f"<p>{escape(words)}</p>\n<p>{escape('What binds: ' + str(answer['binding']))}.</p>\n"
-
-
-def _figure(tolerances: Sequence[Mapping[str, Any]]) -> str:
-    return picture("tolerances as multiples of what they were", changes(tolerances))
 
 
 def _tolerances(tolerances: Sequence[Mapping[str, Any]]) -> str:

@@ -23,16 +23,13 @@ _LISTED = 6  # numbers of runs that a group of failures names
 
 
 def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
-    """The report.
-
-    Returns:
-        A page without any reference to something outside it.
-    """
+    """The report: a page without any reference to something outside it."""
+    tried = ("succeeded", "trials")
     chapters = [
         ("outcome", "What came out", _outcome(view)),
         ("figures", "Over the axes", "".join(picture(*figures[name]) for name in figures)),
         ("share", f"How often {view.goodness}", "".join(_share_table(view, axis) for axis in view.free)),
-        ("success", "How often it succeeds", "".join(_success_table(view, axis) for axis in view.free)),
+        ("success", "How often it succeeds", "".join(_bin_table(view, a, trials(view, a), tried) for a in view.free)),
         ("sensitivity", "What matters", _correlations(view) + _sobol(view)),
         ("binding", "What binds", _binding(view)),
         ("failures", "What failed", _failures(view)),
@@ -86,10 +83,6 @@ def _share_table(view: View, axis: Varied) -> str:
     if view.good[view.done].all() or not view.done.any():
         return ""
     return _bin_table(view, axis, bins(view, axis), (view.goodness, "runs"))
-
-
-def _success_table(view: View, axis: Varied) -> str:
-    return _bin_table(view, axis, trials(view, axis), ("succeeded", "trials"))
 
 
 def _bin_table(view: View, axis: Varied, found: Sequence[Bin], words: tuple[str, str]) -> str:

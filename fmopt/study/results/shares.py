@@ -92,10 +92,6 @@ class Estimate:
 def share(successes: int, trials: int) -> Estimate:
     """A share with its Clopper–Pearson interval, which holds for few trials and for shares near 0 and 1, too.
 
-    Args:
-        successes: 0 or more.
-        trials: 1 or more.
-
     Raises:
         ValueError: there are no trials, or more successes than trials.
     """

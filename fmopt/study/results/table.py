@@ -20,12 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Varied:
-    """An axis as the table has it: its column, its SI unit ("word" for choices), and how it is drawn.
-
-    Args:
-        unit: of the values.
-        log: whether it is even in the logarithm.
-    """
+    """An axis as the table has it: its column, its SI unit ("word" for choices), and whether it is even in the log."""
 
     name: str
     unit: str

@@ -58,7 +58,6 @@ class Batch:
     """Runs that one worker does in one go.
 
     Args:
-        runs: in order.
         folder: where these files are; None where only their contents are known: on another machine.
         program: what the host must run, too; anything if empty.
     """

@@ -42,11 +42,6 @@ class Work:
     inputs: Mapping[str, bytes]
     limits: Limits
 
-    def numbered(self) -> Iterator[Numbered]:
-        """The runs as the store lists them."""
-        for number, (run, point) in enumerate(zip(self.runs, self.points, strict=True)):
-            yield Numbered(number, run.key, point)
-
 
 @dataclass(frozen=True)
 class Tally:
@@ -109,7 +104,8 @@ def run(
     """
     output.prepare(folder)
     with owned(folder), store_of(folder) as store:
-        store.design(work.numbered(), work.facts)
+        pairs = enumerate(zip(work.runs, work.points, strict=True))
+        store.design((Numbered(number, one.key, point) for number, (one, point) in pairs), work.facts)
         # A copy: what changes meanwhile in files that are named by relative paths gets into no run.
         home = laid_out(work.inputs, folder / "inputs") if options.executor is None else None
         form = Batch((), evaluate, work.limits, {}, home)
@@ -233,8 +229,10 @@ class _Desk:
         self._waiting.extendleft(reversed(returned.left))  # to the front, in the order of the design
         if returned.rows:
             self._store.add(returned.rows)
-            rows = [row for row, _ in returned.rows]
-            self._count(rows)
+            self._fresh += len(returned.rows)
+            for row, _ in returned.rows:
+                self._had.add(row.key)
+                (self._failed.discard if row.outcome == "done" else self._failed.add)(row.key)
             self._pace.note(returned.rows)
 
     def _lost(self, batch: Batch) -> Returned:
@@ -248,12 +246,6 @@ class _Desk:
                 row = Row(run.key, "killed", f"its host was lost {ATTEMPTS} times", {})
                 rows.append((row, Effort(0.0, 0)))
         return Returned(tuple(rows), tuple(left))
-
-    def _count(self, rows: Sequence[Row]) -> None:
-        self._fresh += len(rows)
-        for row in rows:
-            self._had.add(row.key)
-            (self._failed.discard if row.outcome == "done" else self._failed.add)(row.key)
 
     def _tally(self) -> Tally:
         seconds = time.perf_counter() - self._began

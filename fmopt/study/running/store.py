@@ -17,10 +17,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Literal
 
 from fmopt.errors import InputError, ResourceError
+from fmopt.runtime.output import synchronise
 from fmopt.task.toml.source import Place
 
 NAME = "study.sqlite"
@@ -79,18 +79,21 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / NAME
-        with self._told():
+        with translated(self._path):
             fresh = not self._path.exists()
             # Transactions begin and end where this class says; by itself the module begins some unasked.
             self._file = sqlite3.connect(self._path, isolation_level=None)
         try:
-            with self._told():
+            with translated(self._path):
                 self._file.execute("PRAGMA journal_mode = WAL")  # who reads meanwhile keeps no writer waiting
                 self._file.execute("PRAGMA synchronous = FULL")
                 self._file.executescript(_TABLES)
+                self._file.execute("INSERT OR IGNORE INTO facts VALUES ('format', ?)", (FORMAT,))
                 if fresh:
-                    _synchronise(folder)
-            self._same_format()
+                    synchronise(folder)  # the names of its files stand there
+            if (known := self.facts()["format"]) != FORMAT:
+                message = f"{self._path} holds a study of format {known!r}, not {FORMAT!r}"
+                raise ResourceError(message, "choose another folder with --out")
         except BaseException:
             self._file.close()
             raise
@@ -98,28 +101,13 @@ class Store:
     def __enter__(self) -> Store:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        with self._told():
-            self._file.close()
-
-    def _same_format(self) -> None:
-        known = self.facts().get("format")
-        if known is None:
-            self.state({"format": FORMAT})
-        elif known != FORMAT:
-            message = f"{self._path} holds a study of format {known!r}, not {FORMAT!r}"
-            raise ResourceError(message, "choose another folder with --out")
-
-    @contextmanager
-    def _told(self) -> Iterator[None]:
+    def __exit__(self, *raised: object) -> None:
         with translated(self._path):
-            yield
+            self._file.close()
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
-        with self._told():
+        with translated(self._path):
             # A writer from the start: a transaction that becomes one halfway may be refused there.
             self._file.execute("BEGIN IMMEDIATE")
             try:
@@ -132,20 +120,11 @@ class Store:
 
     def facts(self) -> dict[str, str]:
         """What the store says of itself, by name."""
-        with self._told():
+        with translated(self._path):
             return dict(self._file.execute("SELECT name, value FROM facts"))
 
-    def state(self, facts: Mapping[str, str]) -> None:
-        """Adds facts, in place of those of the same names."""
-        with self._transaction() as file:
-            file.executemany("INSERT OR REPLACE INTO facts VALUES (?, ?)", sorted(facts.items()))
-
     def design(self, runs: Iterable[Numbered], facts: Mapping[str, str]) -> None:
-        """Replaces the runs of the design, and states facts with them, all at once; results stay.
-
-        Args:
-            runs: in order.
-        """
+        """Replaces the runs of the design, and states facts with them, all at once; results stay."""
         with self._transaction() as file:
             file.execute("DELETE FROM runs")
             file.executemany("INSERT INTO runs VALUES (?, ?, ?)", ((r.number, r.key, _text(r.point)) for r in runs))
@@ -153,7 +132,7 @@ class Store:
 
     def outcomes(self) -> dict[str, str]:
         """The outcome of every run that has a row, by key."""
-        with self._told():
+        with translated(self._path):
             return dict(self._file.execute("SELECT key, outcome FROM results"))
 
     def add(self, rows: Sequence[tuple[Row, Effort]]) -> None:
@@ -247,15 +226,6 @@ def translated(path: Path) -> Iterator[None]:
 def _text(values: Mapping[str, Scalar]) -> str:
     # NaN and infinity, which JSON lacks and Python writes all the same, were refused by `answered` before.
     return json.dumps(dict(values), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-
-
-def _synchronise(folder: Path) -> None:
-    """Makes the names of new files in a folder durable."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 @contextmanager
