@@ -36,6 +36,7 @@ _SEPARATION = fields("segments[].separations[]", proved="moving_piece fixed_piec
 _WITNESS = fields(
     "segments[].separations[].witness", proved="kind moving fixed normal offset", optional=("normal", "offset")
 )
+_OF_FEATURES = fields(_WITNESS.where, proved="kind moving fixed")
 _CLAIM = fields("segments[].contacts[]", proved="id role normal offset remainder margin")
 _HYBRID = fields(
     "segments[].hybrid",
@@ -81,7 +82,6 @@ def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part)
     """A segment, whose kind says how the rest of it reads.
 
     Args:
-        place: where it stands.
         known: ids of the plan's contacts.
 
     Raises:
@@ -130,7 +130,8 @@ def _separation(place: Reader, moving: Part, fixed: Part) -> Separation:
     j = place.at("fixed_piece").integer(len(fixed.pieces))
     witness = place.at("witness").only(_WITNESS)
     kind = witness.at("kind").text(_WITNESSES)
-    witness.only(("kind", "moving", "fixed"), ("normal", "offset") if kind == "plane" else ())
+    if kind != "plane":
+        witness.only(_OF_FEATURES)
     counts = {"fixed-face": (0, None), "moving-face": (None, 0), "edges": (2, 2), "plane": (0, 0)}[kind]
     own, other = (
         witness.at(key).indices(len((*part.pieces, *part.balls)[n].vertices), 0, count)
@@ -161,8 +162,8 @@ def _hybrid(place: Reader, known: Iterable[str]) -> Hybrid:
     forces = [item.only(_FORCE) for item in place.at("normal_forces").items()]
     return Hybrid(
         place.at("frame").numbers(6),
-        place.at("position_axes").matrix(None, 6),
-        place.at("force_axes").matrix(None, 6),
+        place.at("position_axes").matrix(6),
+        place.at("force_axes").matrix(6),
         place.at("velocity").numbers(6),
         place.at("speed").number(SLOWEST),
         place.at("bias_wrench").numbers(6),
@@ -198,7 +199,7 @@ def _jam_free(place: Reader) -> JamFree:
         None if least is None else least.number(0.0),
         place.at("angle").number(0.0, math.pi),
         tuple(planes),
-        place.at("twists").matrix(None, _MANY),
+        place.at("twists").matrix(_MANY),
     )
 
 

@@ -11,7 +11,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -196,23 +196,17 @@ class Reader:
         """Whether this is an object with the key."""
         return isinstance(self.value, dict) and key in self.value
 
-    def only(self, required: Fields | Collection[str], optional: Iterable[str] = ()) -> Reader:
-        """This object, which must have the required keys and no others than the optional ones.
-
-        Args:
-            optional: keys, where those required stand alone.
-        """
-        known = required.known if isinstance(required, Fields) else {*required, *optional}
-        names = required.required if isinstance(required, Fields) else required
+    def only(self, row: Fields) -> Reader:
+        """This object, which must have the required keys and no others than the optional ones."""
         if not isinstance(self.value, dict):
             raise self.fail("must be an object")
-        for key in names:
+        for key in row.required:
             if key not in self.value:
                 raise self.fail(f"lacks the key {key!r}")
         # All that is required is there: an object of no more keys has no others.
-        if len(self.value) > len(names):
+        if len(self.value) > len(row.required):
             # The least by name, as differences of sets come in no order.
-            unknown = min((str(key) for key in self.value.keys() - known), default=None)
+            unknown = min((str(key) for key in self.value.keys() - row.known), default=None)
             if unknown is not None:
                 raise self.fail(f"unknown key {unknown[:40]!r}: what this check does not know it cannot vouch for")
         return self
@@ -248,11 +242,7 @@ class Reader:
         return float(self.value)
 
     def numbers(self, count: int, low: float = -1e6, high: float = 1e6) -> Numbers:
-        """A list of exactly so many numbers, each within limits, which are finite.
-
-        Args:
-            low, high: between which each must be.
-        """
+        """A list of exactly so many numbers, each within limits, which are finite."""
         values = self.value
         # Nearly all are floats in range: only where one is not is each looked at by itself, for the place of the fault.
         if isinstance(values, list) and len(values) == count:
@@ -263,20 +253,16 @@ class Reader:
                 return tuple(values)
         return tuple(item.number(low, high) for item in self.items(exact=count))
 
-    def matrix(self, rows: int | None, most: int = MOST) -> tuple[Numbers, ...]:
-        """Rows of six numbers; at most so many of them without `rows`.
+    def matrix(self, most: int = MOST) -> tuple[Numbers, ...]:
+        """Rows of six numbers, at most so many of them."""
+        return tuple(item.numbers(6) for item in self.items(most=most))
 
-        Args:
-            rows: how many, any if None.
-        """
-        return tuple(item.numbers(6) for item in self.items(exact=rows, most=most))
-
-    def integer(self, end: int = 10**6, low: int = 0) -> int:
-        """A whole number from `low` to below `end`."""
+    def integer(self, end: int = 10**6) -> int:
+        """A whole number from 0 to below `end`."""
         if isinstance(self.value, bool) or not isinstance(self.value, int):
             raise self.fail("must be a whole number")
-        if not low <= self.value < end:
-            raise self.fail(f"must lie between {low} and {end - 1}")
+        if not 0 <= self.value < end:
+            raise self.fail(f"must lie between 0 and {end - 1}")
         return self.value
 
     def indices(self, end: int, least: int = 0, exact: int | None = None) -> tuple[int, ...]:
@@ -348,12 +334,7 @@ def fields(
     objects: str = "",
     optional: Iterable[str] = (),
 ) -> Fields:
-    """The keys of an object, by class, separated by spaces.
-
-    Args:
-        where: its place in the plan.
-        optional: keys that may be missing.
-    """
+    """The keys of an object, by class, separated by spaces, and which of them are optional."""
     told = ((PROVED, proved), (COMPARED, compared), (COMMENTARY, commentary))
     classes = tuple((key, kind) for kind, keys in told for key in keys.split())
     known = [key for key, _ in classes] + objects.split()
