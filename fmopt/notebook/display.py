@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from fmopt.notebook.sheets import freedom_sheet, pose_sheet, verdict_sheet
 from fmopt.notebook.views import VIEWS, views_of
 
 
@@ -24,28 +25,10 @@ def _drawn(value: Any) -> str:
     return str(next(iter(views_of(value).values()))._repr_html_())
 
 
-def _pose(pose: Any) -> str:
-    from fmopt.notebook.sheets import pose_sheet
-
-    return pose_sheet(pose)
-
-
-def _verdict(verdict: Any) -> str:
-    from fmopt.notebook.sheets import verdict_sheet
-
-    return verdict_sheet(verdict)
-
-
-def _nominal(nominal: Any) -> str:
-    from fmopt.notebook.sheets import freedom_sheet
-
-    return freedom_sheet(nominal.freedoms)
-
-
 HTML: Mapping[str, Callable[[Any], str]] = {
     # Plans and problems have sheets, `_repr_html_`, which IPython asks for only where nothing is registered.
     **{name: _drawn for name in VIEWS if not name.startswith(("fmopt.notebook", "fmopt.task"))},
-    "fmopt.spatial.se3.Pose": _pose,
-    "fmopt.verify.findings.Verdict": _verdict,
-    "fmopt.planning.plan_record.Nominal": _nominal,
+    "fmopt.spatial.se3.Pose": pose_sheet,
+    "fmopt.verify.findings.Verdict": verdict_sheet,
+    "fmopt.planning.plan_record.Nominal": lambda nominal: freedom_sheet(nominal.freedoms),
 }

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmopt.errors import InfeasibleError, OverdueError, SearchError
-from fmopt.plan import Body, Contact, Part, line
+from fmopt.plan import Contact, Part, line
 from fmopt.report.attempt import Failure, Lack, Nearest, Step, failure_page
+from fmopt.report.bodies import stated_part
 from fmopt.report.naming import quantity
 from fmopt.runtime import output
 from fmopt.runtime.compiled import clock, until
@@ -18,7 +20,6 @@ from fmopt.task.sizes import short_of_height
 if TYPE_CHECKING:
     from fmopt.contact.primitive import PrimitiveContact
     from fmopt.geometry.part import Part as Solid
-    from fmopt.geometry.polyhedron import Polyhedron
     from fmopt.planning.motion import Attempt
     from fmopt.planning.moves.moves import Move
     from fmopt.planning.posed import Posed
@@ -191,10 +192,6 @@ def _contacts(moves: Iterable[Move]) -> list[Contact]:
 
 
 def _part(solid: Solid, problem: Problem, posed: Posed) -> Part:
-    def body(of: Polyhedron) -> Body:
-        corners = tuple(tuple(map(float, vertex)) for vertex in of.vertices)
-        return Body(corners, tuple(face.loops for face in of.faces))
-
-    pieces = tuple(map(body, solid.pieces))
     declared, measured = problem.declared_clearance, posed.clearance.per_side
-    return Part(body(solid.polyhedron), pieces, line(solid.name), declared, measured)
+    part = stated_part(solid)
+    return replace(part, name=line(part.name), declared_clearance=declared, measured_clearance=measured)

@@ -41,9 +41,6 @@ def is_part(file: Path) -> bool:
 def load_part(file: Path, unit: str | None = None) -> tuple[Part, ...]:
     """The part of a file in its model's frame, of an assembly (STEP, OBJ) all of its bodies, with what is found on it.
 
-    Args:
-        unit: of the numbers of a mesh.
-
     Raises:
         InputError: with every fault.
         ResourceError: no library that reads STEP files.

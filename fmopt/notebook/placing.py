@@ -70,9 +70,6 @@ class Placing:
 def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placing:
     """The placement of a plan's goal poses; see `fmopt.Plan.placement`.
 
-    Args:
-        radius: how far goal poses may move in one step, m; a tenth of the clearance on each side if None.
-
     Raises:
         ResourceError: CVXPY is not installed.
     """

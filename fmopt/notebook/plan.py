@@ -123,8 +123,27 @@ class Plan:
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
         """The pieces of the motion, in order."""
+        from fmopt.report.naming import binding_words
+
         run = ((move.number, piece) for move in self.moves for piece in move.segments)
-        return tuple(self._segment(k, move, piece) for k, (move, piece) in enumerate(run))
+        return tuple(
+            Segment(
+                number=number,
+                move=move,
+                start=Pose.from_vector(piece.start),
+                goal=Pose.from_vector(piece.goal),
+                state=piece.state,
+                goal_state=piece.goal_state,
+                leaving=piece.leaving,
+                margin=piece.margin,
+                clearance=piece.clearance,
+                binds=binding_words(self.stated, piece.binding),
+                hybrid=piece.hybrid,
+                rho=self.stated.rho,
+                record=piece,
+            )
+            for number, (move, piece) in enumerate(run)
+        )
 
     @cached_property
     def moves(self) -> tuple[Move, ...]:
@@ -214,15 +233,22 @@ class Plan:
             ResourceError: the engine of the extra `drake` is not installed, or results cannot be written.
         """
         from fmopt.execution.engines.catalogue import ENGINES
+        from fmopt.execution.execute import Settled, execute
         from fmopt.execution.trials import METHODS
         from fmopt.execution.trials import Trials as Wanted
-        from fmopt.notebook.trials import carried_out
+        from fmopt.notebook.checking import admitted
+        from fmopt.notebook.trials import Trials
 
         wanted = trials if isinstance(trials, Wanted) else Wanted(trials, seed=seed)
         for what, given, known in (("engine", wanted.engine, ENGINES), ("method", wanted.method, METHODS)):
             if given not in known:
                 raise ValueError(f"{what} {given!r} is none of {', '.join(known)}")
-        return carried_out(self, wanted, None if folder is None else Path(folder), workers, unverified)
+        other = "" if wanted.engine == Wanted.engine else f"-{wanted.engine}"  # of the class: the usual engine
+        there = Path(folder if folder is not None else f"out/trials-{self.stated.sha256[:12]}{other}")
+        plan = files.parsed(self.document)
+        caution = admitted(plan, unverified)
+        files.write(self.document, there / "plan.json")
+        return Trials(execute(plan, wanted, Settled(there, workers), caution), there)
 
     def export(
         self,
@@ -314,25 +340,6 @@ class Plan:
 
         output.save(report_page(self.stated, figures(self.stated)).encode(), Path(path))
         return Path(path)
-
-    def _segment(self, number: int, move: int, piece: files.Segment) -> Segment:
-        from fmopt.report.naming import binding_words
-
-        return Segment(
-            number=number,
-            move=move,
-            start=Pose.from_vector(piece.start),
-            goal=Pose.from_vector(piece.goal),
-            state=piece.state,
-            goal_state=piece.goal_state,
-            leaving=piece.leaving,
-            margin=piece.margin,
-            clearance=piece.clearance,
-            binds=binding_words(self.stated, piece.binding),
-            hybrid=piece.hybrid,
-            rho=self.stated.rho,
-            record=piece,
-        )
 
     def __str__(self) -> str:
         if self.evidence is not None:

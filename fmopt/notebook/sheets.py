@@ -45,17 +45,14 @@ def problem_sheet(problem: Problem) -> str:
 def plan_sheet(plan: Plan) -> str:
     """A plan: verdict in words, moves, and the motion in three dimensions."""
     found = spoken(plan.stated)
+    text = f"<p><strong>{escape(found.word)}</strong>: {escape(plan.stated.title)}<br>{escape(found.sentence)}</p>"
     if plan.presses is not None:
-        text = f"<p><strong>{escape(found.word)}</strong>: {escape(plan.stated.title)}<br>{escape(found.sentence)}</p>"
         return _sheet(text + table("Presses", HEAD, press_rows(plan.presses.attempts[0])) + plan.scene()._repr_html_())
     head, *rows = summary_rows(plan.stated)
     margins = [move.margin for move in plan.moves]
     worst = margins.index(min(margins))
     kinds = "".join("n" if name in ("move", "travel", "turn") or "margin" in name else "." for name in head)
-    return _sheet(
-        f"<p><strong>{escape(found.word)}</strong>: {escape(plan.stated.title)}<br>"
-        f"{escape(found.sentence)}</p>{table('Moves', head, rows, kinds, worst)}{plan.scene()._repr_html_()}"
-    )
+    return _sheet(text + table("Moves", head, rows, kinds, worst) + plan.scene()._repr_html_())
 
 
 def segment_sheet(segment: Segment) -> str:

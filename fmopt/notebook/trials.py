@@ -7,13 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from fmopt import plan as files
-
-if TYPE_CHECKING:
-    from fmopt.execution.trials import Trials as Wanted
-    from fmopt.notebook.plan import Plan
+from typing import Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,23 +39,3 @@ class Trials:
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(str(self))}</pre>"
-
-
-def carried_out(plan: Plan, wanted: Wanted, folder: Path | None, workers: int | None, unverified: bool) -> Trials:
-    """Trials of a plan; see `fmopt.notebook.plan.Plan.execute`.
-
-    Args:
-        folder: of the results; beside others in `out` if None.
-        workers: processes; one for each processor if None.
-        unverified: whether a plan that is not certified is run, too.
-    """
-    from fmopt.execution.execute import Settled, execute
-    from fmopt.notebook.checking import admitted
-
-    name = f"trials-{plan.stated.sha256[:12]}"
-    other = "" if wanted.engine == type(wanted).engine else f"-{wanted.engine}"  # of the class: the usual engine
-    there = folder if folder is not None else Path("out") / f"{name}{other}"
-    read = files.parsed(plan.document)
-    caution = admitted(read, unverified)
-    files.write(plan.document, there / "plan.json")
-    return Trials(execute(read, wanted, Settled(there, workers), caution), there)

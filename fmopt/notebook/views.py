@@ -18,11 +18,9 @@ from fmopt.certificate.error_set import ErrorSet
 from fmopt.contact.state_graph import ContactGraph
 from fmopt.geometry.part import Part
 from fmopt.geometry.plane.region import Region
-from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.notebook.drawing import Drawing
-from fmopt.plan import Body
-from fmopt.plan import Part as StatedPart
 from fmopt.plan.position_force import AXES
+from fmopt.report.bodies import stated_part
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, fill
 from fmopt.spatial.values import Array
 
@@ -244,18 +242,6 @@ def _outline(directions: Array, support: Array) -> Any:
     x = (support * ahead[:, 1] - further * directions[:, 1])[kept] / det[kept]
     y = (directions[:, 0] * further - ahead[:, 0] * support)[kept] / det[kept]
     return np.column_stack([x, y])[[*range(int(kept.sum())), 0]]
-
-
-def stated_part(part: Part) -> StatedPart:
-    """A part as a plan would state it, without clearances."""
-    pieces = tuple(_body(piece) for piece in part.pieces)
-    balls = tuple(_body(ball) for ball in part.balls)
-    return StatedPart(_body(part.polyhedron), pieces, part.name, (0.0, 0.0), 0.0, balls=balls)
-
-
-def _body(body: Polyhedron) -> Body:
-    vertices = tuple(map(tuple, body.vertices.tolist()))
-    return Body(vertices, tuple(tuple(tuple(loop) for loop in face.loops) for face in body.faces), balls=body.balls)
 
 
 def middle(part: Part) -> float:

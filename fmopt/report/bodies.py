@@ -17,6 +17,8 @@ from fmopt.spatial.values import Array
 if TYPE_CHECKING:
     from shapely import MultiPolygon
 
+    from fmopt.geometry.part import Part as Solid
+
 _CREASE = math.cos(math.radians(30.0))  # edges flatter than this belong to a curved face and are not drawn
 _SLIT = 1e-10  # m: rounding leaves slits between the sections of neighbouring pieces
 
@@ -24,6 +26,18 @@ _SLIT = 1e-10  # m: rounding leaves slits between the sections of neighbouring p
 def body_of(body: Body) -> Polyhedron:
     """The polyhedron of a part or piece of a plan."""
     return from_faces(body.vertices, body.faces, balls=body.balls)
+
+
+def stated_part(part: Solid) -> Part:
+    """A part as a plan would state it, without clearances."""
+    pieces = tuple(_body(piece) for piece in part.pieces)
+    balls = tuple(_body(ball) for ball in part.balls)
+    return Part(_body(part.polyhedron), pieces, part.name, (0.0, 0.0), 0.0, balls=balls)
+
+
+def _body(body: Polyhedron) -> Body:
+    vertices = tuple(map(tuple, body.vertices.tolist()))
+    return Body(vertices, tuple(tuple(tuple(loop) for loop in face.loops) for face in body.faces), balls=body.balls)
 
 
 def pieces_of(part: Part) -> tuple[Polyhedron, ...]:
