@@ -13,7 +13,6 @@ from fmopt.cli.entry import say
 from fmopt.errors import Fault, InputError
 from fmopt.notebook.asking import Asked, of_assembly
 from fmopt.notebook.parts import holds_several, is_part
-from fmopt.plan import STDIO
 from fmopt.task.toml.source import read
 
 if TYPE_CHECKING:
@@ -24,11 +23,6 @@ _EXAMPLE = 'fmopt solve peg.step plate.step --error "1 mm, 1 deg"'
 _WARNING = "warning: "
 
 Options = tuple[str | None, str | None, str | None, str | None]
-
-
-def stem_of(files: Sequence[Path]) -> str:
-    """What results are called after."""
-    return "stdin" if files[0] == STDIO else "_".join(file.stem for file in files)
 
 
 def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
@@ -81,7 +75,6 @@ def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: boo
     """The problem that files and options ask for, its file written into the folder of the results.
 
     Args:
-        options: error, unit, moving and fixed, as they were given.
         quiet: whether what was found is not said.
 
     Raises:
@@ -157,7 +150,6 @@ def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool,
     """Says what is found on one part, and draws it where that is asked for.
 
     Args:
-        unit: of the numbers of a mesh.
         form: whether as JSON, and whether to say nothing.
     """
     from fmopt.notebook.parts import load_part, part_facts, part_words

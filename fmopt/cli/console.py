@@ -14,6 +14,7 @@ from fmopt.runtime.escape import one_line
 
 if TYPE_CHECKING:
     from fmopt.plan import Plan
+    from fmopt.plan.press import PressPlan
 
 _WIDE = 120  # columns that the whole table of moves needs
 
@@ -105,51 +106,44 @@ def _compared(part: dict[str, Any]) -> str:
 
 
 def print_solved(plan: Plan, findings: Sequence[str], folder: Path, report: bool) -> None:
-    """Prints the outcome of `fmopt solve`: the plan, and the first findings where it is not certified."""
+    """Prints the outcome of `fmopt solve`: the moves or the first attempt's presses, and what is said of them."""
     from fmopt.report.moves import summary_rows
+    from fmopt.report.presses import HEAD, press_rows
 
     console = Console(highlight=False)
+    head: tuple[str, ...]
     if plan.press_plan is not None:
-        _print_presses(console, plan, findings, folder, report)
-        return
-    head, *rows = summary_rows(plan)
-    if console.width < _WIDE:
-        head, rows = (head[0], head[1], head[5]), [(row[0], row[1], row[5]) for row in rows]
+        head, rows, few = HEAD, press_rows(plan.press_plan.attempts[0]), (0, 1, 3)
+        words = _press_words(plan, plan.press_plan, findings)
+    else:
+        (head, *rows), few = summary_rows(plan), (0, 1, 5)
+        words = _solved_words(plan, findings)
+    columns = range(len(head)) if console.width >= _WIDE else few
     table = Table(title=_shown(plan.title), title_justify="left")
-    for name in head:
-        table.add_column(name, justify="right" if "margin" in name or "clearance" in name else "left")
-    for row in rows:
-        table.add_row(*map(_shown, row))
-    console.print(table)
-    for words in _solved_words(plan, findings):
-        console.print(_shown(words))
-    console.print(_shown(f"wrote {folder / 'plan.json'}" + (f", {folder / 'report.html'}" if report else "")))
-
-
-def _print_presses(console: Console, plan: Plan, findings: Sequence[str], folder: Path, report: bool) -> None:
-    """Prints a plan of presses: the first attempt, and what its trials came to."""
-    from fmopt.report.presses import HEAD, conditions_words, evidence_words, press_rows, presses_of, timing_words
-    from fmopt.report.sections import clearance_words
-
-    attempts = presses_of(plan).attempts
-    table = Table(title=_shown(plan.title), title_justify="left")
-    columns = range(len(HEAD)) if console.width >= _WIDE else (0, 1, 3)
     for k in columns:
-        table.add_column(HEAD[k])
-    for row in press_rows(attempts[0]):
+        table.add_column(head[k], justify="right" if "margin" in head[k] else "left")
+    for row in rows:
         table.add_row(*(_shown(row[k]) for k in columns))
     console.print(table)
-    words = [f"clearance a side: measured {clearance_words(plan, 'measured')}"]
-    others = ", ".join(attempt.source for attempt in attempts[1:])
-    words += [f"{len(attempts) - 1} further attempts where it fails: {others}"] if others else []
-    words.append(f"{plan.verdict}: {evidence_words(plan)}")
-    words += [f"  {finding}" for finding in findings[:5]]
-    if plan.trials is not None:
-        words += [f"drawn from: {conditions_words(plan.trials)}", timing_words(plan.trials)]
-    words.append("not covered: " + "; ".join(plan.not_covered))
     for line in filter(None, words):
         console.print(_shown(line))
     console.print(_shown(f"wrote {folder / 'plan.json'}" + (f", {folder / 'report.html'}" if report else "")))
+
+
+def _press_words(plan: Plan, presses: PressPlan, findings: Sequence[str]) -> Iterator[str]:
+    """What is said of a plan of presses below its table, line by line."""
+    from fmopt.report.presses import conditions_words, evidence_words, timing_words
+    from fmopt.report.sections import clearance_words
+
+    yield f"clearance a side: measured {clearance_words(plan, 'measured')}"
+    if others := presses.attempts[1:]:
+        yield f"{len(others)} further attempts where it fails: {', '.join(attempt.source for attempt in others)}"
+    yield f"{plan.verdict}: {evidence_words(plan)}"
+    yield from (f"  {finding}" for finding in findings[:5])
+    if plan.trials is not None:
+        yield f"drawn from: {conditions_words(plan.trials)}"
+        yield timing_words(plan.trials)
+    yield "not covered: " + "; ".join(plan.not_covered)
 
 
 def _solved_words(plan: Plan, findings: Sequence[str]) -> Iterator[str]:
@@ -170,14 +164,9 @@ def _solved_words(plan: Plan, findings: Sequence[str]) -> Iterator[str]:
     else:
         yield f"{plan.verdict}: least computed margin {margin}, not proved"
         yield from (f"  {finding}" for finding in findings[:5])
-    said = (
-        ends_words(plan),
-        jamming_words(plan),
-        tolerated_words(plan),
-        "; ".join(": ".join((row[0], row[2])) for row in rates(plan)[:4]),
-        " ".join(recovery_words(plan)),
-    )
-    yield from filter(None, said)
+    yield from (ends_words(plan), jamming_words(plan), tolerated_words(plan))
+    yield "; ".join(": ".join((row[0], row[2])) for row in rates(plan)[:4])
+    yield " ".join(recovery_words(plan))
     yield from () if plan.diagnostics is None else plan.diagnostics.imported
     yield "not covered: " + "; ".join(plan.not_covered)
 

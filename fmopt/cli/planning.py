@@ -67,8 +67,7 @@ def solve(
     from fmopt.task.mesh_source import MESHES
     from fmopt.task.problem import load
 
-    stem = "stdin" if files[0] == STDIO else "_".join(file.stem for file in files)
-    folder = out if out is not None else Path("out") / stem
+    folder = out if out is not None else Path("out") / _stem(files)
     options = (error, unit, moving, fixed)
     # The usual case is known by its name alone; for the others all that finds its way about parts is loaded.
     if len(files) == 1 and options == (None,) * 4 and files[0].suffix.lower() not in MESHES:
@@ -110,6 +109,11 @@ def solve(
     elif not quiet:
         print_solved(result.plan, [*map(str, result.verdict.findings)], folder, report)
     raise typer.Exit(0 if result.plan.verdict == "TESTED" else EXIT[result.plan.verdict])
+
+
+def _stem(files: list[Path]) -> str:
+    """What results are called after."""
+    return "stdin" if files[0] == STDIO else "_".join(file.stem for file in files)
 
 
 def _write_report(found: Plan, folder: Path) -> None:
@@ -220,9 +224,9 @@ def init(
     quiet: Quiet = False,
 ) -> None:
     """Write the problem file for two parts, with what is found on them as comments, and a drawing of it."""
-    from fmopt.cli.asked import asked_problem, refuse_problem, stem_of, written
+    from fmopt.cli.asked import asked_problem, refuse_problem, written
 
-    target = out if out is not None else Path(f"{stem_of(files)}.toml")
+    target = out if out is not None else Path(f"{_stem(files)}.toml")
     asked = asked_problem(files, (error or "1 mm, 1 deg", unit, moving, fixed))
     if asked is None:
         raise refuse_problem(files[0])

@@ -98,11 +98,7 @@ def turn_of(piece: Segment) -> Array:
 
 
 def turn_between(start: Numbers, goal: Numbers) -> Array:
-    """Rotation vector (3,) in rad, axes of B, that turns one pose (6,) into another.
-
-    Args:
-        start, goal: (6,), m and rotation vector in rad.
-    """
+    """Rotation vector (3,) in rad, axes of B, that turns one pose (6,) into another."""
     return Pose.from_vector(start).local(Pose.from_vector(goal))[3:]
 
 

@@ -62,11 +62,7 @@ def _end_by(number: signal.Signals) -> NoReturn:
 
 
 class _Stream(io.FileIO):
-    """Standard output or error. Once it takes nothing more, the rest is thrown away.
-
-    Args:
-        number: 1 or 2.
-    """
+    """Standard output (1) or error (2). Once it takes nothing more, the rest is thrown away."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number, "w", closefd=False)  # a number that were closed would go to the next file

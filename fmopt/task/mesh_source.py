@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
 from fmopt.spatial.values import remembered
 from fmopt.task.sizes import implausible
@@ -93,9 +95,7 @@ def _path(source: Source, mesh: Mesh) -> Path:
 
 def assumed(source: Source, part: Part) -> str:
     """What is to be said of a mesh file for whose numbers nobody says a unit."""
-    low, high = part.polyhedron.vertices.min(axis=0), part.polyhedron.vertices.max(axis=0)
-    widths = (high - low).tolist()
-    size = " x ".join(f"{1e3 * width:.6g}" for width in widths)
+    size = " x ".join(f"{1e3 * width:.6g}" for width in np.ptp(part.polyhedron.vertices, axis=0).tolist())
     name = source.path.name
     return f"warning: {name} has no unit; its numbers are taken for mm, so that the part is {size} mm: state its unit"
 

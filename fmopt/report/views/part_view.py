@@ -51,7 +51,6 @@ def paint(name: str, body: Polyhedron, pieces: Sequence[Polyhedron], height: flo
     """Four views: from a corner, and three sections; the one across the axis at a height.
 
     Args:
-        body: in its frame.
         height: of the section across the axis, m.
     """
     grid = figure.subplots(2, 2)
@@ -67,12 +66,7 @@ def view() -> Array:
 
 
 def corner(axes: Axes, body: Polyhedron) -> None:
-    """The faces that look at the viewer, far ones first, each lighter the more it faces the lamp.
-
-    Args:
-        axes: of one picture.
-        body: in its frame.
-    """
+    """The faces that look at the viewer, far ones first, each lighter the more it faces the lamp."""
     body, across = faceted(body), view()
     sharp = creases(body)
     seen = [face for face in body.faces if float(face.normal @ across[2]) > 1e-9]

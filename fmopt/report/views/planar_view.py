@@ -109,11 +109,7 @@ def _panel(axes: Axes, found: Boundary) -> None:
 
 
 def piece_points(piece: Curve, step: float = 0.03) -> Array:
-    """Points (k, 2) along a piece of a boundary, arcs in steps of at most `step`, m.
-
-    Args:
-        step: of arcs, rad.
-    """
+    """Points (k, 2), m, along a piece of a boundary, arcs in steps of at most `step`, rad."""
     if piece.line is not None:
         return np.array(piece.line, dtype=np.float64).reshape(2, 2)
     x, y, radius, start, sweep = piece.arc or (0.0,) * 5

@@ -25,6 +25,7 @@ _BANDS: dict[int, dict[str, Any]] = {
     2: {"facecolor": "#e4e4e4", "edgecolor": "#888888", "hatch": "xxx"},
 }
 _SHORT = 0.008  # of the duration, bands shorter than this are lines
+_STILL = 1e-3  # mm, °, N or N·m: what varies by less does not move
 _NEAR = 0.12  # of the duration, labels nearer than this are one
 _SCALE = (1e3, 1e3, 1e3, math.degrees(1.0), math.degrees(1.0), math.degrees(1.0))
 
@@ -125,7 +126,7 @@ def _position(axes: Axes, course: Course, axis: int) -> None:
         ends = _SCALE[axis] * np.array([item.pa_start[axis], item.pa_end[axis]], dtype=np.float64)
         axes.plot([item.start, item.end], ends, color=BLUE, linewidth=1.6, linestyle="--")
         everything.append(ends)
-    _limits(axes, np.concatenate(everything), 1e-3)
+    _limits(axes, np.concatenate(everything))
     axes.set_ylabel(f"{AXES[axis]}, {'mm' if axis < 3 else '°'}")
 
 
@@ -140,16 +141,16 @@ def _force(axes: Axes, forces: tuple[PositionForce, ...], axis: int) -> None:
             axes.plot([item.start, item.end], [sign * value] * 2, color=RUST, linewidth=1.6, linestyle=style)
             everything.append(sign * value)
     axes.axhline(0.0, color=GREY, linewidth=0.5, zorder=1)
-    _limits(axes, np.array(everything), 1e-3)
+    _limits(axes, np.array(everything))
     axes.set_ylabel(f"F{AXES[axis]}, N" if axis < 3 else f"M{AXES[axis][1]}, N·m")
 
 
-def _limits(axes: Axes, values: Array, least: float) -> None:
+def _limits(axes: Axes, values: Array) -> None:
     low, high = float(np.min(values)), float(np.max(values))
-    room = max(0.15 * (high - low), least)
+    room = max(0.15 * (high - low), _STILL)
     axes.set_ylim(low - room, high + room)
     # What does not move would show its rounding, magnified to the height of the axis.
-    if high - low < least:
+    if high - low < _STILL:
         axes.set_ylim(low - 1.0, high + 1.0)
     axes.locator_params(axis="y", nbins=4)
 
