@@ -66,16 +66,15 @@ def catalogue(plan: Plan) -> dict[str, Figure]:
     for number, graph in enumerate(graph_view.graphs(plan), start=1):
         chosen.append(_of("states" if number == 1 else f"states-{number}", graph_view, graph))
     chosen += [_of("margin", margin_view, plan), _of("tube", tube_view, plan)]
-    if budget_view.has(plan):
-        chosen.append(_of("budget", budget_view, plan))
-    if planar_view.has(plan):
-        chosen.append(_of("sets", planar_view, plan))
-    if surface_view.has(plan):
-        chosen.append(_of("surfaces", surface_view, plan))
-    if diagrams := diagram_view.diagrams(plan):
-        chosen.append(_of("diagrams", diagram_view, diagrams))
-    if course is not None:
-        chosen.append(_of("trajectory", trajectory_view, course))
+    planar = None if plan.diagnostics is None else plan.diagnostics.planar
+    others: tuple[tuple[str, Any, Any], ...] = (
+        ("budget", budget_view, budget_view.shares(plan)),
+        ("sets", planar_view, planar and planar.sets),
+        ("surfaces", surface_view, planar and planar.surfaces),
+        ("diagrams", diagram_view, diagram_view.diagrams(plan)),
+        ("trajectory", trajectory_view, course),
+    )
+    chosen += [_of(name, view, subject) for name, view, subject in others if subject]
     return {figure.name: figure for figure in chosen}
 
 

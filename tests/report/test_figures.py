@@ -175,11 +175,11 @@ def test_the_budget_adds_up_and_names_its_sources() -> None:
     nothing = {"source": "nothing", "symbol": "", "frame": "hole", "box": [0.0] * 6}
     plan = cube(diagnostics=diagnostics(budget=[*listed, nothing]))
     assert [name for name, _ in budget_view.shares(plan)] == ["robot (ε)", "slide (ε)"]
-    text = budget_view.alt(plan)
+    text = budget_view.alt(budget_view.shares(plan))
     assert "x, y  ±0.4 mm: robot (ε) 75 %, slide (ε) 25 %" in text
     assert "z  ±0.1 mm: robot (ε) 100 %" in text
     shown = budget_view.budget_table(plan)
     assert "0.3 (75 %)" in shown
     assert '<th scope="row">sum</th><td class="number">0.4</td>' in shown
-    assert not budget_view.has(cube())
+    assert not budget_view.shares(cube())
     assert budget_view.budget_table(cube()) == ""

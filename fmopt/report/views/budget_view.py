@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from fmopt.spatial.values import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Shares: TypeAlias = list[tuple[str, Array]]
 TITLE = "Uncertainty budget: which source adds how much to the start error"
 _FILLS = (  # face, hatch: told apart in black and white, too
     (BLUE, ""),
@@ -30,7 +31,7 @@ _FILLS = (  # face, hatch: told apart in black and white, too
 )
 
 
-def shares(plan: Plan) -> list[tuple[str, Array]]:
+def shares(plan: Plan) -> Shares:
     """Sources with what each adds to the half-widths (6,), m and rad; those that add nothing are left out."""
     listed = () if plan.diagnostics is None else plan.diagnostics.budget
     return [
@@ -40,19 +41,14 @@ def shares(plan: Plan) -> list[tuple[str, Array]]:
     ]
 
 
-def has(plan: Plan) -> bool:
-    """Whether the plan states a budget."""
-    return bool(shares(plan))
+def size(listed: Shares) -> tuple[float, float]:
+    """Width and height in inches, of a budget of boxes (6,)."""
+    return WIDTH, 0.9 + 0.36 * len(_bars(listed)) + 0.19 * math.ceil(len(listed) / 2)
 
 
-def size(plan: Plan) -> tuple[float, float]:
-    """Width and height in inches."""
-    return WIDTH, 0.9 + 0.36 * len(_bars(plan)) + 0.19 * math.ceil(len(shares(plan)) / 2)
-
-
-def alt(plan: Plan) -> str:
+def alt(listed: Shares) -> str:
     """What is to be seen, for who cannot see it."""
-    words = [f"{names}: " + ", ".join(parts) for names, _, parts in _bars(plan)]
+    words = [f"{names}: " + ", ".join(parts) for names, _, parts in _bars(listed)]
     return "Parts of the start error by source. " + "; ".join(words) + "."
 
 
@@ -78,9 +74,8 @@ def _percent(part: float, whole: float) -> str:
     return f"{100.0 * part / whole:.3g} %" if whole else "0 %"
 
 
-def _bars(plan: Plan) -> list[tuple[str, Array, list[str]]]:
+def _bars(listed: Shares) -> list[tuple[str, Array, list[str]]]:
     """Axes that have the same budget as one bar: their names with the sum, shares of 1, and the shares in words."""
-    listed = shares(plan)
     boxes = np.array([box for _, box in listed]).reshape(-1, 6)
     groups: list[tuple[list[int], Array]] = []
     for axis in range(6):
@@ -102,10 +97,10 @@ def _bars(plan: Plan) -> list[tuple[str, Array, list[str]]]:
     return bars
 
 
-def paint(plan: Plan, figure: Figure) -> None:
+def paint(listed: Shares, figure: Figure) -> None:
     """One bar of 100 % for each axis, or axes alike, in parts by source."""
     axes = figure.subplots()
-    listed, bars = shares(plan), _bars(plan)
+    bars = _bars(listed)
     left = np.zeros(len(bars))
     places = np.arange(len(bars))[::-1]
     for k, (name, _) in enumerate(listed):

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmopt.plan import Plan
 from fmopt.plan.diagnostics import Boundary, Curve
 from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
 from fmopt.spatial.values import Array
@@ -33,29 +32,17 @@ CARRIERS: dict[str, tuple[str, Any, str]] = {
 }
 
 
-def has(plan: Plan) -> bool:
-    """Whether the plan is planar and holds such sets."""
-    return bool(_sets(plan))
-
-
-def _sets(plan: Plan) -> tuple[Boundary, ...]:
-    planar = None if plan.diagnostics is None else plan.diagnostics.planar
-    return () if planar is None else planar.sets
-
-
-def size(plan: Plan) -> tuple[float, float]:
-    """Width and height in inches."""
-    return sets_size(_sets(plan))
-
-
 def sets_size(sets: Sequence[Boundary]) -> tuple[float, float]:
     """Width and height in inches for this many sets."""
     return WIDTH, 0.75 + 2.35 * math.ceil(len(sets) / _PER_ROW)
 
 
-def alt(plan: Plan) -> str:
+size = sets_size
+
+
+def alt(sets: Sequence[Boundary]) -> str:
     """What is to be seen, for who cannot see it."""
-    return "Boundaries of planar uncertainty sets: " + "; ".join(_said(found) for found in _sets(plan)) + "."
+    return "Boundaries of planar uncertainty sets: " + "; ".join(map(_said, sets)) + "."
 
 
 def _said(found: Boundary) -> str:
@@ -67,9 +54,9 @@ def _said(found: Boundary) -> str:
     return f"{found.name}, {x:.4g} by {y:.4g} mm, {arcs} arcs, {lines} lines"
 
 
-def paint(plan: Plan, figure: Figure) -> None:
-    """A panel for each set of the plan."""
-    paint_sets(_sets(plan), figure, "z")
+def paint(sets: Sequence[Boundary], figure: Figure) -> None:
+    """A panel for each set of a plan."""
+    paint_sets(sets, figure, "z")
 
 
 def paint_sets(sets: Sequence[Boundary], figure: Figure, upright: str = "y") -> None:

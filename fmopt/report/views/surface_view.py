@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmopt.plan import Plan
 from fmopt.plan.diagnostics import Slice, Surface
 from fmopt.report.drawing import BLUE, RUST, WIDTH
 from fmopt.report.views.planar_view import piece_points
@@ -22,19 +21,9 @@ _ROW = 2.75  # inches
 TITLE = "CU of basic contacts over φ, and the nominal C-surface inside"
 
 
-def _surfaces(plan: Plan) -> tuple[Surface, ...]:
-    planar = None if plan.diagnostics is None else plan.diagnostics.planar
-    return () if planar is None else planar.surfaces
-
-
-def has(plan: Plan) -> bool:
-    """Whether the plan is planar and holds such surfaces."""
-    return bool(_surfaces(plan))
-
-
-def size(plan: Plan) -> tuple[float, float]:
+def size(surfaces: Sequence[Surface]) -> tuple[float, float]:
     """Width and height in inches."""
-    return paper(len(_surfaces(plan)))
+    return paper(len(surfaces))
 
 
 def paper(count: int) -> tuple[float, float]:
@@ -42,18 +31,18 @@ def paper(count: int) -> tuple[float, float]:
     return WIDTH, 0.35 + _ROW * math.ceil(count / _COLUMNS)
 
 
-def alt(plan: Plan) -> str:
+def alt(surfaces: Sequence[Surface]) -> str:
     """What is to be seen, for who cannot see it."""
     words = []
-    for surface in _surfaces(plan):
+    for surface in surfaces:
         low, high = (math.degrees(surface.slices[k].phi) for k in (0, -1))
         words.append(f"{surface.contact}, {surface.kind}, φ from {low:.4g} to {high:.4g}°")
     return "Configurations at which contacts are possible, as slices over φ: " + "; ".join(words) + "."
 
 
-def paint(plan: Plan, figure: Figure) -> None:
-    """The surfaces of the plan side by side."""
-    paint_surfaces(_surfaces(plan), figure, "z")
+def paint(surfaces: Sequence[Surface], figure: Figure) -> None:
+    """The surfaces of a plan side by side."""
+    paint_surfaces(surfaces, figure, "z")
 
 
 def paint_surfaces(surfaces: Sequence[Surface], figure: Figure, upright: str = "y") -> None:

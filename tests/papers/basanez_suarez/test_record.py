@@ -26,6 +26,7 @@ from fmopt.plan import Plan
 from fmopt.plan.description import Description
 from fmopt.plan.diagnostics import Boundary, Planar
 from fmopt.report.drawing import drawn
+from fmopt.report.figures import catalogue
 from fmopt.report.page import possible_contacts
 from fmopt.report.views import planar_view, surface_view
 from tests.shared.plans.report_plans import cube, diagnostics
@@ -92,13 +93,12 @@ def test_figures_are_drawn_in_the_colours_of_the_circles() -> None:
     assert used == set(planar_view.CARRIERS)
     for colour, _, _ in planar_view.CARRIERS.values():
         assert colour in picture
-    planar = replace(told(), sets=sets, surfaces=tuple(surface(contact(name), 6) for name in ("1", "A")))
-    plan = described(planar)
-    assert drawn(partial(surface_view.paint, plan), surface_view.size(plan)).startswith(b"<?xml")
-    assert "Ul of edge 0, case A" in planar_view.alt(plan)
-    assert "type-2, φ from -34.38 to 51.57°" in surface_view.alt(plan)
-    assert not planar_view.has(cube())
-    assert not surface_view.has(cube())
+    surfaces = tuple(surface(contact(name), 6) for name in ("1", "A"))
+    assert drawn(partial(surface_view.paint, surfaces), surface_view.size(surfaces)).startswith(b"<?xml")
+    found = catalogue(described(replace(told(), sets=sets, surfaces=surfaces)))
+    assert "Ul of edge 0, case A" in found["sets"].alt
+    assert "type-2, φ from -34.38 to 51.57°" in found["surfaces"].alt
+    assert not {"sets", "surfaces"} & set(catalogue(cube()))
 
 
 def described(planar: Planar) -> Plan:
