@@ -60,21 +60,6 @@ class Decomposition:
         return tuple(axis for axis, value in enumerate(self.s) if value == 2)
 
     @property
-    def C_np(self) -> Array:
-        """Basis (N_c, 6) of the subspace of natural position constraints."""
-        return frozen(np.eye(6)[list(self.natural)], None, 6)
-
-    @property
-    def C_ap(self) -> Array:
-        """Basis (N_a, 6) of the subspace of artificial position constraints, the complement of C_np."""
-        return frozen(np.eye(6)[list(self.artificial)], None, 6)
-
-    @property
-    def C_af(self) -> Array:
-        """Basis (N_c, 6) of the subspace of artificial reaction-force constraints, in force space."""
-        return self.C_np
-
-    @property
     def written(self) -> dict[str, str]:
         """The subspaces as the paper writes their elements, such as C_ap: (0, 0, p_z, 0, 0, q_z)."""
         rows = (("C_np", _POSITION, self.natural), ("C_ap", _POSITION, self.artificial), ("C_af", _FORCE, self.natural))

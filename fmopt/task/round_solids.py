@@ -49,20 +49,16 @@ def sides_within(radius: float, sagitta: float) -> int:
     return _FACTOR * math.ceil(math.pi / math.acos(radius / (radius + sagitta)) / _FACTOR)
 
 
-def round_notes(file: files.ModelFile) -> tuple[str, ...]:
-    """How each solid with a sagitta is seen, in words."""
-    return tuple(dict.fromkeys(_notes(file, file.part or "", hollow=False)))
-
-
-def _notes(file: files.ModelFile, name: str, hollow: bool) -> Iterator[str]:
+def round_notes(file: files.ModelFile, name: str, hollow: bool = False) -> Iterator[str]:
+    """How each solid with a sagitta is seen that a named one is made of, in words."""
     match file.solids[name]:
         case files.Union(of=of):
             for target in of:
-                yield from _notes(file, target, hollow)
+                yield from round_notes(file, target, hollow)
         case files.Difference(of=base, minus=minus):
-            yield from _notes(file, base, hollow)
+            yield from round_notes(file, base, hollow)
             for target in minus:
-                yield from _notes(file, target, not hollow)
+                yield from round_notes(file, target, not hollow)
         case files.Cylinder() | files.Cone() as table if table.sagitta is not None:
             yield (
                 f"[solids.{name}] is seen as {round_solid(table, hollow).sides} sides "

@@ -117,7 +117,7 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     root = file.part or ""
     solid = _solid(source, file, root)
     turned = any(isinstance(table, files.Turned) for table in file.solids.values())
-    notes = round_notes(file) if turned else ()
+    notes = tuple(dict.fromkeys(round_notes(file, root))) if turned else ()
     with source.place(("solids", root), of_key=True).solid():
         part = replace(part_of(file.name, solid, features), notes=notes)
     if file.balls:

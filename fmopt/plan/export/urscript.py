@@ -167,20 +167,18 @@ class Settings:
     deviation: float = 0.002
 
 
-def program(plan: Plan, base: Pose, caution: str = "", settings: Settings | None = None) -> str:
+def program(plan: Plan, base: Pose, caution: str = "") -> str:
     """The program as text.
 
     Args:
         base: pose of the hole's frame B in the robot's base.
         caution: what is to be said of the plan; empty where the check has certified it.
-        settings: what the plan does not know; none for the defaults.
 
     Raises:
         PlanFormatError: a segment cannot be run, or its force axes are not orthogonal in any one frame.
     """
-    settings = settings or Settings()
-    rows = moves(plan)
-    lines = [_head(plan, rows, base, caution, settings), _functions(settings), "def fmopt_insert():"]
+    settings, rows = Settings(), moves(plan)
+    lines = [_head(plan, rows, base, caution), _functions(settings), "def fmopt_insert():"]
     lines += _indented(_beginning(base.compose(rows[0].start), plan.specification.speed, settings))
     for index in range(len(rows)):
         lines += _indented(_segment(plan, rows, index, base, settings))
@@ -189,18 +187,13 @@ def program(plan: Plan, base: Pose, caution: str = "", settings: Settings | None
     return "\n".join([*lines, "end", "", "fmopt_insert()", ""])
 
 
-def commanded(rows: Sequence[Move], settings: Settings | None = None) -> list[Array]:
-    """The twist (6,), m/s and rad/s, that the program commands in each move: guarded ones as slow as the settings say.
-
-    Args:
-        rows: in order.
-        settings: of the robot; the usual ones if None.
-    """
-    settings = settings or Settings()
+def commanded(rows: Sequence[Move]) -> list[Array]:
+    """The twist (6,), m/s and rad/s, that the program commands in each move: in guarded ones at the robot's pace."""
+    settings = Settings()
     return [move.twist if move.stop is None else _pace(move, settings) * move.twist for move in rows]
 
 
-def _head(plan: Plan, rows: Sequence[Move], base: Pose, caution: str, settings: Settings) -> str:
+def _head(plan: Plan, rows: Sequence[Move], base: Pose, caution: str) -> str:
     words = failing_words(plan, base)
     said = {
         "title": plan.title,
@@ -212,7 +205,7 @@ def _head(plan: Plan, rows: Sequence[Move], base: Pose, caution: str, settings: 
         "hole": FRAMES["B"],
         "base": _pose(base),
         "insertion": insertion_words(base),
-        "turning": turning_words(commanded(rows, settings), [move.number for move in rows]),
+        "turning": turning_words(commanded(rows), [move.number for move in rows]),
     }
     failing = f"# {one_line(words[0].upper() + words[1:])}.\n" if words else ""
     return _HEADER.format(failing=failing, **{name: one_line(text) for name, text in said.items()})

@@ -20,9 +20,7 @@ F = contact_forces(SPECIFICATION, 0.014)
 def test_subspaces_are_complements_and_constraints_count_six():
     for s in ALL:
         split = Decomposition(s)
-        assert len(split.natural) + len(split.artificial) == 6
-        assert np.allclose(split.C_np.T @ split.C_np + split.C_ap.T @ split.C_ap, np.eye(6))
-        assert np.array_equal(split.C_af, split.C_np)
+        assert sorted(split.natural + split.artificial) == list(range(6))
 
 
 def test_pa_and_pn_sum_to_p_and_lie_in_their_subspaces():
@@ -30,8 +28,8 @@ def test_pa_and_pn_sum_to_p_and_lie_in_their_subspaces():
     for s in ALL:
         P, split = rng.normal(size=6), Decomposition(s)
         Pa, Pn = gamma(s, P), natural_constraints(s, P)
-        assert np.allclose(split.C_np @ Pa, 0.0)
-        assert np.allclose(split.C_ap @ Pn, 0.0)
+        assert not Pa[list(split.natural)].any()
+        assert not Pn[list(split.artificial)].any()
         assert np.array_equal(Pa + Pn, P)
 
 
@@ -39,7 +37,7 @@ def test_omega_is_the_reaction_against_the_stopped_motion():
     assert np.array_equal(omega((1, -1, 0, 2, 0, 1), F), [-F[0], F[1], 0, F[3], 0, -F[5]])
     for s in ALL:
         split, Fa = Decomposition(s), omega(s, F)
-        assert np.allclose(split.C_ap @ Fa, 0.0)
+        assert not Fa[list(split.artificial)].any()
         assert all(np.sign(Fa[k]) == -s[k] for k in range(6) if s[k] in (1, -1))
         assert all(abs(Fa[k]) == F[k] for k in split.natural)
 
@@ -55,7 +53,7 @@ def test_figure_two_of_the_paper():
     assert [(row.start, row.end) for row in rows] == [(0.0, t1), (t1, T)]
     assert np.array_equal(rows[0].pa_start, PATH.at(0.0))
     assert not any(rows[0].fa)
-    assert np.array_equal(Decomposition(rows[1].s).C_ap, np.eye(6)[[2, 5]])
+    assert Decomposition(rows[1].s).artificial == (2, 5)
     assert Decomposition(rows[1].s).written == {
         "C_np": "(p_x, p_y, 0, q_x, q_y, 0)",
         "C_ap": "(0, 0, p_z, 0, 0, q_z)",
