@@ -257,8 +257,10 @@ class PressRig:
         self._begin(k, self._first[self.courses[k][body.tried]])
 
     def _begin(self, k: int, step: int) -> None:
-        state, seen = self.state, self._sensors.measured[k, :7]
+        state, seen = self.state, self._sensors.measured[k, :7].copy()
         state.mode[k], state.step[k], state.time[k] = RUNNING, step, 0.0
+        if self.presses[step].keeps:
+            seen[3:] = state.q[k]
         state.begun[k], state.p[k], state.q[k] = seen, seen[:3], seen[3:]
         self._load(k)
 

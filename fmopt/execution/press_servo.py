@@ -20,6 +20,7 @@ RUNNING, HOLDING, BACKING, DONE = range(4)
 LEVEL, DISTANCE, ANGLE, FORCE, TIME = range(5)  # columns of ends but standstills
 DISPLACEMENT, WINDOW, ARMED, BELOW = range(4)  # columns of standstills
 SAMPLE = 0.01  # s between samples of the pose that a standstill is judged by
+_BACKED = 0.7  # of the limits of force and torque, that a part is backed out with: friction and impacts add to it
 _EASED = 0.015  # s in which damping passes from that of the press before: put on at once, it knocks parts into walls
 
 Bools: TypeAlias = NDArray[np.bool_]
@@ -169,7 +170,8 @@ def servo(
             speed = qvel[k, i] if i < 3 else spin[0, i - 3]
             held = bodies.stiffness[k, i] * lead[i] + bodies.damping[k, i] * (twist[i] - speed)
             wrench[k, i] = given[i] + bodies.offset[k, i] if gives[i] else held
-        for first, limit in ((0, limits[0]), (3, limits[1])):
+        most = _BACKED if bodies.mode[k] == BACKING else 1.0
+        for first, limit in ((0, most * limits[0]), (3, most * limits[1])):
             size = _length(wrench[k, first : first + 3])
             if size > limit:
                 wrench[k, first : first + 3] *= limit / size

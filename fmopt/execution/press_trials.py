@@ -52,27 +52,31 @@ def drawn_errors(
         conditions: boxes and intervals that they are drawn from.
         presses: of the plan.
         seed, numbers: of the stream, and of the trials in it.
-        corners: share of the trials whose start error is at a vertex of its box, for choosing among plans.
+        corners: share of the trials in which all errors are at the ends of their intervals, for choosing among plans.
     """
     rows = [_drawn(conditions, presses, np.random.default_rng([seed, number]), corners) for number in numbers]
     return Errors(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _drawn(conditions: Conditions, presses: int, random: np.random.Generator, corners: float) -> tuple[Array, ...]:
-    share = random.uniform(-1.0, 1.0, 6)
-    if random.uniform() < corners:
-        share = np.sign(share)
-    friction = random.uniform(*conditions.friction)
-    stiffness, admittance = (
-        math.exp(random.uniform(math.log(low), math.log(high)))
-        for low, high in (conditions.stiffness, conditions.admittance)
+    start, at_vertex = random.uniform(-1.0, 1.0, 6), random.uniform() < corners
+    scalars, offset = random.uniform(-1.0, 1.0, 3), random.uniform(-1.0, 1.0, 6)
+    if at_vertex:
+        start, scalars, offset = np.sign(start), np.sign(scalars), np.sign(offset)
+    friction, stiffness, admittance = (
+        middle + share * half for share, (middle, half) in zip(scalars, _intervals(conditions), strict=True)
     )
-    offset = random.uniform(-1.0, 1.0, 6) * np.repeat(conditions.offset, 3)
     ball = random.normal(size=(presses, 2, 3))
     ball *= random.uniform(size=(presses, 2, 1)) ** (1.0 / 3.0) / np.linalg.norm(ball, axis=2, keepdims=True)
     drift = conditions.drift * ball.reshape(presses, 6).T
-    start, scalars = share * np.array(conditions.start), np.array([friction, stiffness, admittance])
-    return start, *scalars, offset, drift
+    start, offset = start * np.array(conditions.start), offset * np.repeat(conditions.offset, 3)
+    return start, *(np.array(one) for one in (friction, math.exp(stiffness), math.exp(admittance))), offset, drift
+
+
+def _intervals(conditions: Conditions) -> list[tuple[float, float]]:
+    """Middle and half-width of friction and of the logarithms of stiffness and admittance."""
+    rows = np.array([conditions.friction, np.log(conditions.stiffness), np.log(conditions.admittance)])
+    return list(zip(rows.mean(axis=1).tolist(), (0.5 * np.ptp(rows, axis=1)).tolist(), strict=True))
 
 
 def vertex_errors(conditions: Conditions, presses: int) -> Errors:

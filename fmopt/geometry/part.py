@@ -37,7 +37,7 @@ _SINGLE = 2e-8  # m: as far as that, numbers of single precision put facets off 
 _FAR_END = 0.05  # of a feature's length: gaps no further from its far end than this are at its far rim
 
 _ASIDE, _IN_PLANE = 1e-10, 1e-15  # m: planes are one up to here; vertices that are so near are in a plane
-_MOVED = 1e-10  # m: how far coordinates may go to exact ones before anything rests on them
+_MOVED = 1e-9  # m: how far coordinates may go to exact ones before anything rests on them
 _DRAWN_IN = 0.25  # of the way to the centroid
 _SAME_PLACE = 1e-9  # m
 _ASKEW = np.array([0.3717, 0.2153, 0.9031])  # along no edge and across no face that people draw: it puts all in order
@@ -233,7 +233,7 @@ def settled(moving: Part, fixed: Part) -> tuple[Part, Part]:
     which has exact ones.
 
     Raises:
-        GeometryError: there are no exact coordinates within 0.1 nm of the floats.
+        GeometryError: there are no exact coordinates within 1 nm of the floats.
     """
     if moving.enclosed or fixed.enclosed:  # nothing is proved of these
         return moving, fixed

@@ -111,6 +111,8 @@ class Press:
         reach: limits of travel of force axes, m and rad, beyond which the press fails.
         ends: whichever comes first, in this order.
         rocking: of the attitude, instead of a twist about position axes.
+        keeps: whether position axes of the attitude go on from where the press before commands them, and not from
+            where they are measured.
     """
 
     name: str
@@ -123,6 +125,7 @@ class Press:
     reference: Point = (0.0, 0.0, 0.0)
     ramp: float = 0.1
     rocking: Rocking | None = None
+    keeps: bool = False
 
 
 @dataclass(frozen=True, config=_FORM)

@@ -140,6 +140,18 @@ def test_a_press_that_meets_nothing_ends_by_its_reach_and_the_next_attempt_seats
     assert np.abs(between(begun[None, 3:], np.array([[1.0, 0.0, 0.0, 0.0]])) - start[0][3:]).max() < 1e-3
 
 
+@pytest.mark.parametrize("keeps", [False, True])
+def test_a_held_attitude_goes_on_from_where_it_is_measured_or_commanded(keeps: bool) -> None:
+    """An edge stands on the floor: each press turns the part by the torque over the stiffness, from where it begins."""
+    down = replace(press("x y z", (0.0, 0.0, -10.0, 0.0, 0.0, 0.0), Time(0.4)), keeps=keeps)
+    start = (0.0, 0.0, 0.0055, 0.0, 0.1, 0.0)
+    _, way = run([FLOOR], [Attempt(start, (down,) * 5)], goal=(0.0, 0.0))
+    ends = np.flatnonzero(np.diff(way["step"][:, 0]))
+    turned = 0.1 - np.array([between(way["q"][k, :, 3:], np.array([[1.0, 0.0, 0.0, 0.0]]))[0, 1] for k in ends])
+    each = 10.0 * 0.005 / ROBOT.stiffness[1]
+    assert turned == pytest.approx(each if keeps else each * np.arange(1, len(ends) + 1), rel=0.15)
+
+
 def test_a_time_out_is_no_standstill_however_still_the_part_is() -> None:
     touching = at(0.003, 0.005, press("x", (5.0, *NOTHING[1:]), STILL, Time(0.2)))
     (one,), _ = run([WALL], [touching], goal=(0.003, 0.005))

@@ -118,7 +118,7 @@ def lowest_height(task: PressTask, R: Array, tip: Array) -> float:
     """Height of the tip over the mouth at which no start error takes it below, with some room, m."""
     down = np.array([0.0, 0.0, -1.0])
     drop = max(support(task, down, R @ vertex) - float((R @ (vertex - tip))[2]) for vertex in task.tip)
-    return max(_HEIGHT * task.size + max(drop, 0.0), task.problem.approach)
+    return max(_HEIGHT * task.size + max(drop, 0.0), task.problem.approach) + task.ahead
 
 
 def _placed(walls: Array, offsets: Array, wanted: Array) -> tuple[Array, float]:

@@ -1,4 +1,4 @@
-"""The library of corner presses: five sets of dimensionless numbers, from which sequences are made for any mouth."""
+"""The library of corner presses: six sets of dimensionless numbers, from which sequences are made for any mouth."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ _BENT = 8e-4  # m by which friction holds the part back on its way, at most
 _ASIDE = 0.15  # lateral over axial force with which the part comes down to a shelf
 ROCK = Rocking(math.radians(3.0), 2.0, 2.0)
 ROCK_FORCE = 5.0  # N
+_LONGEST = 6.0  # s, of the last presses to no great depth
 _LAST = (4.5e-4, 4e-4)  # m above the goal of a through hole where the last press begins, and its speed in m/s
+_LIFTED = 2.0  # times the offset of the force that is pressed down at least: the offset would lift the part out
+_HELD_SPEED = 0.008  # m/s, down with the attitude held: a part that cannot turn lands harder
 _ARM = 0.01  # m, least lever that turns count by
 _DAMPING = 400.0  # N·s/m
 _LEVER = 0.02  # m, least that damping of turns is made of
@@ -69,6 +72,7 @@ LIBRARY = (
     CornerPress(math.radians(13.0), 1.75, 0.054, 0.48, 0.91, 0.49, False, 0.05),
     CornerPress(math.radians(12.0), 1.45, 0.050, 0.22, 0.66, 0.45, True, 0.05),
     CornerPress(math.radians(6.0), 1.85, 0.120, 0.60, 0.60, 0.90, True, 0.20),
+    CornerPress(math.radians(4.5), 1.65, 0.115, 0.39, 0.89, 0.90, False, 0.12),
 )
 _CORNER = 2.3  # lateral errors from the corner along its bisector, at least
 
@@ -123,7 +127,8 @@ def into_the_mouth(
         gives: axes that give way to the first press.
     """
     hold = numbers.hold * FORCE
-    upright = turn_upright(task, numbers.tilt, lean, six(hold * u, -numbers.axial * hold), numbers.yaw)
+    axial = max(numbers.axial * hold, _LIFTED * task.offset_share * AXIAL)
+    upright = turn_upright(task, numbers.tilt, lean, six(hold * u, -axial), numbers.yaw)
     return (press_aside(task, u, numbers.kappa, gives), *upright, *to_the_goal(task, u, numbers.end, numbers.rock))
 
 
@@ -198,25 +203,40 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
     """
     presses = [press_on(task, XYZ, six(_ASIDE * FORCE * u, -FORCE))] if task.shelves else []
     presses += [press for one in task.shelves for press in at_shelf(task, u, one)]
-    floor = levels(task)
     if rock:
         wrench = six(end * ROCK_FORCE * u, -ROCK_FORCE)
-        ends = (*floor, Time(ROCK.seconds, "next"))
+        ends = (*levels(task), Time(ROCK.seconds, "next"))
         presses.append(Press("rock", XYZ, (0.0,) * 6, wrench, SPEEDS, down_and_more(task), ends, rocking=ROCK))
-    wrench = six(end * AXIAL * u, -AXIAL)
-    reach = down_and_more(task)
+    return (*presses, *go_in(task, u, end))
+
+
+def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
+    """The last presses: the attitude is held where the play leaves room for its error, and let go on the floor.
+
+    Args:
+        task: the insertion.
+        u: (3,) direction of the lateral force.
+        end: lateral over axial force.
+    """
+    wrench, reach, gives = six(end * AXIAL * u, -AXIAL), down_and_more(task), ALL
+    before: tuple[Press, ...] = ()
+    if task.keeps_attitude:
+        held = XYZ if task.round else XYZ_YAW  # a round part that an offset of the torque turns would not stand still
+        gives = (*XYZ[:3], *task.turned_flat, held[5])
+        light = six(end * FORCE * u, -FORCE)
+        slow = press_on(task, held, light if all(task.turned_flat) else wrench)
+        slow = replace(slow, speed=(*SPEEDS[:2], _HELD_SPEED, *SPEEDS[3:]))
+        before = () if gives == held else (slow, press_on(task, gives, light))
+    time = Time(long_enough(task), "retry")
     if not task.through:
-        ends = (replace(standstill(5e-5, 0.3), then="seated", below=deepest_known(task)), Time(6.0, "retry"))
-        return (*presses, Press("go in", ALL, (0.0,) * 6, wrench, SPEEDS, reach, ends))
-    stuck = replace(standstill(5e-5, 0.3), then="retry")
-    speed = _LAST[1]
-    ends = (*floor, stuck, Time(6.0, "retry"))
-    presses.append(Press("go in", ALL, (0.0,) * 6, wrench, SPEEDS, reach, ends))
-    slow = (*SPEEDS[:2], speed, *SPEEDS[3:])
+        stands = replace(standstill(5e-5, 0.3), then="seated", below=deepest_known(task))
+        return (*before, Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (stands, time)))
+    stuck, speed = replace(standstill(5e-5, 0.3), then="retry"), _LAST[1]
+    down = Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (*levels(task), stuck, time))
+    slow_speeds = (*SPEEDS[:2], speed, *SPEEDS[3:])
     there = Level(speed * DELAY - task.depth, "seated")  # the part goes on for as long as the measurement takes
     ends = (there, replace(standstill(2e-5, 0.3), then="retry"), Time(4.0, "retry"))
-    presses.append(Press("lower to the depth", ALL, (0.0,) * 6, wrench, slow, reach, ends))
-    return tuple(presses)
+    return (*before, down, Press("lower to the depth", gives, (0.0,) * 6, wrench, slow_speeds, reach, ends))
 
 
 def down_and_more(task: PressTask) -> tuple[float, float]:
@@ -224,9 +244,14 @@ def down_and_more(task: PressTask) -> tuple[float, float]:
     return task.depth + 0.02, 1.0
 
 
+def long_enough(task: PressTask) -> float:
+    """How long the last presses may take, s."""
+    return max(_LONGEST, 3.0 * task.depth / AXIAL_SPEED)
+
+
 def press_on(task: PressTask, gives: Gives, wrench: Numbers) -> Press:
     """Down until the part stands, on the floor or on a shelf."""
-    ends = (*levels(task), standstill(5e-5, 0.3), Time(8.0, "next"))
+    ends = (*levels(task), standstill(5e-5, 0.3), Time(2.0 + long_enough(task), "next"))
     return Press("press on", gives, (0.0,) * 6, wrench, SPEEDS, down_and_more(task), ends)
 
 

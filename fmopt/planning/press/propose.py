@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 from fmopt.errors import SearchError
 from fmopt.plan.press import Attempt
@@ -28,7 +29,13 @@ def proposals(task: PressTask) -> list[Attempt]:
     found += [] if task.round else [*corner_presses(task)]
     if not found:
         raise SearchError("no press was found that comes down inside the mouth", "lower the start errors")
-    return found
+    return [_keeping(one) for one in found] if task.keeps_attitude else found
+
+
+def _keeping(attempt: Attempt) -> Attempt:
+    """The attempt with held attitudes as they are commanded from the start on, whatever contacts turn the part to."""
+    first, *others = attempt.presses
+    return replace(attempt, presses=(first, *(replace(press, keeps=True) for press in others)))
 
 
 def corner_presses(task: PressTask) -> Iterator[Attempt]:

@@ -15,7 +15,7 @@ from fmopt.geometry.clearance import Clearance, interference
 from fmopt.geometry.part import Part
 from fmopt.geometry.section import section_limit
 from fmopt.plan.field_types import numbers
-from fmopt.plan.press import Seat
+from fmopt.plan.press import Conditions, Seat
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem
@@ -23,14 +23,19 @@ from fmopt.task.sizes import characteristic_length
 
 if TYPE_CHECKING:
     from shapely import Polygon
+    from shapely.geometry.base import BaseGeometry
 
 _LEVEL = 2e-6  # m above or below a step, where its sections are taken
 _TIP = 1e-6  # m within which vertices belong to the leading face
+_NEAR = 2.0  # lateral errors, from which walls are out of reach for what leads
+_BLUNT = 0.2  # of the depth, that what leads and never mates may be long
 _STRAIGHT = 1e-6  # m by which corners of an outline may be off a straight side
 _PLAY_DROP = 0.6  # of the play above a shelf, below which the play is smaller there
 _MAX_SYMMETRY = 60
 _FEW = 3  # corners that sequences are made for
 _HALVINGS = 30  # of a way, from the size to less than 1 nm
+_STEADY = 0.7  # of the limit of force
+_SURE = 1.5  # times the offset of the torque, from which a press turns the part against it
 _ROUND = 0.1  # of the clearance, by which an outline that counts as round is off its circle
 
 
@@ -104,10 +109,24 @@ class PressTask:
         return interference(self.moving, self.fixed, lowered).depth <= 1e-9
 
     @cached_property
+    def ahead(self) -> float:
+        """How far the part reaches below the tip, m: what leads and never comes near the walls is no tip."""
+        levels, near = self._levels(self.moving), _NEAR * math.hypot(self.box[0], self.box[1])
+        for low, high in pairwise(levels):
+            walls = (0.0, *(z for z in self._levels(self.fixed) if low - self.depth < z < 0.0))
+            ends = low + _LEVEL, high - _LEVEL
+            if low - levels[0] > _BLUNT * self.depth:
+                break
+            if any(self._play(own, z - _LEVEL) < near for own in ends for z in walls):
+                return low - levels[0]
+        return 0.0
+
+    @cached_property
     def tip(self) -> Array:
         """Vertices (n, 3) of the leading face, m, in the frame of the moving part."""
         vertices = np.vstack([body.vertices for body in self.moving.bodies])
-        return np.unique(vertices[vertices[:, 2] < vertices[:, 2].min() + _TIP].round(12), axis=0)
+        heights = vertices[:, 2] - vertices[:, 2].min() - self.ahead
+        return np.unique(vertices[(heights > -_TIP) & (heights < _TIP)].round(12), axis=0)
 
     @cached_property
     def outline(self) -> Polygon:
@@ -144,6 +163,43 @@ class PressTask:
         radii = np.linalg.norm(ring - centre, axis=1)
         middles = np.linalg.norm(0.5 * (ring + np.roll(ring, -1, axis=0)) - centre, axis=1)
         return len(ring) >= 12 and float(radii.max() - middles.min()) <= _ROUND * self.clearance.per_side
+
+    @property
+    def steady_force(self) -> float:
+        """Force of the last press, N, about; the rest of the limit is for impacts and friction."""
+        return _STEADY * self.problem.specification.contact_force
+
+    @property
+    def offset_share(self) -> float:
+        """The greatest offset of the force over that of the last press."""
+        return Conditions.offset[0] / self.steady_force
+
+    @property
+    def keeps_attitude(self) -> bool:
+        """Whether its attitude can be held all the way in: its error is less than the play at the depth."""
+        return float(self.box[3:5].max()) < 2.0 * self.clearance.per_side / self.depth
+
+    @cached_property
+    def turned_flat(self) -> tuple[bool, bool]:
+        """Whether the last press turns the part flat about x and about y, whatever the torque is off by.
+
+        About other axes the attitude is held, which has to leave the part within its clearance of the goal.
+        """
+        west, south, east, north = self.landing.bounds or (0.0,) * 4
+        arms, least = np.array([min(-south, north), min(-west, east)]), _SURE * Conditions.offset[1]
+        found = (self.steady_force * arms > least) | (self.box[3:5] * arms > self.clearance.per_side)
+        return bool(found[0]), bool(found[1])
+
+    @cached_property
+    def landing(self) -> BaseGeometry:
+        """Where the seated part stands on the fixed one, m; empty where nothing stops it."""
+        from shapely import union_all
+
+        stops = np.array(self._levels(self.fixed))
+        heights = [z for z in self._levels(self.moving) if np.abs(z - self.depth - stops).min() < _LEVEL]
+        below = (section_limit(self.fixed.bodies, _level(z - self.depth), -1) for z in heights)
+        above = (self._seated(section_limit(self.moving.bodies, _level(z), 1)) for z in heights)
+        return union_all([a.intersection(b) for a, b in zip(above, below, strict=True)])
 
     @cached_property
     def symmetry(self) -> int:
@@ -188,16 +244,16 @@ class PressTask:
     @cached_property
     def shelves(self) -> tuple[Shelf, ...]:
         """Shelves in the order that they are met."""
-        met, depth, eps = [], self.depth, _LEVEL
-        for own in (0.0, *(z for z in self._levels(self.moving) if eps < z < depth)):
-            grows = own == 0.0 or self._outline(own + eps).area > 1.01 * self._outline(own - eps).area
+        met, depth, eps, tip = [], self.depth, _LEVEL, self.ahead
+        for own in (tip, *(z for z in self._levels(self.moving) if tip + eps < z < depth)):
+            grows = own == tip or self._outline(own + eps).area > 1.01 * self._outline(own - eps).area
             for other in (*(z for z in self._levels(self.fixed) if -depth + eps < z < -eps), 0.0):
                 gone = own - other
-                if not grows or not eps < gone < depth - eps:
+                if not grows or not tip + eps < gone < depth - eps:
                     continue
-                above = self._play(own + eps, other + eps) if other < 0.0 else math.inf
+                above = self._play(own + eps, other + eps) if other < 0.0 else self._play(own - eps, other - eps)
                 if self._play(own + eps, other - eps) < _PLAY_DROP * above:
-                    engaged = np.linspace(eps, gone - eps, 40)
+                    engaged = np.linspace(tip + eps, gone - eps, 40)
                     plays = np.array([self._play(h, h - gone) for h in engaged])
                     walls = engaged[plays < 1.1 * plays.min() + 1e-7]
                     met.append((gone, float(walls.mean()), float(np.ptp(walls))))
@@ -234,12 +290,16 @@ class PressTask:
     def _outline(self, z: float) -> Polygon:
         """The largest outline of the moving part at a height in its own frame, m, as it is seated."""
         from shapely import Polygon
-        from shapely.affinity import affine_transform
 
         shapes = section_limit(self.moving.bodies, _level(z), 1).geoms
-        outer = Polygon(max(shapes, key=lambda shape: float(shape.area)).exterior) if shapes else Polygon()
+        return self._seated(Polygon(max(shapes, key=lambda shape: float(shape.area)).exterior if shapes else None))
+
+    def _seated(self, shape: BaseGeometry) -> BaseGeometry:
+        """A section of the moving part as it is seated."""
+        from shapely.affinity import affine_transform
+
         R, p = self.goal.R, self.goal.p
-        return affine_transform(outer, [R[0, 0], R[0, 1], R[1, 0], R[1, 1], p[0], p[1]])
+        return affine_transform(shape, [R[0, 0], R[0, 1], R[1, 0], R[1, 1], p[0], p[1]])
 
     def _opening(self, z: float) -> Polygon:
         """The opening of the fixed part just below a height, m: what of the plane around the axis has no material."""

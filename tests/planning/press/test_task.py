@@ -12,7 +12,7 @@ from shapely import Polygon
 
 from fmopt.planning.press.task import PressTask
 from fmopt.task.problem import load
-from tests.shared.parts.families import Pair, Stack, pair, write_toml
+from tests.shared.parts.families import Outline, Pair, Placing, Section, Stack, pair, write_toml
 from tests.shared.plans.press_plan import press_task
 
 
@@ -73,3 +73,31 @@ def test_symmetry_and_corners_are_the_outlines(
         assert np.allclose(corner.walls @ u, cos(0.5 * corner.turn), atol=1e-9)
         assert not task.mouth.contains(Polygon([corner.at + 1e-5 * np.array(v) for v in ((0, 0), u, (u[1], -u[0]))]))
         assert task.mouth.exterior.distance(Polygon([corner.at + 1e-9 * np.array(v) for v in np.eye(3)[:, :2]])) < 1e-8
+
+
+def square(half: float) -> Outline:
+    return (-half, -half), (half, -half), (half, half), (-half, half)
+
+
+@pytest.mark.parametrize(
+    ("nub", "top", "ahead", "flat"),
+    [
+        (2.5, 2.5, 1.5, (False, False)),
+        (6.0, 6.0, 1.5, (True, True)),
+        (6.8, 6.8, 0.0, (True, True)),
+        (2.5, 7.0, 0.0, (False, False)),
+    ],
+)
+def test_what_leads_and_never_mates_is_no_tip_and_lands_all_the_same(
+    nub: float, top: float, ahead: float, flat: tuple[bool, bool], tmp_path: Path
+) -> None:
+    peg = (Section(0.0, square(nub)), Section(1.5, square(top)), *(Section(z, square(7.0)) for z in (1.5, 40.0)))
+    hole = tuple(Section(z, square(7.2)) for z in (-30.0, 0.0))
+    still = (Placing((0.0, 0.0, 0.0), 0.0),) * 2
+    task = task_of(Pair("cell", "cell", peg, (), hole, (30.0, 30.0, 40.0), 0.2, 30.0, False, 14.0, still), tmp_path)
+    assert task.ahead == pytest.approx(1e-3 * ahead)
+    assert np.ptp(task.tip[:, 0]) == pytest.approx(1e-3 * (14.0 if ahead else 2.0 * nub))
+    assert len(task.shelves) == (nub == top == 6.8)
+    assert task.landing.bounds == pytest.approx(1e-3 * nub * np.array([-1.0, -1.0, 1.0, 1.0]))
+    assert task.keeps_attitude
+    assert task.turned_flat == flat
