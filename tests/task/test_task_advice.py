@@ -1,13 +1,16 @@
-"""Advice of the task room is followed to the letter, and what was refused is taken; each advice that there is."""
+"""Each advice of the task room is followed to the letter, and what was refused is taken; keys in messages exist."""
 
 from __future__ import annotations
 
+import ast
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+import fmopt
 from fmopt.errors import FmoptError
 from fmopt.task.toml import assembly_file, model_file, problem_file, tables
 from fmopt.task.toml.tables import Measured
@@ -54,6 +57,30 @@ def test_all_advice_is_followed() -> None:
         followed.update(one for one in meant if one.words == most)
     assert [one for one in known if one not in followed] == []
     assert [text for text in told if not any(one.says(text) for one in known)] == []
+
+
+def keys_of(schema: Any) -> set[str]:
+    """All keys of all tables of a schema."""
+    if isinstance(schema, dict):
+        own = set(schema.get("properties", {})) if isinstance(schema.get("properties"), dict) else set()
+        return own.union(*map(keys_of, schema.values()))
+    return set().union(*map(keys_of, schema)) if isinstance(schema, list) else set()
+
+
+def test_keys_that_messages_name_exist() -> None:
+    known = keys_of(problem_file.ProblemFile.model_json_schema()) | keys_of(model_file.ModelFile.model_json_schema())
+    tables = "settings|specification|goal|start|clearance|uncertainty|mesh|grasp|units"
+    named = []
+    others = ("verify", "same_problem.py")  # these name keys of plans
+    for path in (
+        path for path in sorted(Path(fmopt.__file__).parent.rglob("*.py")) if not set(others) & set(path.parts)
+    ):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and "\n" not in node.value:
+                for table, key in re.findall(rf"(?<![\w.\[])({tables})\.([a-z_]+)\b", node.value):
+                    named.append((path.name, table, key))
+    assert len(named) > 3
+    assert [found for found in named if found[2] not in known] == []
 
 
 def measured() -> Iterator[Measured]:
