@@ -127,18 +127,9 @@ REFUSED: list[tuple[str, Callable[[Plan], Any], str]] = [
     ("format", lambda p: p.update(format="fmopt.plan/3"), "format: must be one of fmopt.plan/2"),
     ("older format", lambda p: p.update(format="fmopt.plan/1"), "fmopt.plan/1: written by an older fmopt; solve the"),
     ("another kind", _segment(lambda s: s.update(kind="press")), r"segments: mix presses and guarded moves"),
-    ("unknown top key", lambda p: p.update(extra=1), "unknown key 'extra'"),
-    ("missing key", lambda p: p.pop("goal"), "lacks the key 'goal'"),
-    ("unknown segment key", _segment(lambda s: s.update(trust_me=True)), r"segments\[0\]: unknown key 'trust_me'"),
-    ("missing segment key", _segment(lambda s: s.pop("tube")), r"segments\[0\]: lacks the key 'tube'"),
-    ("missing strategy", _segment(lambda s: s.pop("hybrid")), r"segments\[0\]: lacks the key 'hybrid'"),
     ("other units", lambda p: p["units"].update(length="mm"), "units.length: must be one of m, not 'mm'"),
     ("other frames", lambda p: p["frames"].update(B="the robot's base"), "frames.B: must be one of"),
     ("unused vertex", lambda p: p["parts"]["fixed"]["vertices"].append([0, 0, 0]), "vertex 8 belongs to no face"),
-    ("text of two lines", lambda p: p["problem"].update(title="a\nb"), "problem.title: must be one line"),
-    ("text that turns", lambda p: p["problem"].update(title="a\u202eb"), r"control character U\+202E"),
-    ("half a character", lambda p: p["problem"].update(title="a\ud800"), r"control character U\+D800"),
-    ("long text", lambda p: p["problem"].update(title="a" * 1001), "at most 1000 characters"),
     ("version with code", lambda p: p.update(fmopt_version="1\nmovej"), "fmopt_version: must be a version"),
     ("name with code", lambda p: p["contacts"][0].update(id="v0;f5"), r"contacts\[0\].id: must be a name"),
     ("no segments", lambda p: p.update(segments=[]), "segments: must have at least 1"),
@@ -199,13 +190,9 @@ def test_deep_nesting_is_refused(plan: Plan) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('{"a": NaN}', "NaN"),
-        ('{"a": 1, "a": 2}', "repeats the key 'a'"),
         ('{"a": -Infinity}', "-Infinity"),
         ("[1]", "must be a JSON object"),
         ("{", "no JSON"),
-        ("[" * 100_000, "nested too deeply"),
-        ('{"a": 1' + "0" * 5000 + "}", "no JSON"),
     ],
 )
 def test_files_that_are_no_plans(tmp_path: Path, text: str, message: str) -> None:
