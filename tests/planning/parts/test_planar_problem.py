@@ -112,22 +112,6 @@ def test_faults_of_planar_problems(tmp_path: Path, file: str, old: str, new: str
     assert all(fault.line > 0 and fault.advice for fault in found)
 
 
-@pytest.mark.parametrize("key", ["y", "rx", "rz"])
-def test_a_problem_in_space_states_all_six_errors(tmp_path: Path, key: str) -> None:
-    name = "problems/square_peg.toml"
-    for path in (name, "models/square_peg.toml", "models/square_hole_block.toml"):
-        text = (ROOT / path).read_text(encoding="utf-8")
-        if path == name:
-            start = text.index("[uncertainty.start]")
-            text = text[:start] + text[start:].replace(f"\n{key} = 0.3", "", 1)
-        (tmp_path / path).parent.mkdir(exist_ok=True)
-        (tmp_path / path).write_text(text, encoding="utf-8")
-    with pytest.raises(InputError) as caught:
-        load(tmp_path / name)
-    (fault,) = caught.value.faults
-    assert (fault.code, fault.key) == ("missing-key", f"uncertainty.start.{key}")
-
-
 def test_sources_stay_in_the_plane(tmp_path: Path) -> None:
     text = (ROOT / NAMES[0]).read_text(encoding="utf-8")
     start, end = text.index("[uncertainty.start]"), text.index("[uncertainty.velocity]")
