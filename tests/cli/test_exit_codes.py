@@ -16,9 +16,6 @@ import pytest
 
 from fmopt import __version__, plan
 from fmopt.cli import EXIT
-from fmopt.planning.same_problem import differences
-from fmopt.task.problem import load
-from fmopt.verify.reading.parse import parse
 from tests import ROOT
 from tests.shared.commands import ended
 
@@ -88,32 +85,6 @@ def test_a_missing_file(fmopt: Command, tmp_path: Path) -> None:
         assert "correct the path" in done.err
 
 
-# What is written before the value of `height`; the rest of the line, after #, no longer counts.
-BAD = [
-    ("height = = ", len("height = "), "toml-syntax", "toml.io"),
-    ("heigth = ", 0, "unknown-key", "did you mean 'height'?"),
-    ("height = nan # ", len("height = "), "not-finite", "write a finite number"),
-    ("height = -1 # ", len("height = "), "negative", "make it positive"),
-    ('height = "1 deg" # ', len("height = "), "wrong-unit", "'1 deg' is an angle, not a length"),
-]
-
-
-@pytest.mark.parametrize(("new", "shift", "code", "advice"), BAD, ids=[row[2] for row in BAD])
-def test_bad_values(fmopt: Command, files: Path, new: str, shift: int, code: str, advice: str) -> None:
-    line, column = edit(files / PROBLEM, "height = ", new)
-    done = fmopt("solve", files / PROBLEM)
-    assert (done.code, done.out) == (2, "")
-    assert f"{files / PROBLEM}:{line}:{column + shift}: {code}: " in done.err
-    assert advice in done.err
-
-
-def test_a_missing_key(fmopt: Command, files: Path) -> None:
-    edit(files / PROBLEM, "rx = ", "# rx = ")
-    done = fmopt("check", files / PROBLEM)
-    assert done.code == 2
-    assert "missing-key: uncertainty.start.rx: this key is missing; add 'rx' to [uncertainty.start]" in done.err
-
-
 def test_a_negative_length_of_a_model(fmopt: Command, files: Path) -> None:
     edit(files / PEG, "length = 40\n", "length = -40\n")
     line, column = edit(files / PEG, '"length"]', '"length"]')
@@ -121,32 +92,6 @@ def test_a_negative_length_of_a_model(fmopt: Command, files: Path) -> None:
     assert done.code == 2
     assert f"{files / PEG}:{line}:{column}: negative: solids.peg.size[2]: " in done.err
     assert "make it positive" in done.err
-
-
-def test_an_empty_solid(fmopt: Command, files: Path) -> None:
-    edit(files / BLOCK, 'minus = ["hole"]', 'minus = ["hole", "block"]')
-    done = fmopt("solve", files / PROBLEM)
-    assert done.code == 2
-    assert f"{files / BLOCK}:" in done.err
-    assert "geometry: " in done.err
-    assert "empty" in done.err
-
-
-def test_an_open_mesh(fmopt: Command, files: Path) -> None:
-    import trimesh
-
-    box = trimesh.creation.box(bounds=[[-10, -10, 0], [10, 10, 40]])
-    box.update_faces([True] * 9 + [False, True, False])
-    (files / "models" / "peg.stl").write_bytes(trimesh.exchange.stl.export_stl(box))
-    text = (files / PEG).read_text(encoding="utf-8").replace('part = "peg"\n', "")
-    start, end = text.index("[parameters]"), text.index("[features.peg]")
-    mesh = '[mesh]\nfile = "peg.stl"\nunit = "mm"\n\n'
-    features = text[end:].replace('length = "length"', "length = 40")
-    (files / PEG).write_text(text[:start] + mesh + features, encoding="utf-8")
-    done = fmopt("solve", files / PROBLEM)
-    assert done.code == 2
-    assert f"{files / PEG}:{text[:start].count(chr(10)) + 2}:" in done.err
-    assert "open" in done.err
 
 
 def test_all_faults_at_once(fmopt: Command, files: Path) -> None:
@@ -189,17 +134,6 @@ def test_a_problem_in_place_of_a_model(fmopt: Command, files: Path) -> None:
     done = fmopt("check", files / PROBLEM)
     assert done.code == 2
     assert "this is a problem file, not a model; name a model file" in done.err
-
-
-@pytest.mark.parametrize(
-    ("new", "words"),
-    [('"0,3 mm"', "write a decimal point, 0.2"), ("0,3", "numbers take a decimal point"), ('"a lot"', '"0.3 deg"')],
-)
-def test_numbers_that_are_none(fmopt: Command, files: Path, new: str, words: str) -> None:
-    edit(files / PROBLEM, "\nrx = 0.3", f"\nrx = {new}")
-    done = fmopt("check", files / PROBLEM)
-    assert done.code == 2
-    assert words in done.err
 
 
 def test_errors_as_json(fmopt: Command, files: Path) -> None:
@@ -285,12 +219,6 @@ def test_the_published_schemas_are_the_printed_ones(fmopt: Command, kind: str, f
     assert done.out == (ROOT / folder / f"{kind}.schema.json").read_text(encoding="utf-8")
 
 
-def test_every_shipped_file_names_its_schema() -> None:
-    for kind, folder in FOLDERS.items():
-        for path in (ROOT / folder).glob("*.toml"):
-            assert path.read_text(encoding="utf-8").startswith(f"#:schema ./{kind}.schema.json\n"), path
-
-
 def test_wrong_words_on_the_command_line(fmopt: Command) -> None:
     for words in (["schema", "plan"], ["no-such-command"], ["solve"], ["check", "--no-such-option", "x"]):
         assert fmopt(*words).code == 2
@@ -298,11 +226,7 @@ def test_wrong_words_on_the_command_line(fmopt: Command) -> None:
 
 def test_version_and_help(fmopt: Command) -> None:
     assert fmopt("--version").out.strip() == __version__
-    shown = fmopt("--help").out
-    for words in ("solve", "verify", "check", "schema", "Exit codes: 0 certified"):
-        assert words in shown
-    for command in ("solve", "verify", "check", "schema"):
-        assert f"Example: fmopt {command} " in fmopt(command, "--help").out
+    assert "Exit codes: 0 certified" in fmopt("--help").out
 
 
 def test_an_internal_fault_is_one_line(fmopt: Command, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -381,27 +305,6 @@ def test_verify_with_another_problem_is_not_proved(fmopt: Command, square_peg_pl
     assert "the plan is for another moving part" in done.out
 
 
-CHANGES: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
-    (lambda p: p["uncertainty"]["start_box"].__setitem__(0, 1e-4), "other start errors"),
-    (lambda p: p["uncertainty"].update(velocity_error=[0.001, 0.001]), "another velocity error"),
-    (lambda p: p["goal"].__setitem__(2, -0.02), "another depth"),
-    (lambda p: p["specification"].update(friction=0.0), "another specification"),
-    (lambda p: p["parts"]["moving"]["vertices"][0].__setitem__(0, 0.0), "another moving part"),
-    (lambda p: p["parts"]["fixed"].update(declared_clearance=[1.0, 1.0]), "parts.fixed.declared_clearance"),
-]
-
-
-@pytest.mark.parametrize(("change", "words"), CHANGES, ids=[row[1] for row in CHANGES])
-def test_a_plan_is_held_against_its_problem_number_by_number(
-    square_peg_plan: dict[str, Any], change: Callable[[dict[str, Any]], Any], words: str
-) -> None:
-    assert differences(parse(square_peg_plan), load(ROOT / PROBLEM)) == ()
-    changed = copy.deepcopy(square_peg_plan)
-    change(changed)
-    told = differences(parse(changed), load(ROOT / PROBLEM))
-    assert words in told[0]
-
-
 def test_verify_refutes_a_plan_that_ends_in_the_wall(
     fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -412,36 +315,6 @@ def test_verify_refutes_a_plan_that_ends_in_the_wall(
     assert done.code == 1
     assert done.out.startswith("verdict: REFUTED")
     assert "overlap" in done.out
-
-
-def test_verify_notes_an_altered_number(fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
-    changed = copy.deepcopy(square_peg_plan)
-    changed["segments"][0]["margin"] *= 1.0 + 1e-6
-    plan.write(changed, tmp_path / "plan.json")
-    done = fmopt("verify", tmp_path / "plan.json")
-    assert done.code == 3
-    assert "sha256" in done.out
-
-
-GARBAGE = [
-    b"",
-    b"garbage",
-    b"\xff\xfe\x00",
-    b"[]",
-    b"{}",
-    b'{"format": "fmopt.plan/1"}',
-    b'{"format": NaN}',
-    b"[" * 99999,
-]
-
-
-@pytest.mark.parametrize("content", GARBAGE, ids=[repr(g[:16]) for g in GARBAGE])
-def test_verify_refuses_garbage(fmopt: Command, tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "plan.json").write_bytes(content)
-    done = fmopt("verify", tmp_path / "plan.json")
-    assert (done.code, done.out) == (2, "")
-    assert str(tmp_path / "plan.json") in done.err
-    assert "give a plan.json that fmopt solve wrote" in done.err
 
 
 def test_verify_of_a_missing_plan(fmopt: Command, tmp_path: Path) -> None:
