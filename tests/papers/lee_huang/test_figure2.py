@@ -185,19 +185,6 @@ def test_an_obstacle_off_the_planes_is_reported():
     assert [p.fixed.area for p in with_post[:2]] == pytest.approx([p.fixed.area for p in without[:2]], rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("start", "goal", "words"),
-    [
-        ([0.02, 0, -0.005, 0, 0, 0], GOAL, "N_1, the start, .* inside GE on the plane xz"),
-        (START, [0.001, 0, -0.03, 0, 0, 0], "N_T, the goal, .* inside GE on the plane xz"),
-        (START, [0, 0.001, -0.03, 0, 0, 0], "N_T, the goal, .* inside GE on the plane yz"),
-    ],
-)
-def test_refuses_a_start_in_the_solid_and_a_goal_off_the_axis(start, goal, words):
-    with pytest.raises(GeometryError, match=words):
-        task_mapping(Task(PEG, block(BORE, 0.04), start, goal, BOX, SPEED, RHO))
-
-
 def test_the_radii_come_from_the_problems_errors():
     problem, found, _ = figure_two()
     planes = plane_diagrams(found.moving.solid, found.fixed.solid, found.P0, found.PT, problem.start_box)

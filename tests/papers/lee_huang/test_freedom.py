@@ -120,11 +120,6 @@ def test_intervals_cover_the_trajectory_and_differ():
         assert one.s != other.s
 
 
-def test_an_obstacle_off_the_three_planes_is_seen():
-    post = part_of("post", at(Box((0.001, 0.001, 0.01)), 0.0104, 0.0104, -0.01))
-    assert any(one.s != FREE for one in freedom(PEG, post, DOWN, half_widths(3e-4, 0.0)))
-
-
 @pytest.mark.parametrize("fixed", [BLOCK, PLATE], ids=["blind", "through"])
 def test_no_sampled_pose_touches_where_nothing_is_stopped(fixed):
     path = insertion([0, 0, 0.003, 0, 0, 0], [0, 0, -0.01, 0, 0, 0], SPEED, 0.014)

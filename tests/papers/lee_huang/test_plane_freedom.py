@@ -7,7 +7,7 @@ import pytest
 from shapely import Polygon, affinity
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
+from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
 from fmopt.geometry.plane.curve import Arc
 from fmopt.geometry.plane.region import Region, polygon_region
@@ -64,34 +64,6 @@ def agree(found, expected):
     assert [s for s, _, _ in found] == [s for s, _, _ in expected]
     heights = np.array([one[1:] for one in found]) - np.array([one[1:] for one in expected])
     assert np.abs(heights).max() < 1e-9 * 0.035
-
-
-def test_figure_two_a_round_peg_in_a_through_hole():
-    """The rim stops the tilted flank where r + (d + r) tan s + a / cos s reaches the hole's radius."""
-    r, s = 5e-5, 0.005
-    depth = (HOLE - r - PEG / np.cos(s)) / np.tan(s) - r
-    found = steps(freedom_on_planes(views(half_widths(r, s), THROUGH, round_peg=True), DOWN))
-    agree(found, [(FREE, 5e-3, -depth), ((2, 2, 0, 2, 2, 0), -depth, -0.03)])
-
-
-def test_a_blind_hole_adds_the_stop_on_z_at_the_end():
-    r, s = 5e-5, 0.005
-    depth = (HOLE - r - PEG / np.cos(s)) / np.tan(s) - r
-    floor = -0.03 + r + PEG * np.sin(s)
-    found = steps(freedom_on_planes(views(half_widths(r, s), round_peg=True), DOWN))
-    engaged = (2, 2, 0, 2, 2, 0)
-    agree(found, [(FREE, 5e-3, -depth), (engaged, -depth, floor), ((2, 2, -1, 2, 2, 0), floor, -0.03)])
-
-
-def test_a_square_peg_adds_two_on_q_z():
-    r, s = 5e-5, 0.006  # turned by s, a corner comes 0.01 (cos s + sin s) off the middle
-    assert PEG * (np.cos(s) + np.sin(s)) + r > HOLE
-    found = freedom_on_planes(views(half_widths(r, s), THROUGH), DOWN)
-    assert found[-1].s == (2, 2, 0, 2, 2, 2)
-    assert freedom_on_planes(views(half_widths(r, s), THROUGH, round_peg=True), DOWN)[-1].s == (2, 2, 0, 2, 2, 0)
-    small = 0.004  # control: less of a turn does not reach
-    assert PEG * (np.cos(small) + np.sin(small)) + r < HOLE
-    assert freedom_on_planes(views(half_widths(r, small), THROUGH), DOWN)[-1].s[5] == 0
 
 
 def test_without_error_only_the_goal_touches():
@@ -263,14 +235,6 @@ def test_planes_are_right_handed_as_their_senses_say():
     for plane in PLANES:
         turned = np.cross(np.eye(3)[plane.u], np.eye(3)[plane.v])
         assert turned[plane.turn - 3] == plane.sense
-
-
-def test_the_hole_may_be_round_in_space_too():
-    hole = Difference(Box((0.06, 0.06, 0.04)), (at(Cylinder(HOLE, 0.06, 32), 0, 0, -0.01),))
-    space = freedom(
-        part_of("peg", Cylinder(PEG, LONG, 32)), part_of("hole", at(hole, 0, 0, -0.04)), DOWN, half_widths(5e-5, 0.005)
-    )
-    assert space[-1].s == (2, 2, 0, 2, 2, 0)
 
 
 def test_a_box_that_is_no_cube_touches_sooner_on_the_planes_than_in_space():
