@@ -86,13 +86,6 @@ def test_the_order_of_a_file_is_forgotten(solid: Solid) -> None:
             assert one.edges == other.edges
 
 
-def test_features_are_checked() -> None:
-    with pytest.raises(GeometryError, match="length 0"):
-        Feature("tip", "solid", at(), 0.0)
-    with pytest.raises(GeometryError, match="cannot be through"):
-        Feature("tip", "solid", at(), 0.1, through=True)
-
-
 def test_sections_have_exact_corners() -> None:
     (shape,) = section(pieces(BLOCK), at(z=0.02)).geoms
     assert shape.area == pytest.approx(0.06**2 - 0.0202**2, rel=1e-12)
