@@ -21,7 +21,6 @@ RHO = 0.014
 RATES = (0.01, 0.01)
 START_BOX = (3e-4, 3e-4, 2e-4, 5e-3, 5e-3, 5e-3)
 TILT = (0.2, -0.15, 0.02)
-TOP = 8  # vertices of the table
 CLEARANCE = {"declared_clearance": [1e-3, 1e-3], "measured_clearance": 1e-3}
 CONTROL = {"speed": 0.01, "contact_force": 20.0, "torque_limit": 1.0, "friction": 0.3, "termination_force": 2.0}
 

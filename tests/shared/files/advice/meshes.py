@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from trimesh.creation import icosphere
 
-from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Solid, Union
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_file import OWN_UNIT
-from fmopt.geometry.mesh.mesh_import import Imported, load_mesh, mesh_polyhedron
+from fmopt.geometry.mesh.mesh_import import load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part
-from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.spatial.se3 import exp
 from tests.shared.files.advice.case import Case, modelled, volume
 from tests.shared.files.mesh_damage import Mesh, subdivided
 from tests.shared.files.mesh_files import at, glb, plate, ply_text, stl_text, three_mf, triangles_of
@@ -27,7 +22,6 @@ from tests.shared.fuzz.files import binary_stl, obj_text
 
 ROD = triangles_of(Box((0.012, 0.008, 0.03)))
 PLATE = triangles_of(plate((0.0123, 0.0083)))
-UNEVEN = 5  # a seed
 RNG = np.random.default_rng(0)  # asked for by what draws nothing
 HOLE = Feature("hole", "hollow", at(z=0.01), 0.01, through=True)
 ROD_SIZE = 0.012 * 0.008 * 0.03
@@ -66,13 +60,6 @@ def without(mesh: Mesh, height: float) -> Mesh:
     return mesh[0], mesh[1][~np.all(mesh[0][mesh[1]][:, :, 2] == height, axis=1)]
 
 
-def with_few_digits(solid: Solid, seed: int, decimals: int) -> Mesh:
-    """A solid turned anyhow, its triangles cut in four and its corners rounded to so many decimals of mm."""
-    rng = np.random.default_rng(seed)
-    points, triangles = subdivided(*triangles_of(solid), rng)
-    return np.round(points @ exp(rng.normal(size=3)).T, decimals), triangles
-
-
 def many_sided(sides: int) -> Mesh:
     """A cylinder of 12 x 30 mm with its ends as fans about one corner, as exporters make them."""
     angles = 2.0 * np.pi * np.arange(sides) / sides
@@ -83,17 +70,6 @@ def many_sided(sides: int) -> Mesh:
     walls = [(one, two, two + sides), (one, two + sides, one + sides)]
     ends = [(first, fan + 1, fan), (first + sides, fan + sides, fan + 1 + sides)]
     return points, np.vstack([np.column_stack(each) for each in (*walls, *ends)])
-
-
-def rough(share: float) -> Mesh:
-    """A ball of 20 mm whose corners are up to a share of its radius too low, as on a casting."""
-    ball = icosphere(2, 10.0)
-    low = np.random.default_rng(1).uniform(1.0 - share, 1.0, len(ball.vertices))
-    return np.asarray(ball.vertices) * low[:, None], np.asarray(ball.faces, dtype=np.int64)
-
-
-BALL = mesh_polyhedron(1e-3 * rough(0.0)[0], rough(0.0)[1]).body.volume
-SPHERE = 'part = "ball"\n[solids.ball]\nshape = "sphere"\nradius = 10\nsides = 16'
 
 
 def every_format(folder: Path) -> tuple[float, ...]:
@@ -113,42 +89,6 @@ def every_format(folder: Path) -> tuple[float, ...]:
     return *found, volume(modelled(folder, '[mesh]\nfile = "rod.step"'))
 
 
-def rough_solid(share: float) -> Imported:
-    """The same as a solid of which no facets are to be seen."""
-    points, triangles = rough(share)
-    return replace(mesh_polyhedron(1e-3 * points, triangles), kind="solid")
-
-
-def island(inside: bool) -> Polyhedron:
-    """A box with a closed cavity, and a body in it that hangs on nothing, or not."""
-    hollow = Difference(Box((0.04, 0.04, 0.04)), (Placed(Box((0.03, 0.03, 0.03)), at(z=0.005)),))
-    parts = (hollow, Placed(Box((0.01, 0.01, 0.01)), at(z=0.015))) if inside else (hollow,)
-    return polyhedron(Union(parts))
-
-
-ISLAND = """part = "whole"
-[solids.whole]
-shape = "union"
-of = ["hollow", "island"]
-[solids.hollow]
-shape = "difference"
-of = "outer"
-minus = ["inner"]
-[solids.outer]
-shape = "box"
-size = [40, 40, 40]
-[solids.inner]
-shape = "box"
-size = [30, 30, 30]
-at = [0, 0, 5]
-[solids.island]
-shape = "box"
-size = [10, 10, 10]
-at = [0, 0, 15]"""
-KNOB = '[features.knob]\nkind = "solid"\nat = [0, 0, -10]\nlength = 20'
-OUTSIDE = '[features.outside]\nkind = "solid"\nat = [0, 0, 0]\nlength = 40'
-FRAME = Difference(Box((0.06, 0.06, 0.04)), (Placed(Box((0.0202, 0.0202, 0.06)), at(z=-0.01)),))
-FRAME_SIZE = 0.04 * (0.06**2 - 0.0202**2)
 CUBE = triangles_of(Box((0.008, 0.008, 0.008)))
 BESIDE = np.array([16.0, 0.0, 8.0])
 HOLES = tuple(

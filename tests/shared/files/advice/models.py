@@ -28,7 +28,6 @@ SHAPES = "give [solids] and part, or [mesh], or [profile]"
 PROFILE = "[profile]\npolygons = [[[-10, 0], [10, 0], [10, 50], [-10, 50]]]\n"
 TWO = "[profile]\npolygons = [[[-10, 0], [0, 0], [0, 50], [-10, 50]], [[0, 0], [10, 0], [10, 50], [0, 50]]]\n"
 ON_IT = '[features.peg]\nkind = "solid"\nat = [0, 0, 0]\nlength = 50\n'
-MESH = '[mesh]\nfile = "rod.stl"\nunit = "mm"\n'
 BALL = "[balls.tip]\nat = [0, 0, 0]\nradius = 8\n"
 IN_UM = '[units]\nlength = "um"\nangle = "deg"\n'
 LARGE = PEG.replace("[20, 20, 50]", "[20e3, 20e3, 50e3]").replace("length = 50", "length = 50e3")

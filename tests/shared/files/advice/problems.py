@@ -31,7 +31,6 @@ BOX = '[uncertainty.start]\nposition = "1 mm"\nangle = "1 deg"\n'
 ROBOT = '[uncertainty.sources]\nrobot = { position = "0.1 mm" }\ngrasp = { height = "20 mm" }\n'
 BALL_PEG = f"{PEG}[balls.tip]\nat = [0, 0, 0]\nradius = 8\n{UNITS}"
 PLACED = 'placed = [{ robot = { position = "0.1 mm" } }]'
-SIDEWAYS = PEG.replace("[features.peg]", "[features.pin]")
 NAMED = "name the peg of one part and the hole of the other"
 ONE_OF = "give one of position (with angle), known, observed; or placed alone, from an exact place"
 POINTS = 'observed = {{ points = [["0 mm", 0, 0], ["{} mm", 0, 0], [0, "{} mm", 0]], deviation = "0.1 mm" }}'

@@ -46,13 +46,6 @@ def overturned(folder: Path, tilt: str) -> Any:
     return assembly(folder, turned.replace(FREE, f"[0, 0, -10, 0, 0, {tilt}]").replace('"prismatic"', '"cylindrical"'))
 
 
-def sized(folder: Path, wide: float) -> Any:
-    """A peg of this width in mm."""
-    return assembled(
-        folder, {"peg.toml": PEG.replace("20, 20, 50", f"{wide}, {wide}, 50") + UNITS, "assembly.toml": GIVEN}
-    )
-
-
 def feature(name: str, sign: Any = "+", body: Solid = BIT, **given: Any) -> Feature:
     return Feature(name, sign, Pose.identity(), body, **given)
 
