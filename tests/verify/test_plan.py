@@ -130,6 +130,7 @@ REFUSED: list[tuple[str, Callable[[Plan], Any], str]] = [
     ("other units", lambda p: p["units"].update(length="mm"), "units.length: must be one of m, not 'mm'"),
     ("other frames", lambda p: p["frames"].update(B="the robot's base"), "frames.B: must be one of"),
     ("unused vertex", lambda p: p["parts"]["fixed"]["vertices"].append([0, 0, 0]), "vertex 8 belongs to no face"),
+    ("text that turns", lambda p: p["problem"].update(title="a\u202eb"), r"control character U\+202E"),
     ("version with code", lambda p: p.update(fmopt_version="1\nmovej"), "fmopt_version: must be a version"),
     ("name with code", lambda p: p["contacts"][0].update(id="v0;f5"), r"contacts\[0\].id: must be a name"),
     ("no segments", lambda p: p.update(segments=[]), "segments: must have at least 1"),
