@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Box, Difference, Hull, Placed, Solid
 from fmopt.geometry.exact_coordinates import MOST, Exact, direction, exact_vertices, facing_directions
@@ -149,14 +148,6 @@ def test_faces_in_one_plane_stay_in_one() -> None:
     body = turned(Difference(Box((0.04, 0.04, 0.02)), (slot,)), 3)
     planes = [face.exact for face in seen(body, exact_vertices(body)).faces]
     assert sorted(planes.count(plane) for plane in set(planes)) == [1] * 8 + [2]
-
-
-def test_floats_that_are_far_from_any_plane_are_refused() -> None:
-    body = polyhedron(Box((0.01, 0.01, 0.01)))
-    bent = body.vertices.copy()
-    bent[0, 2] += 1e-9
-    with pytest.raises(GeometryError, match="cannot be given exact coordinates"):
-        exact_vertices(Polyhedron(bent, body.faces, body.edges))
 
 
 @pytest.mark.wide

@@ -1,4 +1,4 @@
-"""Solids as tests build and ask them: the tool of a chamfer, and membership, straight from the definitions of CSG."""
+"""Solids as tests build and ask them: raised, the tool of a chamfer, and membership by the definitions of CSG."""
 
 from itertools import product
 
@@ -14,6 +14,10 @@ def frustum(bottom: tuple[float, float], top: tuple[float, float], height: float
     """A rectangular frustum, `bottom` (x, y) at z = 0 and `top` (x, y) at z = height: the tool of a chamfer."""
     rims = ((bottom, 0.0), (top, height))
     return Hull(tuple((0.5 * i * x, 0.5 * j * y, z) for (x, y), z in rims for i, j in product((-1.0, 1.0), repeat=2)))
+
+
+def raised(solid: Solid, z: float) -> Placed:
+    return Placed(solid, Pose(np.array([0.0, 0.0, z]), np.eye(3)))
 
 
 def depth(solid: Solid, points: ArrayLike) -> Array:

@@ -7,15 +7,11 @@ from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Union, chamfer
 from fmopt.geometry.part import part_of
 from fmopt.papers.lee_huang.nominal_trajectory import critical_poses, insertion
 from fmopt.spatial.se3 import Pose
-from tests.shared.solids import frustum
+from tests.shared.solids import frustum, raised
 
 REACH = 5e-4
 SPEED = 0.02
 RHO = 0.014
-
-
-def at(solid, z):
-    return Placed(solid, Pose(np.array([0.0, 0.0, z]), np.eye(3)))
 
 
 def found(peg, hole, goal_z, reach=REACH, start=(0.0, 0.0, 0.005, 0.0, 0.0, 0.0), turn=0.0):
@@ -29,10 +25,10 @@ def found(peg, hole, goal_z, reach=REACH, start=(0.0, 0.0, 0.005, 0.0, 0.0, 0.0)
 
 
 def block(*tools):
-    return at(Difference(Box((0.06, 0.06, 0.04)), tools), -0.04)
+    return raised(Difference(Box((0.06, 0.06, 0.04)), tools), -0.04)
 
 
-SQUARE = block(at(Box((0.0202, 0.0202, 0.031)), 0.01))
+SQUARE = block(raised(Box((0.0202, 0.0202, 0.031)), 0.01))
 PEG = Box((0.02, 0.02, 0.04))
 
 
@@ -51,30 +47,32 @@ def test_a_hole_turned_about_its_axis_changes_nothing():
 
 
 def test_through_plate_seated_at_its_exit_and_beyond():
-    plate = at(Difference(Box((0.04, 0.04, 0.009)), (at(Box((0.00814, 0.00713, 0.011)), -0.001),)), -0.009)
+    plate = raised(Difference(Box((0.04, 0.04, 0.009)), (raised(Box((0.00814, 0.00713, 0.011)), -0.001),)), -0.009)
     peg = chamfered_box((0.008, 0.007, 0.05), 0.00025)
     assert found(peg, plate, -0.009) == {"mouth": 0.0, "mid-depth": -0.0045, "bottom": -0.009}
     assert found(peg, plate, -0.013) == {"mouth": 0.0, "exit 1": -0.009, "mid-depth": -0.011, "bottom": -0.013}
 
 
 def test_chamfered_mouth_is_a_step():
-    hole = block(at(Box((0.0202, 0.0202, 0.03)), 0.01), at(frustum((0.0202, 0.0202), (0.0242, 0.0242), 0.002), 0.038))
+    hole = block(
+        raised(Box((0.0202, 0.0202, 0.03)), 0.01), raised(frustum((0.0202, 0.0202), (0.0242, 0.0242), 0.002), 0.038)
+    )
     assert found(PEG, hole, -0.03) == {"mouth": 0.0, "step 1": -0.002, "mid-depth": -0.016, "bottom": -0.03}
 
 
 def test_stepped_peg_and_hole():
-    hole = block(at(Box((0.02, 0.02, 0.03)), 0.01), at(Box((0.03, 0.03, 0.03)), 0.025))
-    peg = Union((Box((0.0198, 0.0198, 0.04)), at(Box((0.0298, 0.0298, 0.03)), 0.015)))
+    hole = block(raised(Box((0.02, 0.02, 0.03)), 0.01), raised(Box((0.03, 0.03, 0.03)), 0.025))
+    peg = Union((Box((0.0198, 0.0198, 0.04)), raised(Box((0.0298, 0.0298, 0.03)), 0.015)))
     # The tip meets the lower bore 15 mm down, at the same time as the shoulder meets the mouth; 18 mm: not so.
     assert found(peg, hole, -0.03) == {"mouth": -0.015, "mid-depth": -0.0225, "bottom": -0.03}
-    other = Union((Box((0.0198, 0.0198, 0.04)), at(Box((0.0298, 0.0298, 0.03)), 0.018)))
+    other = Union((Box((0.0198, 0.0198, 0.04)), raised(Box((0.0298, 0.0298, 0.03)), 0.018)))
     assert found(other, hole, -0.03) == {"mouth": -0.015, "step 1": -0.018, "mid-depth": -0.024, "bottom": -0.03}
 
 
 def test_round_peg():
-    hole = block(at(Cylinder(0.0101, 0.031, 16), 0.01))
+    hole = block(raised(Cylinder(0.0101, 0.031, 16), 0.01))
     assert found(Cylinder(0.01, 0.04, 16), hole, -0.03) == {"mouth": 0.0, "mid-depth": -0.015, "bottom": -0.03}
 
 
 def test_nothing_but_the_bottom_where_no_wall_is_within_reach():
-    assert found(PEG, block(at(Box((0.04, 0.04, 0.031)), 0.01)), -0.03) == {"bottom": -0.03}
+    assert found(PEG, block(raised(Box((0.04, 0.04, 0.031)), 0.01)), -0.03) == {"bottom": -0.03}

@@ -26,14 +26,10 @@ from fmopt.verify.parts.solids import Shape
 from fmopt.verify.reading.document import Body
 from tests.shared.executions.geometry import Convex, gaps, rotations
 from tests.shared.lies.mutations import changed
-from tests.shared.solids import frustum
+from tests.shared.solids import frustum, raised
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Plan = dict[str, Any]
-
-
-def raised(solid: Solid, z: float) -> Placed:
-    return Placed(solid, Pose(np.array([0.0, 0.0, z]), np.eye(3)))
 
 
 # Bottoms lie at z = 0. The last three look down above that: a hole wider below, a cut from the side, legs.
