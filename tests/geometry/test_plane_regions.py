@@ -17,17 +17,9 @@ from fmopt.geometry.plane.curve import Arc, Curve, Segment
 from fmopt.geometry.plane.meet import meet
 from fmopt.geometry.plane.region import Region, polygon_region
 from fmopt.spatial.values import Array
-from tests.shared.plane_shapes import ellipse_arcs, polygon
+from tests.shared.plane_shapes import box, disc, ellipse_arcs, polygon
 
 TOLERANCE = 1e-12
-
-
-def disc(x: float, y: float, radius: float) -> Region:
-    return Region(((Arc(np.array([x, y]), radius, 0.0, math.tau),),))
-
-
-def box(x: float, y: float, width: float, height: float) -> Region:
-    return polygon_region([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
 
 
 def ellipse(x: float, y: float, a: float, b: float, turn: float = 0.0) -> Region:

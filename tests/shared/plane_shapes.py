@@ -1,4 +1,4 @@
-"""Plane regions as tests build and measure them: arcs of an ellipse, and polygons that shapely takes."""
+"""Plane regions as tests build and measure them: discs, boxes, arcs of an ellipse, and polygons that shapely takes."""
 
 import math
 from itertools import groupby
@@ -8,7 +8,16 @@ from numpy.typing import ArrayLike
 from shapely import MultiPolygon, Polygon, get_parts, unary_union
 
 from fmopt.geometry.plane.conic import ConicArc
-from fmopt.geometry.plane.region import Region
+from fmopt.geometry.plane.curve import Arc
+from fmopt.geometry.plane.region import Region, polygon_region
+
+
+def disc(x: float, y: float, radius: float) -> Region:
+    return Region(((Arc(np.array([x, y]), radius, 0.0, math.tau),),))
+
+
+def box(x: float, y: float, width: float, height: float) -> Region:
+    return polygon_region([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
 
 
 def ellipse_arcs(centre: ArrayLike, major: ArrayLike, minor: ArrayLike) -> tuple[ConicArc, ...]:

@@ -7,22 +7,18 @@ import pytest
 from scipy.optimize import linprog
 
 from fmopt.errors import SolverError
-from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
+from fmopt.geometry.csg import Box, Cylinder, Difference
 from fmopt.geometry.part import part_of
 from fmopt.papers.lee_huang import freedom as slack_module
 from fmopt.papers.lee_huang.freedom import freedom, half_widths
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, insertion
 from fmopt.papers.lee_huang.touch import Linear
-from fmopt.spatial.se3 import Pose
+from tests.shared.parts.figure2 import at
 
 SPEED = 0.02
 ENGAGED = (2, 2, 0, 2, 2, 2)
 LANDING = (2, 2, -1, 2, 2, 2)
 FREE = (0,) * 6
-
-
-def at(solid, x, y, z):
-    return Placed(solid, Pose(np.array([x, y, z]), np.eye(3)))
 
 
 PEG = part_of("peg", Box((0.02, 0.02, 0.04)))

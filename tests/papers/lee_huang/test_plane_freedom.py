@@ -7,7 +7,7 @@ import pytest
 from shapely import Polygon, affinity
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.csg import Box, Difference, Placed
+from fmopt.geometry.csg import Box, Difference
 from fmopt.geometry.part import part_of
 from fmopt.geometry.plane.curve import Arc
 from fmopt.geometry.plane.region import Region, polygon_region
@@ -17,7 +17,7 @@ from fmopt.papers.lee_huang.line_contact import Leg
 from fmopt.papers.lee_huang.nominal_trajectory import insertion
 from fmopt.papers.lee_huang.plane_freedom import Slice, View, freedom_on_planes, spans
 from fmopt.papers.lee_huang.uncertainty_zone import PLANES, zones
-from fmopt.spatial.se3 import Pose
+from tests.shared.parts.figure2 import at
 from tests.shared.parts.random_sections import loop, polygon, random_case
 
 FREE = (0,) * 6
@@ -43,10 +43,9 @@ def round_region(radius, sense=1.0):
     return Region(((Arc(np.zeros(2), radius, 0.0, sense * 2.0 * np.pi),),))
 
 
-def views(box, walls=(BLIND,), around=None, round_peg=False):
-    if around is None:
-        bored = Region((*polygon_region(square(0.03)).loops, *round_region(HOLE, -1.0).loops))
-        around = of_region(bored) if round_peg else MOUTH
+def views(box, walls=(BLIND,), round_peg=False):
+    bored = Region((*polygon_region(square(0.03)).loops, *round_region(HOLE, -1.0).loops))
+    around = of_region(bored) if round_peg else MOUTH
     own = of_region(round_region(PEG)) if round_peg else polygon(square(PEG))
     zx, zy, zz = zones(box)
     side = polygon(*walls), (Slice(polygon(upright(PEG, LONG))),)
@@ -189,10 +188,6 @@ def test_the_stopped_motions_are_those_that_run_into_the_wall():
 
 
 # Against S(t) in space.
-
-
-def at(solid, x, y, z):
-    return Placed(solid, Pose(np.array([x, y, z]), np.eye(3)))
 
 
 PEG_3D = part_of("peg", Box((2 * PEG, 2 * PEG, LONG)))

@@ -11,19 +11,10 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.plane.boolean import difference, intersection, union
-from fmopt.geometry.plane.curve import Arc
 from fmopt.geometry.plane.region import Region, polygon_region
 from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_turning, turn_swept, turned
 from fmopt.spatial.values import Array
-from tests.shared.plane_shapes import ellipse_arcs, polygon
-
-
-def disc(x: float, y: float, radius: float) -> Region:
-    return Region(((Arc(np.array([x, y]), radius, 0.0, math.tau),),))
-
-
-def box(x: float, y: float, width: float, height: float) -> Region:
-    return polygon_region([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
+from tests.shared.plane_shapes import box, disc, ellipse_arcs, polygon
 
 
 def ellipse(x: float, y: float, a: float, b: float) -> Region:

@@ -6,20 +6,16 @@ import pytest
 from fmopt.errors import InterferenceError
 from fmopt.geometry.clearance import deepest
 from fmopt.geometry.convex_pieces import pieces
-from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Sphere, Union
+from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Sphere, Union
 from fmopt.geometry.polyhedron import placed
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, insertion, through
 from fmopt.papers.lee_huang.shrink_expand import enclosing
 from fmopt.papers.lee_huang.swept import checked, free_until, meetings
-from fmopt.spatial.se3 import Pose, exp
+from tests.shared.parts.figure2 import at
 from tests.shared.solids import contains
 
 SPEED, RHO = 0.02, 0.014
 PEG = Box((0.02, 0.02, 0.04))
-
-
-def at(solid, x, y, z, r=(0.0, 0.0, 0.0)):
-    return Placed(solid, Pose(np.array([x, y, z]), exp(r)))
 
 
 def hole(depth):

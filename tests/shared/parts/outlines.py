@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from shapely import Polygon
 
-from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem, load
 from tests import ROOT
+from tests.shared.parts.families import widened
 
 ASLANT = [[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-6.0, 10.0]]  # a square, one of its sides leans inwards
 
@@ -25,7 +25,8 @@ def prism(folder: Path, outline: list[list[float]], clearance: tuple[float, floa
     """
     (folder / "models").mkdir()
     (folder / "problems").mkdir()
-    for name, corners in (("kite_prism", np.array(outline)), ("kite_box", _wider(np.array(outline), 0.1))):
+    outer = widened(tuple((x, y) for x, y in outline), 0.1)
+    for name, corners in (("kite_prism", np.array(outline)), ("kite_box", np.array(outer))):
         text = (ROOT / "models" / f"{name}.toml").read_text()
         (centre,) = Polygon(corners).centroid.coords
         polygon = f"polygon = {(corners - centre).tolist()}"
@@ -39,12 +40,3 @@ def prism(folder: Path, outline: list[list[float]], clearance: tuple[float, floa
     path = folder / "problems" / "kite_prism.toml"
     path.write_text(text)
     return load(path)
-
-
-def _wider(corners: Array, gap: float) -> Array:
-    """The corners of an outline whose sides lie farther out by a gap."""
-    sides = np.roll(corners, -1, axis=0) - corners
-    normals = np.column_stack([sides[:, 1], -sides[:, 0]]) / np.linalg.norm(sides, axis=1)[:, None]
-    offsets = np.sum(normals * corners, axis=1) + gap
-    pairs = zip(np.roll(normals, 1, axis=0), normals, np.roll(offsets, 1), offsets, strict=True)
-    return np.array([np.linalg.solve(np.array([a, b]), [d, e]) for a, b, d, e in pairs])

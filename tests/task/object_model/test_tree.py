@@ -33,15 +33,12 @@ from fmopt.task.object_model.tree import (
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.toml.source import Place
 from tests import ROOT
+from tests.shared.parts.workcells import at
 from tests.shared.same_solid import assert_same_volume
 from tests.shared.solids import contains, frustum
 
 MODELS = sorted((ROOT / "models").glob("*.toml"))
 HERE = Pose.identity()
-
-
-def at(x: float, y: float = 0.0, z: float = 0.0) -> Pose:
-    return Pose(np.array([x, y, z]), np.eye(3))
 
 
 def tree_of(path: Path) -> ObjectTree:
