@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fmopt.errors import GeometryError, InterferenceError, ResourceError
+from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.clearance import checked_clearance, interference, mating_clearance
 from fmopt.geometry.convex_pieces import _chain, pieces, polyhedron
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge, chamfered_box
@@ -21,12 +21,9 @@ from fmopt.geometry.part import Part, in_order, mesh_part, part_of, rebased
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, triangulated
 from fmopt.geometry.section import section, section_limit
 from fmopt.spatial.se3 import Pose
+from tests.shared.files.mesh_files import at, stl_text
+from tests.shared.fuzz.files import obj_text
 from tests.shared.solids import frustum
-
-
-def at(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Pose:
-    return Pose(np.array([x, y, z]), np.eye(3))
-
 
 HOLE = Feature("hole", "hollow", at(z=0.04), 0.03)
 TOOL = Placed(Box((0.0202, 0.0202, 0.03)), at(z=0.01))
@@ -187,29 +184,15 @@ def test_interference_of_tilted_bodies_needs_edge_directions() -> None:
     assert interference(one, two, at(z=-top - 0.001)).depth == 0.0
 
 
-def stl(points: np.ndarray, triangles: Iterable[Iterable[int]]) -> str:
-    lines = ["solid part"]
-    for triangle in triangles:
-        lines += ["facet normal 0 0 0", "outer loop"]
-        lines += ["vertex {:.6g} {:.6g} {:.6g}".format(*points[i]) for i in triangle]
-        lines += ["endloop", "endfacet"]
-    return "\n".join([*lines, "endsolid part"])
-
-
-def obj(points: np.ndarray, triangles: Iterable[Iterable[int]]) -> str:
-    lines = ["v {:.9g} {:.9g} {:.9g}".format(*point) for point in points]
-    return "\n".join([*lines, *("f " + " ".join(str(i + 1) for i in triangle) for triangle in triangles), ""])
-
-
 HEXAGON = tuple((0.02 * np.cos(a), 0.02 * np.sin(a)) for a in np.arange(6) * np.pi / 3 + np.pi / 6)
 HEX_BOX = Difference(Box((0.06, 0.06, 0.05)), (Placed(Prism(HEXAGON, 0.04), at(z=0.01)),))
 
 
-@pytest.mark.parametrize(("suffix", "write"), [("stl", stl), ("obj", obj)])
+@pytest.mark.parametrize(("suffix", "write"), [("stl", stl_text), ("obj", obj_text)])
 def test_mesh_comes_back_as_the_solid_it_was(tmp_path: Path, suffix: str, write: Callable[..., str]) -> None:
     body = polyhedron(HEX_BOX)
     path = tmp_path / f"box.{suffix}"
-    path.write_text(write(1e3 * body.vertices, triangulated(body)))
+    path.write_text(write(np.round(1e3 * body.vertices, 4), triangulated(body)))
     mesh = load_mesh(path, "mm")
     loaded = mesh.body
     assert (mesh.mended, mesh.notes, mesh.chord_error) == ((), (), 0.0)
@@ -244,36 +227,24 @@ def test_rims_subdivided_on_one_side_are_sewn(tmp_path: Path) -> None:
     points = 10.0 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.0, 0.0], [0.25, 0.0, 0.0]])
     triangles = [(0, 2, 1), (0, 5, 3), (5, 4, 3), (4, 1, 3), (0, 3, 2), (1, 2, 3)]
     path = tmp_path / "corner.obj"
-    path.write_text(obj(points, triangles))
+    path.write_text(obj_text(points, np.array(triangles)))
     body = load_mesh(path, "cm").body
     assert (len(body.vertices), len(body.faces)) == (4, 4)
     assert body.volume == pytest.approx(1e-3 / 6.0, rel=1e-9)
 
 
-def test_bad_meshes_are_refused_by_name(tmp_path: Path) -> None:
+def test_an_open_mesh_is_refused_by_name_and_one_that_faces_inward_is_turned(tmp_path: Path) -> None:
     body = polyhedron(HEX_BOX)
     points, triangles = 1e3 * body.vertices, triangulated(body)
     path = tmp_path / "part.stl"
-
-    def refused(text: str, message: str) -> None:
-        path.write_text(text)
-        with pytest.raises(GeometryError, match=message) as caught:
-            load_mesh(path, "mm")
-        assert caught.value.advice
-
     corner = np.any(triangles == triangles[0, 0], axis=1)
-    refused(
-        stl(points, triangles[~corner]), r"part\.stl: the surface is open: edge \d+-\d+ from \(.*\) mm .* triangle \d"
-    )
-    path.write_text(stl(points, triangles[:, ::-1]))
+    path.write_text(stl_text(points, triangles[~corner]))
+    with pytest.raises(
+        GeometryError, match=r"part\.stl: the surface is open: edge \d+-\d+ from \(.*\) mm .* triangle \d"
+    ):
+        load_mesh(path, "mm")
+    path.write_text(stl_text(points, triangles[:, ::-1]))
     assert load_mesh(path, "mm").notes == ("all triangles faced inward and were turned",)
-    twice = np.vstack([points, points + 5.0])
-    refused(stl(twice, [*triangles, *(triangles[:, ::-1] + len(points))]), r"triangles \d+ and \d+ cross at")
-    refused("solid empty\nendsolid empty\n", "no triangles")
-    with pytest.raises(GeometryError, match="no mesh format"):
-        load_mesh(tmp_path / "part.xyz", "mm")
-    with pytest.raises(ResourceError, match="cannot read"):
-        load_mesh(tmp_path / "absent.stl", "mm")
 
 
 def test_a_cut_that_rounding_leaves_no_loop_for_ends() -> None:
