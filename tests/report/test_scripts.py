@@ -92,13 +92,15 @@ def test_whatever_can_be_used_or_looked_at_has_a_name(pages: dict[str, str], nam
     identities = attribute(tree, "id")
     assert set(references) <= set(identities)
     assert len(identities) == len(set(identities))
+    assert {link[1:] for link in attribute(tree, "href") if link.startswith("#")} <= set(identities)
+    assert [node[1] for node in walk(tree) if node[0] == "th" and not node[1].get("scope")] == []
     assert [node[1] for node in walk(tree) if node[0] == "html"] == [{"lang": "en"}]
     assert not [value for value in attribute(tree, "tabindex") if int(value) > 0]
 
 
 def test_the_headings_of_a_report_go_down_one_level_at_a_time(report: str) -> None:
     headings = [(int(node[0][1]), words(node)) for node in walk(Tree(report).root) if re.fullmatch("h[1-6]", node[0])]
-    assert headings[0][0] == 1
+    assert [level for level, _ in headings].count(1) == headings[0][0] == 1
     assert headings[0][1].startswith("Square peg")
     assert "What was not checked" in [said for _, said in headings]
     assert all(level <= above + 1 for (above, _), (level, _) in pairwise(headings))
