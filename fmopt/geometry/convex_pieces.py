@@ -33,7 +33,14 @@ from fmopt.geometry.csg import (
     operands,
 )
 from fmopt.geometry.facets import place
-from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, from_faces, from_triangles, manifold_of
+from fmopt.geometry.polyhedron import (
+    Polyhedron,
+    convex_hull_polyhedron,
+    from_faces,
+    from_triangles,
+    manifold_of,
+    placed,
+)
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, remembered
@@ -117,6 +124,8 @@ def polyhedron(solid: Solid) -> Polyhedron:
     body = from_triangles(snapped(points, known), np.vstack(triangles))
     order = np.lexsort(body.vertices.T)
     if len(double := np.flatnonzero(np.all(np.diff(body.vertices[order], axis=0) == 0.0, axis=1))):
+        if isinstance(solid, Placed):  # in its own frame many coordinates are one, and rounding makes none meet
+            return bounded(solid, placed(polyhedron(solid.solid), exact_pose(solid.pose)))
         raise GeometryError(
             f"the solid touches itself at {place(body.vertices[order[double[0]]])}",
             "let the operands overlap there or leave a gap",

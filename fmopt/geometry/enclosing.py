@@ -207,7 +207,8 @@ class _Body:
             return []
         parts = [part for side in (1.0, -1.0) for part in self._half(*plane, side).decompose()]
         thick = [part for part in parts if 2.0 * part.volume() > _MIN_THICKNESS * self.size * part.surface_area()]
-        return [_Body(part, self.size) for part in thick]
+        # Slivers along a cut hide the reflex edges that end there.
+        return [_Body(part.simplify(_IN_PLANE * self.size), self.size) for part in thick]
 
     def _half(self, normal: Array, offset: float, side: float) -> Manifold:
         """What is not on a side of a plane.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from fmopt.errors import Fault, InputError, TaskError
+from fmopt.errors import Fault, GeometryError, InputError, TaskError
 from fmopt.geometry.mating_features import DESCRIBE, FOUND
 from fmopt.geometry.mesh.round_planes import met
 from fmopt.geometry.part import Part, Profiles, in_order, outline, rebased, settled
@@ -228,7 +228,7 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     round_peg = is_round(trees[peg].feature(file.feature(peg)))
     task = _attributes(source, file, round_peg, begin, exchanged, grasp)
     turned = Pose(np.zeros(3), exp([0.0, 0.0, -task.turn]))
-    moving, fixed = settled(rebased(parts[peg], turned), parts[hole])
+    moving, fixed = _settled(rebased(parts[peg], turned), parts[hole], models)
     trapezoid = file.uncertainty.trapezoid
     moving_points, fixed_points = (parts[side].polyhedron.vertices for side in ("moving", "fixed"))
     table = file.uncertainty.sources
@@ -317,6 +317,17 @@ def _attributes(
 def _parts(file: files.ProblemFile, built: Mapping[str, Part]) -> dict[str, Part]:
     """The two parts, each in the frame of its mating feature."""
     return {side: in_order(rebased(part, part.feature(file.feature(side)).frame)) for side, part in built.items()}
+
+
+def _settled(moving: Part, fixed: Part, models: Mapping[str, Model]) -> tuple[Part, Part]:
+    """Both parts at exact coordinates; of those from files as they are where there are none."""
+    try:
+        return settled(moving, fixed)
+    except GeometryError as error:
+        if all(model.file.mesh is None for model in models.values()):
+            raise
+        note = f"warning: nothing is certified of these parts: {error.message}"
+        return replace(moving, enclosed=True), replace(fixed, enclosed=True, notes=(*fixed.notes, note))
 
 
 def _both(build: Callable[[Model], T], models: Mapping[str, Model]) -> dict[str, T]:

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import fmopt
+from fmopt.geometry.convex_pieces import polyhedron
+from fmopt.geometry.csg import Placed
 from fmopt.geometry.mesh.mesh_import import mesh_polyhedron
 from fmopt.geometry.mesh.mesh_solid import decomposed
+from fmopt.geometry.outline_solids import stack
 from fmopt.geometry.section import sealed
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.task.sizes import measured_clearance
 from tests.shared.parts import families
 from tests.shared.parts.forms import differences, read
 
@@ -30,6 +37,49 @@ def test_meshes_are_read_as_the_models_they_are_of(family: str, tmp_path: Path) 
 def test_a_step_file_is_read_as_the_model_it_is_of(family: str, tmp_path: Path) -> None:
     pair = families.pair(family, families.FAMILIES.index(family) % len(SEEDS))
     assert differences(pair, {form: read(pair, form, tmp_path) for form in ("toml", "step")}) == []
+
+
+def check_motion(family: str, seed: int, motion: int, folder: Path) -> None:
+    """The fit of two STL files is the pair's, each moved at random, its numbers in single precision."""
+    pair, rng = families.pair(family, seed), np.random.default_rng([motion, seed, families.FAMILIES.index(family)])
+    paths = [folder / f"{motion}-{name}.stl" for name in ("peg", "block")]
+    for path, (points, triangles) in zip(paths, families.meshes(pair), strict=True):
+        pose = Pose(rng.uniform(-50.0, 50.0, 3), exp(rng.normal(size=3)))
+        path.write_bytes(families.stl_bytes(points @ pose.R.T + pose.p, triangles))
+    shift, turn = pair.error
+    error = f"{shift} mm, {turn} deg"
+    problem = fmopt.problem(*paths[:: -1 if pair.exchanged else 1], error, unit="mm", folder=folder / "task")
+    assert measured_clearance(problem).per_side == pytest.approx(1e-3 * pair.clearance, abs=1e-6), (
+        family,
+        seed,
+        motion,
+    )
+    assert -problem.goal[2] == pytest.approx(1e-3 * pair.depth, abs=1e-6), (family, seed, motion)
+
+
+@pytest.mark.parametrize(
+    ("family", "seed", "motion"), [("tapered", 102, 1), ("tapered", 102, 7), ("tapered", 101, 2), ("chamfered", 101, 0)]
+)
+def test_a_fit_does_not_depend_on_how_the_files_lie(family: str, seed: int, motion: int, tmp_path: Path) -> None:
+    check_motion(family, seed, motion, tmp_path)
+
+
+@pytest.mark.wide
+@pytest.mark.parametrize("family", families.FAMILIES)
+def test_no_fit_of_any_family_depends_on_how_the_files_lie(family: str, tmp_path: Path) -> None:
+    for seed, motion in product((101, 102), range(10)):
+        check_motion(family, seed, motion, tmp_path)
+
+
+def test_a_tapered_solid_is_one_however_it_lies() -> None:
+    """Rounding of turned coordinates makes corners of its parts meet, or miss each other."""
+    made = families.pair("tapered", 101).peg
+    solid = stack([(1e-3 * one.at, 1e-3 * np.array(one.outline)) for one in made])
+    upright, rng = polyhedron(solid), np.random.default_rng(3)
+    for _ in range(40):
+        moved = polyhedron(Placed(solid, Pose(rng.uniform(-0.05, 0.05, 3), exp(rng.normal(size=3)))))
+        assert moved.volume == pytest.approx(upright.volume, rel=1e-9)
+        assert len(moved.faces) == len(upright.faces)
 
 
 def test_another_pair_is_told_apart(tmp_path: Path) -> None:

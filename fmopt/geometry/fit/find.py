@@ -349,6 +349,8 @@ def opening_around(
     Args:
         at, pivot: (3,) and (2,), where what sweeps by is placed.
     """
+    if swept.is_empty:
+        return None
     most, part = _MOUTH * swept.convex_hull.area, largest(moved(swept, pivot, at))
     for opening, closed in material.openings:
         if opening.area < most and common(opening, part) > 0.5 * part.area:

@@ -217,8 +217,8 @@ def without(shape: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
 
 
 def common(shape: BaseGeometry, other: BaseGeometry) -> float:
-    """Area that two plane shapes have in common, m²."""
+    """Area that two plane shapes have in common, m², mended and on a grid where rounding defeats it."""
     try:
         return float(shapely.intersection(shape, other).area)
     except shapely.GEOSException:
-        return float(shapely.intersection(shape, other, grid_size=_GRID).area)
+        return float(shapely.intersection(shape.buffer(0.0), other.buffer(0.0), grid_size=_GRID).area)
