@@ -52,7 +52,7 @@ def drawn_errors(
         conditions: boxes and intervals that they are drawn from.
         presses: of the plan.
         seed, numbers: of the stream, and of the trials in it.
-        corners: share of the trials in which all errors are at the ends of their intervals, for choosing among plans.
+        corners: share of the trials in which all but drift is at ends of its intervals, for choosing among plans.
     """
     rows = [_drawn(conditions, presses, np.random.default_rng([seed, number]), corners) for number in numbers]
     return Errors(*(np.array(column) for column in zip(*rows, strict=True)))

@@ -1,4 +1,4 @@
-"""Convex bodies that enclose a solid with curved faces, nowhere smaller than the solid.
+"""Convex bodies that enclose a solid with curved faces, nowhere smaller than the solid but for rounding.
 
 The solid is cut through its reflex edges, by the plane that holds most of them first, until each body is convex but for
 a small distance; the hull of each body stands for it. A hull of many facets becomes the intersection of the half-spaces

@@ -32,7 +32,8 @@ def press_rows(attempt: Attempt) -> list[tuple[str, ...]]:
 
 def _s_words(press: Press) -> str:
     giving = [axis for axis, gives in zip(AXES, press.gives, strict=True) if gives]
-    return f"{', '.join(giving)} give{'s' if len(giving) == 1 else ''} way" if giving else "all held"
+    words = f"{', '.join(giving)} give{'s' if len(giving) == 1 else ''} way" if giving else "all held"
+    return f"{words}, the attitude held as commanded" if press.keeps and not all(press.gives[3:]) else words
 
 
 def _twist_words(press: Press) -> str:

@@ -17,6 +17,7 @@ from fmopt.geometry.mesh.mesh_solid import decomposed
 from fmopt.geometry.outline_solids import stack
 from fmopt.geometry.section import sealed
 from fmopt.spatial.se3 import Pose, exp
+from fmopt.task.problem import Problem
 from fmopt.task.sizes import measured_clearance
 from tests.shared.parts import families
 from tests.shared.parts.forms import differences, read
@@ -39,7 +40,7 @@ def test_a_step_file_is_read_as_the_model_it_is_of(family: str, tmp_path: Path) 
     assert differences(pair, {form: read(pair, form, tmp_path) for form in ("toml", "step")}) == []
 
 
-def check_motion(family: str, seed: int, motion: int, folder: Path) -> None:
+def check_motion(family: str, seed: int, motion: int, folder: Path) -> Problem:
     """The fit of two STL files is the pair's, each moved at random, its numbers in single precision."""
     pair, rng = families.pair(family, seed), np.random.default_rng([motion, seed, families.FAMILIES.index(family)])
     paths = [folder / f"{motion}-{name}.stl" for name in ("peg", "block")]
@@ -55,13 +56,17 @@ def check_motion(family: str, seed: int, motion: int, folder: Path) -> None:
         motion,
     )
     assert -problem.goal[2] == pytest.approx(1e-3 * pair.depth, abs=1e-6), (family, seed, motion)
+    return problem
 
 
 @pytest.mark.parametrize(
     ("family", "seed", "motion"), [("tapered", 102, 1), ("tapered", 102, 7), ("tapered", 101, 2), ("chamfered", 101, 0)]
 )
 def test_a_fit_does_not_depend_on_how_the_files_lie(family: str, seed: int, motion: int, tmp_path: Path) -> None:
-    check_motion(family, seed, motion, tmp_path)
+    problem = check_motion(family, seed, motion, tmp_path)
+    if (seed, motion) == (101, 2):  # a corner of it has no exact coordinates
+        assert problem.moving.enclosed
+        assert "warning: nothing is certified of these parts" in "; ".join(problem.fixed.notes)
 
 
 @pytest.mark.wide

@@ -25,7 +25,7 @@ _LEFT = 0.5  # of the candidates that a round leaves
 _LEAST = 3  # candidates that are left at least, as long as there are so many
 _WAVE = 6  # candidates that are looked at before others are
 _SURE = 2  # of them that seat in all of the draws of two rounds end the choice; so does one in those of three
-_CORNERS = 0.5  # of the draws of a choice that are at vertices of the start box
+_CORNERS = 0.5  # of the draws of a choice in which all but drift is at ends of its intervals
 _CHOOSING = 0x63686F69  # sets the streams of choices apart from those of evidence
 
 

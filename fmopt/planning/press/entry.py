@@ -115,7 +115,7 @@ def corner_entry(
 
 
 def lowest_height(task: PressTask, R: Array, tip: Array) -> float:
-    """Height of the tip over the mouth at which no start error takes it below, with some room, m."""
+    """Height of the tip over the mouth at which no start error takes the part below, with some room, m."""
     down = np.array([0.0, 0.0, -1.0])
     drop = max(support(task, down, R @ vertex) - float((R @ (vertex - tip))[2]) for vertex in task.tip)
     return max(_HEIGHT * task.size + max(drop, 0.0), task.problem.approach) + task.ahead

@@ -211,13 +211,7 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
 
 
 def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
-    """The last presses: the attitude is held where the play leaves room for its error, and let go on the floor.
-
-    Args:
-        task: the insertion.
-        u: (3,) direction of the lateral force.
-        end: lateral over axial force.
-    """
+    """The last presses: the attitude is held where the play leaves room for its error, and let go on the floor."""
     wrench, reach, gives = six(end * AXIAL * u, -AXIAL), down_and_more(task), ALL
     before: tuple[Press, ...] = ()
     if task.keeps_attitude:

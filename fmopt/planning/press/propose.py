@@ -29,13 +29,14 @@ def proposals(task: PressTask) -> list[Attempt]:
     found += [] if task.round else [*corner_presses(task)]
     if not found:
         raise SearchError("no press was found that comes down inside the mouth", "lower the start errors")
-    return [_keeping(one) for one in found] if task.keeps_attitude else found
+    return [_keeping(one, task.through) for one in found] if task.keeps_attitude else found
 
 
-def _keeping(attempt: Attempt) -> Attempt:
-    """The attempt with held attitudes as they are commanded from the start on, whatever contacts turn the part to."""
+def _keeping(attempt: Attempt, through: bool) -> Attempt:
+    """The attempt with held attitudes as commanded, but after turns that the level in a through hole may cut short."""
+    cut = [through and (press.rocking is not None or any(press.twist[3:])) for press in attempt.presses]
     first, *others = attempt.presses
-    return replace(attempt, presses=(first, *(replace(press, keeps=True) for press in others)))
+    return replace(attempt, presses=(first, *(replace(one, keeps=not k) for one, k in zip(others, cut, strict=False))))
 
 
 def corner_presses(task: PressTask) -> Iterator[Attempt]:

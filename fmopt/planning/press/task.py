@@ -61,8 +61,8 @@ class Shelf:
     """Where a step of the one part reaches a step of the other, and the play drops.
 
     Attributes:
-        gone: how far the tip is below the mouth there, m.
-        lever, height: of the walls that are engaged, their middle over the tip and how high they are, m.
+        gone: how far the origin of the moving part is below the mouth there, m.
+        lever, height: of the walls that are engaged, their middle over that origin and how high they are, m.
     """
 
     gone: float
@@ -185,7 +185,9 @@ class PressTask:
 
         About other axes the attitude is held, which has to leave the part within its clearance of the goal.
         """
-        west, south, east, north = self.landing.bounds or (0.0,) * 4
+        if self.landing.is_empty:
+            return False, False
+        west, south, east, north = self.landing.bounds
         arms, least = np.array([min(-south, north), min(-west, east)]), _SURE * Conditions.offset[1]
         found = (self.steady_force * arms > least) | (self.box[3:5] * arms > self.clearance.per_side)
         return bool(found[0]), bool(found[1])
@@ -197,8 +199,8 @@ class PressTask:
 
         stops = np.array(self._levels(self.fixed))
         heights = [z for z in self._levels(self.moving) if np.abs(z - self.depth - stops).min() < _LEVEL]
-        below = (section_limit(self.fixed.bodies, _level(z - self.depth), -1) for z in heights)
-        above = (self._seated(section_limit(self.moving.bodies, _level(z), 1)) for z in heights)
+        below = (section_limit(self.fixed.bodies, _level(z - self.depth - _LEVEL), -1) for z in heights)
+        above = (self._seated(section_limit(self.moving.bodies, _level(z + _LEVEL), 1)) for z in heights)
         return union_all([a.intersection(b) for a, b in zip(above, below, strict=True)])
 
     @cached_property
@@ -244,7 +246,7 @@ class PressTask:
     @cached_property
     def shelves(self) -> tuple[Shelf, ...]:
         """Shelves in the order that they are met."""
-        met, depth, eps, tip = [], self.depth, _LEVEL, self.ahead
+        met, depth, eps, tip = [], self.depth, _LEVEL, self._levels(self.moving)[0] + self.ahead
         for own in (tip, *(z for z in self._levels(self.moving) if tip + eps < z < depth)):
             grows = own == tip or self._outline(own + eps).area > 1.01 * self._outline(own - eps).area
             for other in (*(z for z in self._levels(self.fixed) if -depth + eps < z < -eps), 0.0):
