@@ -22,7 +22,7 @@ def test_document_and_plan_are_taken_to_each_other() -> None:
     document = json.loads(canonical(press_plan_document()))
     found = parsed(document)
     assert found.press_plan == press_plan()
-    assert found.presses == len(document["segments"]) == 10
+    assert found.presses == len(document["segments"]) == 14
     assert found.segments == ()
     assert found.trials is not None
     assert len(found.trials.outcomes) == found.trials.draws

@@ -78,6 +78,6 @@ def test_a_pair_is_tested_from_two_step_files(made: Callable[[], Shapes], tmp_pa
         write(path, shape)
     plan = fmopt.solve(fmopt.problem(*paths, "0.3 mm, 0.3 deg", folder=tmp_path / "task"))
     assert plan.verdict in ("TESTED", "CERTIFIED")
-    if plan.trials is not None:
-        assert plan.trials.bound >= 0.9
-        assert plan.trials.vertices_seated >= 58
+    if (evidence := plan.stated.trials) is not None:
+        assert evidence.bound >= 0.9
+        assert evidence.vertices_seated >= 58
