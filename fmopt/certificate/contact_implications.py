@@ -18,6 +18,7 @@ import numpy as np
 from fmopt.certificate.assembly import NEAR, Assembly, beyond, in_plane, on_line, same_side
 from fmopt.certificate.rows import Mask
 from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import cross, length, lengths
 from fmopt.spatial.values import Array, remembered, there
 
@@ -288,6 +289,7 @@ def _grown(assembly: Assembly, wall: Wall, turns: list[tuple[Array, Array]]) -> 
     lines = () if told else _lines(assembly, wall.points, wall.between)
     on = np.zeros(len(P), dtype=np.bool_)
     for a, direction in lines:
+        heed()
         on |= on_line(P, a, direction)
         for n, c in _planes(assembly, wall, a, direction):
             if not any(length(cross(n, known)) <= NEAR for known, _ in flush):
