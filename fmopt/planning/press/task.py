@@ -111,13 +111,13 @@ class PressTask:
     @cached_property
     def ahead(self) -> float:
         """How far the part reaches below the tip, m: what leads and never comes near the walls is no tip."""
-        levels, near = self._levels(self.moving), _NEAR * math.hypot(self.box[0], self.box[1])
+        levels, stops = self._levels(self.moving), self._levels(self.fixed)
+        near = _NEAR * math.hypot(self.box[0], self.box[1])
         for low, high in pairwise(levels):
-            walls = (0.0, *(z for z in self._levels(self.fixed) if low - self.depth < z < 0.0))
-            ends = low + _LEVEL, high - _LEVEL
             if low - levels[0] > _BLUNT * self.depth:
                 break
-            if any(self._play(own, z - _LEVEL) < near for own in ends for z in walls):
+            walls = (0.0, *(z for z in stops if low - self.depth < z < 0.0))
+            if any(self._play(own, z - _LEVEL) < near for own in (low + _LEVEL, high - _LEVEL) for z in walls):
                 return low - levels[0]
         return 0.0
 
