@@ -205,6 +205,7 @@ class Description:
         carried_out: trials of guarded moves before the plan was written; None where there were none.
         certified_share: of the start errors, the largest for which guarded moves are certified where presses stay below
             the rate that is asked for; None where it was not looked for.
+        untried: why presses have no evidence, in words.
     """
 
     search: Search | None = None
@@ -216,6 +217,7 @@ class Description:
     trace: Many[TracePose] = ()
     carried_out: CarriedOut | None = None
     certified_share: Annotated[NonNegative, Field(le=1.0)] | None = None
+    untried: Line = ""
 
     @model_validator(mode="after")
     def _check_agreement(self) -> Description:

@@ -191,12 +191,18 @@ class Seat:
 
 @dataclass(frozen=True, config=_FORM)
 class PressPlan:
-    """Attempts in order, what carries them out, and the height (m in B) to which the part is lifted between two."""
+    """Attempts in order, what carries them out, and what the part is that they are tried with.
+
+    Attributes:
+        clear: height in B to which the part is lifted between two attempts, m.
+        filled: whether the part is tried with its hollows filled, as nothing comes into them.
+    """
 
     robot: PressRobot
     attempts: Annotated[tuple[Attempt, ...], Field(min_length=1)]
     clear: float
     seat: Seat
+    filled: bool = False
 
     def strengthened(self, factor: float) -> PressPlan:
         """All wrenches times a factor, damping likewise: ways and speeds stay."""

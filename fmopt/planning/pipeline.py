@@ -158,7 +158,8 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
             if carried is not None and carried.bound >= problem.settings.min_rate:
                 return whole
         stages.ended("share")
-    document, verdict = _checked(press_document(posed, found.plan, found.evidence, found.trace, share), TESTED)
+    described = {"certified_share": share, "untried": found.untried}
+    document, verdict = _checked(press_document(posed, found.plan, found.evidence, found.trace, **described), TESTED)
     stages.ended("verify")
     return Synthesis(document, verdict, stages.seconds)
 

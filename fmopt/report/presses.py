@@ -87,7 +87,7 @@ def evidence_words(plan: Plan) -> str:
     """What trials came to, with draws and bound; and what is certified where that is less than was asked for."""
     evidence, share = plan.trials, plan.description.certified_share
     if evidence is None:
-        return "There is no evidence: trials of the presses were left out, or the time limit cut them off."
+        return f"There is no evidence: {plan.description.untried or 'trials of the presses were left out'}."
     return (
         f"{evidence.seated} of {evidence.draws} draws seat in the physics engine, {evidence.first_tries} at the first "
         f"attempt: a rate of at least {100.0 * evidence.bound:.1f} % at {evidence.confidence:.1%} confidence, asked "

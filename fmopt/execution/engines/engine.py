@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -101,7 +101,12 @@ class Bodies:
     def of(plan: Plan) -> Bodies:
         """The parts of a plan."""
         moving, fixed = (tuple(np.array(piece.vertices) for piece in plan.parts[side].pieces) for side in _SIDES)
-        return Bodies(moving, fixed, _balls(plan.moving.body))
+        found, presses = Bodies(moving, fixed, _balls(plan.moving.body)), plan.press_plan
+        return found.filled() if presses is not None and presses.filled else found
+
+    def filled(self) -> Bodies:
+        """The moving part as one convex body: its hull."""
+        return replace(self, moving=(convex_hull_polyhedron(np.vstack(self.moving)).vertices,))
 
     def penetration(self, q: Array) -> float:
         """Greatest penetration at a pose (7,), m, by separating planes; balls are left out.

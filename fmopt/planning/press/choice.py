@@ -6,6 +6,7 @@ examined for one problem.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -26,6 +27,7 @@ _LEAST = 3  # candidates that are left at least, as long as there are so many
 _WAVE = 6  # candidates that are looked at before others are
 _SURE = 2  # of them that seat in all of the draws of two rounds end the choice; so does one in those of three
 _CORNERS = 0.5  # of the draws of a choice in which all but drift is at ends of its intervals
+_FASTER = 0.8  # times as long as forecast trials take at least
 _CHOOSING = 0x63686F69  # sets the streams of choices apart from those of evidence
 
 
@@ -59,6 +61,7 @@ class Choosing:
         conditions: that draws are taken from.
         seed: of the choice.
         draws: of the evidence, which time is kept for.
+        filled: whether the moving part has its hollows filled.
     """
 
     bodies: Bodies
@@ -67,10 +70,11 @@ class Choosing:
     conditions: Conditions
     seed: int
     draws: int = 96
+    filled: bool = False
 
     def plan(self, attempts: Sequence[Attempt]) -> PressPlan:
         """Attempts as a plan, at the largest strength that the limits of force and torque allow."""
-        first = PressPlan(self.robot, tuple(attempts), max(one.start[2] for one in attempts), self.seat)
+        first = PressPlan(self.robot, tuple(attempts), max(one.start[2] for one in attempts), self.seat, self.filled)
         return first.strengthened(strength(first))
 
     def carried_out(self, candidates: Sequence[Attempt], numbers: range) -> list[tuple[TrialOutcome, ...]]:
@@ -112,7 +116,9 @@ def strength(plan: PressPlan) -> float:
     return found
 
 
-def halved(choosing: Choosing, candidates: Sequence[Attempt], progress: Callable[[str], None]) -> list[Trialled]:
+def halved(
+    choosing: Choosing, candidates: Sequence[Attempt], progress: Callable[[str], None], pace: Pace | None = None
+) -> list[Trialled]:
     """Candidates in the order of their scores after successive halving, best first.
 
     They come in waves: where some of a wave seat in all draws, later ones are not looked at.
@@ -121,7 +127,7 @@ def halved(choosing: Choosing, candidates: Sequence[Attempt], progress: Callable
         OverdueError: the time limit leaves no draw for any.
     """
     left: list[Trialled] = []
-    pace = _Pace(choosing.draws + VERTICES, clock())
+    pace = pace or Pace(choosing.draws + VERTICES)
     for begun in range(0, len(candidates), _WAVE):
         wave = [Trialled(one, ()) for one in candidates[begun : begun + _WAVE]]
         left = _halved(choosing, [*left, *wave], pace, progress)
@@ -133,18 +139,38 @@ def halved(choosing: Choosing, candidates: Sequence[Attempt], progress: Callable
 
 
 @dataclass
-class _Pace:
-    """How long trials take, and whether the time that is left is what the evidence takes."""
+class Pace:
+    """How long trials take, for the `kept` ones of the evidence to be forecast.
+
+    Attributes:
+        trials, seconds: that are through, and how long they took by the clock.
+    """
 
     kept: int
-    begun: float
     trials: int = 0
+    seconds: float = 0.0
+
+    @property
+    def needed(self) -> float:
+        """What the evidence takes, s."""
+        return self.kept * self.seconds / max(self.trials, 1)
 
     @property
     def late(self) -> bool:
         """Whether another round would take time from the evidence."""
-        now = clock()
-        return deadline() - now < self.kept * (now - self.begun) / max(self.trials, 1)
+        return deadline() - clock() < self.needed
+
+    @property
+    def in_vain(self) -> bool:
+        """Whether the evidence could not be through in the time that is left, even if trials were faster by much."""
+        return deadline() - clock() < _FASTER * self.needed
+
+    def words(self, seconds: float) -> str:
+        """That the evidence takes too long, and how high the time limit would have to be."""
+        exponent = 10.0 ** math.floor(math.log10(seconds + self.needed))
+        enough = next(step * exponent for step in (2.0, 5.0, 10.0) if step * exponent > seconds + self.needed)
+        left = f"its {self.kept} trials take longer than the time limit of {seconds:.0f} s leaves"
+        return f"{left}: set settings.time_limit to about {enough:g} s"
 
 
 def _sure(ranked: Sequence[Trialled]) -> bool:
@@ -154,7 +180,7 @@ def _sure(ranked: Sequence[Trialled]) -> bool:
 
 
 def _halved(
-    choosing: Choosing, candidates: list[Trialled], pace: _Pace, progress: Callable[[str], None]
+    choosing: Choosing, candidates: list[Trialled], pace: Pace, progress: Callable[[str], None]
 ) -> list[Trialled]:
     """See `halved`; candidates that have seen some draws already begin with those that they have not seen."""
     left = candidates
@@ -163,13 +189,18 @@ def _halved(
         for seen in sorted({len(one.outcomes) for one in fresh}):
             group = [one for one in fresh if len(one.outcomes) == seen]
             progress(f"presses: {len(group)} candidates, draws {seen + 1} to {draws}")
-            try:
-                found = choosing.carried_out([one.attempt for one in group], range(seen, draws))
-            except OverdueError:
-                break
-            pace.trials += len(group) * (draws - seen)
-            changed = {one: replace(one, outcomes=one.outcomes + new) for one, new in zip(group, found, strict=True)}
-            left = [changed.get(one, one) for one in left]
+            # The first candidate alone tells how long trials take.
+            for part in (group,) if pace.trials else (group[:1], group[1:]):
+                begun = clock()
+                try:
+                    found = choosing.carried_out([one.attempt for one in part], range(seen, draws)) if part else []
+                except OverdueError:
+                    break
+                pace.trials, pace.seconds = pace.trials + len(part) * (draws - seen), pace.seconds + clock() - begun
+                new = {one: replace(one, outcomes=one.outcomes + more) for one, more in zip(part, found, strict=True)}
+                left = [new.get(one, one) for one in left]
+                if pace.late:
+                    break
         left = sorted((one for one in left if one.outcomes), key=lambda one: one.score, reverse=True)
         if pace.late or _sure(left):
             break

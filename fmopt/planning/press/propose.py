@@ -10,7 +10,7 @@ from fmopt.errors import SearchError
 from fmopt.plan.press import Attempt
 from fmopt.planning.press.crossing import crossings
 from fmopt.planning.press.library import LIBRARY, corner_attempt
-from fmopt.planning.press.round_pin import round_presses
+from fmopt.planning.press.round_pin import is_short, round_presses
 from fmopt.planning.press.straight import straight_presses
 from fmopt.planning.press.task import PressTask
 from fmopt.planning.press.yaw_sweep import yaw_sweeps
@@ -26,7 +26,7 @@ def proposals(task: PressTask) -> list[Attempt]:
         SearchError: no generator has any.
     """
     found = [attempt for generator in GENERATORS for attempt in generator(task)]
-    found += [] if task.round else [*corner_presses(task)]
+    found += [*corner_presses(task)] if not task.round or is_short(task) else []
     if not found:
         raise SearchError("no press was found that comes down inside the mouth", "lower the start errors")
     return [_keeping(one, task.through) for one in found] if task.keeps_attitude else found

@@ -25,7 +25,7 @@ def press_document(
     presses: PressPlan,
     evidence: Evidence | None,
     trace: Sequence[TracePose] = (),
-    certified_share: float | None = None,
+    **described: Any,
 ) -> dict[str, Any]:
     """The plan file of presses, its verdict still open.
 
@@ -34,7 +34,7 @@ def press_document(
         presses: as they are carried out.
         evidence: of their trials; None where there were none.
         trace: the way of a trial without errors.
-        certified_share: see `Description`.
+        described: more of its `Description`.
     """
     document: dict[str, Any] = {
         **heading(posed.problem, posed.tolerance, posed.errors, posed.clearance.per_side),
@@ -44,7 +44,7 @@ def press_document(
         **press_records(presses),
         **({} if evidence is None else {"evidence": evidence_record(evidence)}),
         "description": Description(
-            trace=tuple(trace), certified_share=certified_share, **_position_force(presses.attempts[0].presses, trace)
+            trace=tuple(trace), **described, **_position_force(presses.attempts[0].presses, trace)
         ).record(),
     }
     return dict(plan.clean(document))

@@ -23,12 +23,17 @@ _NUMBERS = (
 )
 
 
+def is_short(task: PressTask) -> bool:
+    """Whether a round part is no longer than half its diameter."""
+    return task.depth <= _SHORT * task.size
+
+
 def round_presses(task: PressTask) -> Iterator[Attempt]:
     """Attempts for a round part in a round hole; none for any other."""
     if not task.round:
         return
     for angle in _DIRECTIONS:
-        for chosen in _NUMBERS if task.depth > _SHORT * task.size else _NUMBERS[2:]:
+        for chosen in _NUMBERS[2:] if is_short(task) else _NUMBERS:
             u = direction(angle)
             R = attitude(angle, chosen.tilt) @ task.goal.R
             tip = low_vertex(task, R, u[:2])

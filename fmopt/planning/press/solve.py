@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,15 +15,15 @@ from fmopt.execution.press_servo import RUNNING
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
 from fmopt.execution.rotation import between
 from fmopt.plan.description import TracePose
-from fmopt.plan.evidence import Evidence
+from fmopt.plan.evidence import VERTICES, Evidence
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Conditions, PressPlan, PressRobot
 from fmopt.planning.posed import Posed, Progress
-from fmopt.planning.press.choice import Choosing, examined, halved, with_retries
+from fmopt.planning.press.choice import Choosing, Pace, examined, halved, with_retries
 from fmopt.planning.press.library import robot_of
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.task import PressTask
-from fmopt.runtime.compiled import clock, until
+from fmopt.runtime.compiled import clock, deadline, until
 from fmopt.task.problem import Problem
 
 _TRACE_SECONDS = 30.0  # for a single trial, which is shown even where the time limit is used up
@@ -32,11 +32,16 @@ _TRACE_EVERY = 25  # periods between poses that are shown
 
 @dataclass(frozen=True, eq=False)
 class PressSolution:
-    """A plan of presses and what its trials came to; None where none were asked for, or the time limit cut them off."""
+    """A plan of presses and what its trials came to.
+
+    Attributes:
+        evidence: None where no trials were asked for, or the time limit leaves no time for them, as `untried` says.
+    """
 
     plan: PressPlan
     evidence: Evidence | None
-    trace: tuple[TracePose, ...]
+    trace: tuple[TracePose, ...] = ()
+    untried: str = ""
 
 
 def press_solution(
@@ -55,17 +60,18 @@ def press_solution(
     task = PressTask(problem, problem.moving, problem.fixed, posed.clearance, problem.start_box)
     robot, conditions = robot_for(task), conditions_of(problem)
     settings = problem.settings
-    choosing = Choosing(task.bodies, task.seat, robot, conditions, settings.seed, settings.draws)
+    choosing = Choosing(task.bodies, task.seat, robot, conditions, settings.seed, settings.draws, task.filled)
     progress("presses: sections of the parts")
-    ranked = halved(choosing, proposals(task), progress)
+    pace, limit = Pace(settings.draws + VERTICES), deadline() - clock()
+    ranked = halved(choosing, proposals(task), progress, pace)
     asked = Examination(settings.draws, settings.min_rate, settings.seed)
-    if settings.draws:
+    plan, evidence = choosing.plan(with_retries(ranked)), None
+    if settings.draws and not pace.in_vain:
         plan, evidence = examined(choosing, ranked, asked, subject_of, progress)
-    else:
-        plan, evidence = choosing.plan(with_retries(ranked)), None
+    solution = PressSolution(plan, evidence, untried="" if evidence or not settings.draws else pace.words(limit))
     with until(clock() + _TRACE_SECONDS), suppress(OverdueError):
-        return PressSolution(plan, evidence, traced(task, plan, conditions))
-    return PressSolution(plan, evidence, ())
+        return replace(solution, trace=traced(task, plan, conditions))
+    return solution
 
 
 def robot_for(task: PressTask) -> PressRobot:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmopt.execution.engines.engine import Bodies
-from fmopt.geometry.clearance import Clearance, interference
+from fmopt.geometry.clearance import Clearance, deepest, interference
 from fmopt.geometry.part import Part
+from fmopt.geometry.polyhedron import convex_hull_polyhedron, placed
 from fmopt.geometry.section import section_limit
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Conditions, Seat
@@ -36,7 +37,8 @@ _FEW = 3  # corners that sequences are made for
 _HALVINGS = 30  # of a way, from the size to less than 1 nm
 _STEADY = 0.7  # of the limit of force
 _SURE = 1.5  # times the offset of the torque, from which a press turns the part against it
-_ROUND = 0.1  # of the clearance, by which an outline that counts as round is off its circle
+_ROUND = 0.02  # of the radius, by which an outline that counts as round is off its circle
+_CLEAR = 4.0  # lateral errors, by which hollows that are filled stay away from the walls
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,12 +159,32 @@ class PressTask:
 
     @cached_property
     def round(self) -> bool:
-        """Whether the outline is round, so that the turn about the axis does not count."""
-        ring = np.array(self.outline.exterior.coords)[:-1]
-        centre = ring.mean(axis=0)
-        radii = np.linalg.norm(ring - centre, axis=1)
-        middles = np.linalg.norm(0.5 * (ring + np.roll(ring, -1, axis=0)) - centre, axis=1)
-        return len(ring) >= 12 and float(radii.max() - middles.min()) <= _ROUND * self.clearance.per_side
+        """Whether the part turns freely about its axis: the circle around it is inside the opening all the way down."""
+        axis = self.outline.centroid
+
+        def radius(shape: Polygon) -> float:
+            return float(shape.exterior.hausdorff_distance(axis))
+
+        if radius(self.outline) > (1.0 + _ROUND) * self.outline.exterior.distance(axis):
+            return False
+        levels = [*self._levels(self.moving), *(z + self.depth for z in self._levels(self.fixed)), self.depth]
+        engaged = sorted(z for z in levels if -_LEVEL < z < self.depth + _LEVEL)
+        heights = [z for a, b in pairwise(engaged) if b - a > 3.0 * _LEVEL for z in (a + _LEVEL, b - _LEVEL)]
+        sections = ((self._outline(z), self._opening(z - self.depth)) for z in heights)
+        return all(radius(own) < opening.exterior.distance(axis) for own, opening in sections)
+
+    @cached_property
+    def filled(self) -> bool:
+        """Whether trials may fill hollows of the moving part, as the fixed part stays out of them all the way."""
+        if len(self.moving.pieces) == 1:
+            return False
+        hull = convex_hull_polyhedron(self.moving.polyhedron.vertices)
+        levels, within = self._levels(self.moving), self.mouth.buffer(-_CLEAR * self.lateral)
+        for a, b in pairwise(levels):
+            whole, own = (section_limit(bodies, _level(0.5 * (a + b)), 1) for bodies in ((hull,), self.moving.bodies))
+            if not within.contains(self._seated(whole.difference(own).buffer(-_STRAIGHT))):
+                return False
+        return deepest([placed(hull, self.goal)], self.fixed.pieces) < _STRAIGHT
 
     @property
     def steady_force(self) -> float:
@@ -279,7 +301,8 @@ class PressTask:
         body = self.moving.polyhedron
         balls = tuple((body.vertices[n], radius) for n, radius in body.balls)
         moving, fixed = (tuple(piece.vertices for piece in part.pieces) for part in (self.moving, self.fixed))
-        return Bodies(moving, fixed, balls)
+        found = Bodies(moving, fixed, balls)
+        return found.filled() if self.filled else found
 
     @property
     def seat(self) -> Seat:

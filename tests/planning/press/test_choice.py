@@ -13,7 +13,7 @@ from fmopt.execution.evidence import Examination
 from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import Attempt, Force, Press, Time
 from fmopt.planning.press import choice
-from fmopt.planning.press.choice import Choosing, Trialled, examined, halved, strength, with_retries
+from fmopt.planning.press.choice import Choosing, Pace, Trialled, examined, halved, strength, with_retries
 from fmopt.runtime.compiled import clock, until
 from tests.shared.plans.press_plan import press_choosing, press_plan
 
@@ -96,6 +96,17 @@ def test_a_choice_that_is_cut_off_ranks_what_was_carried_out(rounds: int, monkey
     assert left
     assert all(one.outcomes for one in left)
     assert sum(len(one.outcomes) for one in left) <= len(carried.seen)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "late", "in_vain"), [(2000.0, False, False), (1000.0, True, False), (700.0, True, True)]
+)
+def test_evidence_that_cannot_be_through_is_forecast(seconds: float, late: bool, in_vain: bool) -> None:
+    pace = Pace(160, trials=8, seconds=53.0)
+    with until(clock() + seconds):
+        assert (pace.late, pace.in_vain) == (late, in_vain)
+    wanted = "its 160 trials take longer than the time limit of 700 s leaves: set settings.time_limit to about 2000 s"
+    assert pace.words(700.0) == wanted
 
 
 def test_an_examination_that_is_cut_off_leaves_the_plan_without_evidence() -> None:

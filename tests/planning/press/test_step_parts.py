@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import fmopt
+from fmopt.task.problem import Problem
 from tests.shared.files.step_parts import box, cut, cylinder, fuse, prism, write
+from tests.shared.plans.press_plan import press_task
 
 Shapes = tuple[Any, Any]
 
@@ -68,16 +70,43 @@ def gear_on_its_pin() -> Shapes:
     return cut(wheel, cylinder(3.05, 10, (0, 0, -1))), fuse(box(40, 40, 6, (0, 0, -6)), cylinder(3, 15))
 
 
+def bearing() -> Shapes:
+    ring = cut(cylinder(11, 7), cylinder(4, 9, (0, 0, -1)))
+    return ring, pocket((40, 40, 15), 7, cylinder(11.02, 8, (0, 0, -7)), cylinder(5, 17, (0, 0, -16)))
+
+
+def problem_of(made: Callable[[], Shapes], folder: Path) -> Problem:
+    folder.mkdir(exist_ok=True)
+    paths = [folder / "moving.step", folder / "fixed.step"]
+    for path, shape in zip(paths, made(), strict=True):
+        write(path, shape)
+    return fmopt.problem(*paths, "0.3 mm, 0.3 deg", folder=folder / "task")
+
+
 SLOW: Sequence[Callable[[], Shapes]] = (lying_key, lid, two_prongs, sc_plug, battery_cell, cross, gear_on_its_pin)
 
 
 @pytest.mark.parametrize("made", [d_sub_shell, *(pytest.param(made, marks=pytest.mark.wide) for made in SLOW)])
 def test_a_pair_is_tested_from_two_step_files(made: Callable[[], Shapes], tmp_path: Path) -> None:
-    paths = [tmp_path / "moving.step", tmp_path / "fixed.step"]
-    for path, shape in zip(paths, made(), strict=True):
-        write(path, shape)
-    plan = fmopt.solve(fmopt.problem(*paths, "0.3 mm, 0.3 deg", folder=tmp_path / "task"))
+    plan = fmopt.solve(problem_of(made, tmp_path))
     assert plan.verdict in ("TESTED", "CERTIFIED")
     if (evidence := plan.stated.trials) is not None:
         assert evidence.bound >= 0.9
         assert evidence.vertices_seated >= 58
+
+
+@pytest.mark.wide
+def test_what_has_no_time_for_its_trials_says_how_much_they_take(tmp_path: Path) -> None:
+    plan = fmopt.solve(problem_of(bearing, tmp_path))
+    assert plan.verdict == "NOT_PROVED"
+    assert "set settings.time_limit to about " in plan.stated.description.untried
+
+
+def test_a_ring_turns_freely_and_is_tried_without_its_bore_unless_something_comes_into_it(tmp_path: Path) -> None:
+    ring, seat = bearing()
+    post = fuse(pocket((40, 40, 15), 7, cylinder(11.02, 8, (0, 0, -7))), cylinder(3, 7, (0, 0, -8)))
+    for fixed, filled in ((seat, True), (post, False)):
+        task = press_task(problem_of(lambda fixed=fixed: (ring, fixed), tmp_path / str(filled)))
+        assert task.round
+        assert task.filled is filled
+        assert (len(task.bodies.moving) == 1) is filled
