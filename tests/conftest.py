@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,11 @@ from hypothesis import settings
 
 from fmopt import plan
 from fmopt.runtime.ahead import compile_ahead
+from fmopt.runtime.store import FOLDER
 from tests import ROOT
 from tests.shared.pages import browser
+
+os.environ[FOLDER] = ""  # nothing that a test reads was read by another one
 
 settings.register_profile("repeatable", derandomize=True)  # the same examples in every run
 settings.load_profile("repeatable")

@@ -256,14 +256,15 @@ def check(
     """Validate a problem file with all models, an assembly and each of its tasks, or one part; say it back in words."""
     from fmopt.cli.asked import check_part, draw_found
     from fmopt.notebook.parts import is_part
+
+    if is_part(file):
+        check_part(file, unit, out, (as_json, quiet))
+        return
     from fmopt.planning.pipeline import tried
     from fmopt.task.assembly import is_assembly
     from fmopt.task.explain import explain, facts
     from fmopt.task.problem import load
 
-    if is_part(file):
-        check_part(file, unit, out, (as_json, quiet))
-        return
     if is_assembly(file):
         _check_assembly(file, as_json, quiet)
         return

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, TypeVar, cast
+
+from fmopt.runtime.store import kept
 
 if TYPE_CHECKING:
     from fmopt.geometry.mesh.mesh_import import NamedBody, Unit
+
+T = TypeVar("T")
+_MOST_BYTES = 100_000_000
 
 
 def bodies_of(path: Path, unit: str | None) -> tuple[NamedBody, ...]:
@@ -18,8 +25,25 @@ def bodies_of(path: Path, unit: str | None) -> tuple[NamedBody, ...]:
     if path.suffix.lower() in (".step", ".stp"):
         from fmopt.geometry.step.step_import import bodies
 
-        return bodies(path)
+        return _kept(path, "", lambda: bodies(path))
     from fmopt.geometry.mesh.mesh_file import OWN_UNIT
     from fmopt.geometry.mesh.mesh_import import mesh_bodies
 
-    return mesh_bodies(path, cast("Unit", "m" if path.suffix.lower()[1:] in OWN_UNIT else unit or "mm"))
+    own = cast("Unit", "m" if path.suffix.lower()[1:] in OWN_UNIT else unit or "mm")
+    return _kept(path, own, lambda: mesh_bodies(path, own))
+
+
+def lie_apart(path: Path) -> bool:
+    """Whether a mesh file has several objects that are not one part; errors as of `bodies_of`."""
+    from fmopt.geometry.mesh import mesh_import
+
+    return _kept(path, "apart", lambda: mesh_import.lie_apart(path))
+
+
+def _kept(path: Path, how: str, make: Callable[[], T]) -> T:
+    """What is made of a file; of none, or of one that is too large, its reader says what is wrong."""
+    if not path.is_file() or path.stat().st_size > _MOST_BYTES:
+        return make()
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return kept((digest, path.suffix.lower(), how), make)

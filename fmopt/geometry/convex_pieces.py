@@ -196,7 +196,11 @@ def _minus(stock: tuple[Polyhedron, ...], tool: Solid, pose: Pose) -> tuple[Poly
             if len(stock) == 1:
                 return tuple(_slabs(stock[0], body))  # each alone has what is right outside its own face of the tool
             whole = (union_manifold(stock) - convex_manifold(body)).volume()
-            return _irredundant([slab for piece in stock for slab in _slabs(piece, body)], whole)
+            cut = [_slabs(piece, body) for piece in stock]
+            slabs = [slab for some in cut for slab in some]
+            # What the tool leaves whole is needed still: of the others there is less than before.
+            intact = {id(piece) for piece in stock}
+            return _irredundant(slabs, whole, [i for i, slab in enumerate(slabs) if id(slab) in intact])
         case Placed(inner, move):
             return _minus(stock, inner, exact_pose(pose).compose(exact_pose(move)))
         case Union(parts):
@@ -242,19 +246,20 @@ def _within(body: Polyhedron, other: Polyhedron) -> Polyhedron | None:
     return body
 
 
-def _irredundant(bodies: Sequence[Polyhedron], whole: float) -> tuple[Polyhedron, ...]:
+def _irredundant(bodies: Sequence[Polyhedron], whole: float, needed: Sequence[int] = ()) -> tuple[Polyhedron, ...]:
     """Few of the bodies whose union has the volume `whole` (m³), chosen by the volume they add; input order.
 
-    Gains only fall while the union grows, so a body whose gain is old is measured again before it is chosen.
+    Gains only fall while the union grows, so a body whose gain is old is measured again before it is chosen. Those that
+    are known to be `needed`, by number, are not measured.
     """
-    from manifold3d import Manifold
+    from manifold3d import Manifold, OpType
 
     if len(bodies) < 2:
         return tuple(bodies)
     solids = [convex_manifold(body) for body in bodies]
-    union, covered = Manifold(), 0.0
-    kept: list[int] = []
-    queue = [(-body.volume, i, 0) for i, body in enumerate(bodies)]
+    union, kept = Manifold.batch_boolean([solids[i] for i in needed], OpType.Add), [*needed]
+    covered = union.volume()
+    queue = [(-bodies[i].volume, i, 0) for i in sorted({*range(len(bodies))} - {*needed})]
     heapify(queue)
     while queue and covered < (1.0 - _NOISE) * whole:
         heed()

@@ -8,6 +8,7 @@ meshes the exact half-space pieces of a CSG solid.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations, product
 from typing import TYPE_CHECKING
 
@@ -101,6 +102,7 @@ def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
     else:
         outer = upright.base
         parts = [_grown(one, shape, ideal, one.faces[:2]) for one in upright.tools]
+    parts.sort(key=lambda part: -part.volume)  # smaller ones leave most of the pieces whole
     tools = tuple(_opened(part, outer, tol) for part in parts)
     base = _hull(outer.vertices)
     return (Difference(base, tools) if tools else base), ideal
@@ -108,12 +110,12 @@ def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
 
 def _grown(part: Polyhedron, shape: Manifold, known: Array, faces: Sequence[Face]) -> Polyhedron:
     """The part, faces of it pushed out one after the other to where the farthest of known points (n, 3) allows it."""
-    from manifold3d import Manifold
-
     size = float(np.linalg.norm(np.ptp(known, axis=0)))
     for normal, offset in [(face.normal, face.offset) for face in faces]:
         heights = np.unique(level((known @ normal)[known @ normal > offset + _NEAR * size, None]))
-        farthest = _pushed(part, normal, offset, float(heights[-1])) if len(heights) else None
+        if not len(heights) or not _is_free(_corners(part, normal, offset, float(heights[0])), shape, part):
+            continue
+        farthest = _pushed(part, normal, offset, float(heights[-1]))
         if farthest is None:
             continue
         # What keeps clear at one height does so at all below, so that halving finds the highest.
@@ -121,12 +123,29 @@ def _grown(part: Polyhedron, shape: Manifold, known: Array, faces: Sequence[Face
         while low < high:
             middle = (low + high) // 2
             pushed = clip(farthest, normal, float(heights[middle]))
-            common = Manifold.hull_points(pushed.vertices) ^ shape if pushed else Manifold()
-            free = common.volume() <= _OVERLAP * part.volume
+            free = pushed is None or _is_free(pushed.vertices, shape, part)
             low, high = (middle + 1, high) if free else (low, middle)
         if low:
             part = _pushed(part, normal, offset, float(heights[low - 1])) or part
     return part
+
+
+def _is_free(corners: Array, shape: Manifold, part: Polyhedron) -> bool:
+    """Whether the hull of corners (n, 3) has next to nothing of a shape, for the size of the part that it grew from."""
+    from manifold3d import Manifold
+
+    return bool((Manifold.hull_points(corners) ^ shape).volume() <= _OVERLAP * part.volume)
+
+
+def _corners(part: Polyhedron, normal: Array, offset: float, height: float) -> Array:
+    """Corners (n, 3), but for rounding, of the part with the face in a plane pushed out to a height; see `_pushed`."""
+    from scipy.spatial import HalfspaceIntersection
+
+    own = (part.normals @ normal > 1.0 - 1e-9) & (np.abs(part.offsets - offset) < 1e-9)
+    offsets = np.where(own, height, part.offsets)
+    middle, size = part.vertices.mean(axis=0), part.diameter
+    room = np.column_stack([part.normals, (part.normals @ middle - offsets) / size])
+    return np.asarray(middle + size * HalfspaceIntersection(room, np.zeros(3)).intersections)
 
 
 def _pushed(part: Polyhedron, normal: Array, offset: float, height: float) -> Polyhedron | None:
@@ -258,14 +277,13 @@ def _onto(points: Array, known: Array, tol: float) -> Array:
 
 def _idealised(body: Polyhedron, tol: float) -> Array:
     """The vertices (n, 3) moved onto the cleaned planes of their faces, by the smallest shift that does it."""
-    planes: list[tuple[Array, float]] = []
+    planes = _Planes(np.zeros((len(body.faces), 3)), np.zeros(len(body.faces)))
     slack = 4.0 * tol / body.diameter
-    chosen = [_cleaned(face, body.vertices[list(face.vertices)], planes, tol, slack) for face in body.faces]
+    chosen = [planes.cleaned(face, body.vertices[list(face.vertices)], tol, slack) for face in body.faces]
     points = np.array(body.vertices)
     for vertex, faces in enumerate(body.vertex_faces):
         own = sorted({chosen[number] for number in faces})
-        normals = np.array([planes[i][0] for i in own])
-        offsets = np.array([planes[i][1] for i in own])
+        normals, offsets = planes.normals[own], planes.offsets[own]
         # By `rcond` planes that are nearly one count once: a corner would run off along the line in which they meet.
         shift = np.linalg.pinv(normals, rcond=1e-3) @ (offsets - normals @ points[vertex])
         if np.linalg.norm(shift) <= 100.0 * tol:
@@ -276,12 +294,21 @@ def _idealised(body: Polyhedron, tol: float) -> Array:
     return level(points)
 
 
-def _cleaned(face: Face, corners: Array, planes: list[tuple[Array, float]], tol: float, slack: float) -> int:
-    """Index of the face's cleaned plane in `planes`, appended when it is new; opposite planes are one."""
-    for index, (normal, offset) in enumerate(planes):
-        if abs(normal @ face.normal) > 1.0 - 1e-6 and np.all(np.abs(corners @ normal - offset) <= tol):
-            return index
-    normal = np.where(np.abs(face.normal) <= slack, 0.0, face.normal)
-    normal = normal / np.linalg.norm(normal)
-    planes.append((normal, float(np.median(corners @ normal))))
-    return len(planes) - 1
+@dataclass
+class _Planes:
+    """Planes that are told apart, with room for more: normals (n, 3) and offsets (n,), m; opposite ones are one."""
+
+    normals: Array
+    offsets: Array
+    count: int = 0
+
+    def cleaned(self, face: Face, corners: Array, tol: float, slack: float) -> int:
+        """Index of the cleaned plane of a face with corners (k, 3), a new one where there is none yet."""
+        for index in np.flatnonzero(np.abs(self.normals[: self.count] @ face.normal) > 1.0 - 1e-6):
+            if np.all(np.abs(corners @ self.normals[index] - self.offsets[index]) <= tol):
+                return int(index)
+        normal = np.where(np.abs(face.normal) <= slack, 0.0, face.normal)
+        normal = normal / np.linalg.norm(normal)
+        self.normals[self.count], self.offsets[self.count] = normal, np.median(corners @ normal)
+        self.count += 1
+        return self.count - 1

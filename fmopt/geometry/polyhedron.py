@@ -6,6 +6,7 @@ holes, clockwise. Coordinates that come in are kept to the bit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 _LEVEL = 1e-12  # m
+_ROWS = 256  # points whose distances from all others are taken at once
 _DECIMALS = 15  # of coordinates in m, once rounded: the normals of faces of 1 mm stay the same to 1e-12
 
 
@@ -114,9 +116,11 @@ class Polyhedron(Value):
 
 def diameter(points: Array) -> float:
     """Largest distance between two of the points (n, d)."""
-    # Row by row: all differences at once would take memory by the square of their number.
-    largest = max(float(np.max(np.sum((points - point) ** 2, axis=1))) for point in points)
-    return float(np.sqrt(largest))
+    from scipy.spatial.distance import cdist
+
+    # By some rows: all distances at once would take memory by the square of their number.
+    rows = (points[i : i + _ROWS] for i in range(0, len(points), _ROWS))
+    return math.sqrt(max(float(cdist(some, points, "sqeuclidean").max()) for some in rows))
 
 
 def from_faces(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.errors import FmoptError, InputError
-from fmopt.geometry.bodies import bodies_of
+from fmopt.geometry.bodies import bodies_of, lie_apart
 from fmopt.plan import STDIO
 from fmopt.task.mesh_source import MESHES
 from fmopt.task.model import Bare, load_model
@@ -51,8 +51,6 @@ def load_part(file: Path, unit: str | None = None) -> tuple[Part, ...]:
 
 def holds_several(file: Path) -> bool:
     """Whether a file is one of STEP, or a mesh of several bodies; what is wrong with it is told by who reads it."""
-    from fmopt.geometry.mesh.mesh_import import lie_apart
-
     if file.suffix.lower() in STEP:
         return True
     try:

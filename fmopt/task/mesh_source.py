@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
+from fmopt.runtime.store import kept
 from fmopt.spatial.values import remembered
 from fmopt.task.sizes import implausible
 from fmopt.task.toml.model_file import STEP, Mesh
@@ -53,7 +55,7 @@ def mesh_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
     try:
         from fmopt.geometry.mesh.mesh_import import extents
 
-        size = " x ".join(f"{width:.6g}" for width in extents(_path(source, mesh)))
+        size = " x ".join(f"{width:.6g}" for width in extents(_path(source, mesh)[0]))
     except (GeometryError, ResourceError, InputError) as error:
         size, advice = f"not known: {error}", f"{advice}; and mend the file"
     message = f"the unit of the mesh is missing; its size in the file's own numbers is {size}"
@@ -69,16 +71,10 @@ def imported(source: Source, mesh: Mesh) -> Imported:
         ResourceError: a STEP file without the extra that reads it.
     """
     place = source.place(("mesh", "file"))
-    path = _path(source, mesh)
+    path, digest = _path(source, mesh)
+    body, unit = str(mesh.body or ""), "m" if says_unit(mesh) else mesh.unit or "mm"  # of such files numbers come in m
     try:
-        if mesh.is_step:
-            from fmopt.geometry.step.step_import import DEVIATION, load_step
-
-            return load_step(path, mesh.deviation or DEVIATION, str(mesh.body or ""))
-        from fmopt.geometry.mesh.mesh_import import load_mesh
-
-        unit: Unit = "m" if says_unit(mesh) else mesh.unit or "mm"  # of such files the numbers come in m
-        return load_mesh(path, unit, str(mesh.body or ""))
+        return kept((digest, path.suffix.lower(), unit, body, mesh.deviation), lambda: _read(path, mesh, body, unit))
     except SizeError as error:
         key = ("mesh", "file" if mesh.unit is None else "unit")
         raise InputError(implausible(source, key, mesh.unit, error)) from error
@@ -86,11 +82,21 @@ def imported(source: Source, mesh: Mesh) -> Imported:
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
 
 
-def _path(source: Source, mesh: Mesh) -> Path:
+def _read(path: Path, mesh: Mesh, body: str, unit: Unit) -> Imported:
+    if mesh.is_step:
+        from fmopt.geometry.step.step_import import DEVIATION, load_step
+
+        return load_step(path, mesh.deviation or DEVIATION, body)
+    from fmopt.geometry.mesh.mesh_import import load_mesh
+
+    return load_mesh(path, unit, body)
+
+
+def _path(source: Source, mesh: Mesh) -> tuple[Path, str]:
+    """The file that is named, and its digest; those who read meshes read it themselves."""
     path = source.path.parent / Path(mesh.file)
-    # For what it refuses, at this place: those who read meshes read the file themselves.
-    read_bytes(path, source.place(("mesh", "file")), MAX_MESH_BYTES)
-    return path
+    data = read_bytes(path, source.place(("mesh", "file")), MAX_MESH_BYTES)
+    return path, hashlib.sha256(data).hexdigest()
 
 
 def assumed(source: Source, part: Part) -> str:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
 import time
 from itertools import cycle
 from pathlib import Path
@@ -17,6 +14,7 @@ from fmopt.geometry.mesh.mesh_file import read_triangles
 from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.step import step_import as step
+from fmopt.runtime import confined
 from tests.shared.files.mesh_files import ply_text, rounded, stl_text, triangles_of
 from tests.shared.files.step_files import write_step
 from tests.shared.fuzz.files import KINDS, binary_ply, binary_stl, fuzzed, obj_text, run
@@ -249,55 +247,23 @@ def test_a_step_file_in_another_unit_is_told(block: Path) -> None:
 @pytest.mark.parametrize(
     ("does", "error", "words"),
     [
-        (
-            "import os; os.kill(os.getpid(), 11)",
-            GeometryError,
-            r"breaks down on it \(SIGSEGV\); export it",
-        ),
+        ("import os; os.kill(os.getpid(), 11)", GeometryError, r"breaks down on it \(SIGSEGV\); export it again"),
         ("import os; os.abort()", GeometryError, r"breaks down on it \(SIGABRT\)"),
         ("import resource as r; r.setrlimit(r.RLIMIT_CPU, (1, 9))\nwhile True: pass", GeometryError, "comes to no end"),
-        ("import time; time.sleep(99)", GeometryError, "has not read it in 2 s"),
+        ("import time; time.sleep(99)", GeometryError, "has not read it in 2 s; export one part on its own"),
         ("import os; os.kill(os.getpid(), 9)", ResourceError, "was ended by SIGKILL; free memory"),
         ("raise KeyError(5)", FmoptError, "ended with exit code 1: KeyError: 5"),
+        ("bytearray(9 << 30)", GeometryError, "the kernel needs more than 4 GiB for it; export one part on its own"),
     ],
 )
-def test_what_befalls_the_kernel_befalls_no_other(
-    does: str, error: type[FmoptError], words: str, block: Path, monkeypatch: pytest.MonkeyPatch
+def test_what_befalls_a_reader_befalls_no_other(
+    does: str, error: type[FmoptError], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(step, "_CODE", does)
-    monkeypatch.setattr(step, "_SECONDS", 2.0 if "sleep" in does else 60.0)
-    with pytest.raises(error, match=words):
-        step.load_step(block)
-
-
-def test_too_much_memory_is_the_files_fault(block: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = "import fmopt.geometry.step.kernel as k; k._bodies = lambda *_: bytearray(9 << 30); "
-    monkeypatch.setattr(step, "_CODE", step._CODE.replace("from fmopt", before + "from fmopt"))
-    with pytest.raises(GeometryError, match="the CAD kernel needs more than 4 GiB for it; export one part on its own"):
-        step.load_step(block)
-
-
-def test_the_kernels_process_ends_with_its_owner(block: Path, tmp_path: Path) -> None:
-    note = tmp_path / "note"
-    stuck = (
-        "import fmopt.geometry.step.kernel as k, os, time; "
-        f"k._read = lambda *_: (open({str(note)!r}, 'w').write(str(os.getpid())), time.sleep(99)); from fmopt"
-    )
-    owner = (
-        "import sys; from pathlib import Path; from fmopt.geometry.step import step_import as step; "
-        f"step._CODE = step._CODE.replace('from fmopt', {stuck!r}); step.load_step(Path({str(block)!r}))"
-    )
-    process = subprocess.Popen([sys.executable, "-c", owner])
-    while not (note.exists() and note.read_text()):
-        assert process.poll() is None
-        time.sleep(0.05)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    child = Path("/proc", note.read_text())
-    deadline = time.monotonic() + 10.0
-    while child.exists() and "State:\tZ" not in (child / "status").read_text():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    (tmp_path / "does.py").write_text(does)
+    monkeypatch.setattr(confined, "SECONDS", 2.0 if "sleep" in does else 60.0)
+    reader = confined.Reader("the kernel", "runpy:run_path", "export one part on its own", "export it again")
+    with pytest.raises(error, match=f"does.py: .*{words}"):
+        confined.read(tmp_path / "does.py", reader)
 
 
 def test_a_solid_of_next_to_no_thickness_is_refused(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import math
 import random
 import zipfile
 from collections.abc import Iterable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,9 @@ from fmopt.geometry.csg import Box, Difference, Placed, Prism, Solid, Union
 from fmopt.geometry.facets import merged_vertices
 from fmopt.geometry.fit.find import Fit, find
 from fmopt.geometry.inverse_csg import MESH_NOISE, apart
-from fmopt.geometry.mesh.mesh_file import read_triangles
+from fmopt.geometry.mesh.archive import Broken, glb_shells
+from fmopt.geometry.mesh.archive import three_mf as three_mf_shells
+from fmopt.geometry.mesh.mesh_file import MAX_BYTES, read_triangles
 from fmopt.geometry.mesh.mesh_import import load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.task.problem import load
@@ -210,14 +212,17 @@ def test_packages_say_unit_and_place(form: str, tmp_path: Path) -> None:
     body = load_mesh(tmp_path / f"rod.{form}", "m").body
     np.testing.assert_allclose(np.sort(body.vertices, axis=0), 1e-3 * np.sort(moved, axis=0), atol=1e-8)
     draw = random.Random(f"{form} 3")
+    read = glb_shells if form == "glb" else partial(three_mf_shells, most=MAX_BYTES)
     for _ in range(150):
         damaged = bytearray(content)
         for _ in range(draw.randint(1, 12)):
             damaged[draw.randrange(len(damaged))] = draw.randrange(256)
         cut = bytes(damaged[: draw.choice((len(damaged), draw.randrange(len(damaged))))])
-        (tmp_path / f"a.{form}").write_bytes(cut)
-        with contextlib.suppress(GeometryError):
-            assert len(read_triangles(tmp_path / f"a.{form}")[1])
+        with contextlib.suppress(Broken):
+            read(cut)
+    (tmp_path / f"a.{form}").write_bytes(content[: len(content) // 2])
+    with pytest.raises(GeometryError, match=rf"a\.{form}: .*; export it again"):
+        read_triangles(tmp_path / f"a.{form}")
 
 
 def test_solids_that_are_put_together_without_end_are_refused(tmp_path: Path) -> None:

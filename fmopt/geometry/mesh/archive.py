@@ -1,7 +1,7 @@
 """3MF and GLB files: triangles of solids in packages that say their unit and where they put each solid.
 
-3MF is a ZIP archive with a model in XML, GLB a binary glTF, which trimesh reads. No more of an archive is unpacked than
-a mesh file may have.
+3MF is a ZIP archive with a model in XML, no more of which is unpacked than a mesh file may have; GLB is a binary glTF,
+which trimesh reads, in a process of its own.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from fmopt.errors import GeometryError
+from fmopt.geometry.mesh.surface import AGAIN
 from fmopt.spatial.values import Array
 
 METRES = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
@@ -125,7 +127,21 @@ def _transform(of: Mapping[str, str]) -> Array:
     return made
 
 
-def glb(data: bytes) -> list[Shell]:
+def glb(path: str) -> list[tuple[str, list[list[float]], list[list[int]]]]:
+    """Name, points (n, 3), m, and triangles (m, 3) of each solid of a GLB file where its scene puts them.
+
+    Raises:
+        GeometryError: it is none, or its numbers are packed or elsewhere.
+    """
+    with open(path, "rb") as file:
+        data = file.read()
+    try:
+        return [(shell.name, shell.points.tolist(), shell.triangles.tolist()) for shell in glb_shells(data)]
+    except Broken as error:
+        raise GeometryError(str(error), AGAIN) from None
+
+
+def glb_shells(data: bytes) -> list[Shell]:
     """The solids of a GLB file where its scene puts them, in m.
 
     Raises:

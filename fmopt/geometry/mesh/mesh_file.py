@@ -6,15 +6,20 @@ triangles, ears where they are not convex; points that no face uses are left out
 
 from __future__ import annotations
 
+import hashlib
 import struct
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
 
 from fmopt.errors import GeometryError, ResourceError
 from fmopt.geometry.facets import Indices
 from fmopt.geometry.mesh.ply_file import read_ply
 from fmopt.geometry.mesh.surface import (
+    AGAIN,
     COARSER,
     MAX_TRIANGLES,
     Damage,
@@ -24,6 +29,7 @@ from fmopt.geometry.mesh.surface import (
     number_of,
     quoted,
 )
+from fmopt.runtime import confined
 from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
@@ -33,6 +39,7 @@ T = TypeVar("T")
 FORMATS = ("stl", "obj", "ply", "3mf", "glb")
 OWN_UNIT = ("3mf", "glb")  # formats that say their unit: their numbers become m
 MAX_BYTES = 50_000_000
+_TRIMESH = confined.Reader("trimesh", "fmopt.geometry.mesh.archive:glb", COARSER, AGAIN)
 
 
 def read_triangles(path: Path) -> tuple[Array, Indices]:
@@ -60,12 +67,11 @@ def _read(path: Path, taken: Callable[[Surface], T]) -> T:
             data = file.read(MAX_BYTES + 1)  # one byte more tells that a file is too large, without reading all of it
     except OSError as error:
         raise ResourceError(f"cannot read mesh {path}: {error.strerror}", "check the path") from error
-    readers: dict[str, Callable[[bytes], Surface]] = {"stl": _stl, "obj": _obj, "ply": read_ply}
-    readers |= {"3mf": _three_mf, "glb": _glb}
+    readers: dict[str, Callable[[bytes], Surface]] = {"stl": _stl, "obj": _obj, "ply": read_ply, "3mf": _three_mf}
     try:
         if len(data) > MAX_BYTES:
             raise Damage(f"the file has more than {MAX_BYTES} bytes", advice=COARSER)
-        return taken(readers[kind](data))
+        return taken(_packed(_glb(path, hashlib.sha256(data).digest())) if kind == "glb" else readers[kind](data))
     except Damage as damage:
         place = f"{path}, {damage.where}" if damage.where else str(path)
         raise GeometryError(f"{place}: {damage.message}", damage.advice) from None
@@ -81,13 +87,13 @@ def _three_mf(data: bytes) -> Surface:
     return _packed([shell._replace(points=METRES[unit] * shell.points) for shell in shells])
 
 
-def _glb(data: bytes) -> Surface:
-    from fmopt.geometry.mesh.archive import Broken, glb
+@lru_cache(maxsize=2)
+def _glb(path: Path, digest: bytes) -> tuple[Shell, ...]:
+    """The solids of a file, read once while it has that digest."""
+    from fmopt.geometry.mesh.archive import Shell
 
-    try:
-        return _packed(glb(data))
-    except Broken as error:
-        raise Damage(str(error)) from None
+    found = confined.read(path, _TRIMESH)
+    return tuple(Shell(name, np.array(points), np.array(triangles, np.int64)) for name, points, triangles in found)
 
 
 def _packed(shells: Sequence[Shell]) -> Surface:

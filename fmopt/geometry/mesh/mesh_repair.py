@@ -117,8 +117,14 @@ def first_crossing(points: Array, triangles: Indices, tol: float) -> Crossing | 
     """
     corners = points[triangles]
     one, other = _near(corners)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normals, axis=1)
+    normals /= np.where(size > 0.0, size, 1.0)[:, None]
     for start in range(0, len(one), _AT_ONCE):
         i, j = one[start : start + _AT_ONCE], other[start : start + _AT_ONCE]
+        heights = np.einsum("ij,ikj->ik", normals[i], corners[j] - corners[i, :1])
+        both = (heights.min(axis=1) < -0.5 * tol) & (heights.max(axis=1) > 0.5 * tol)  # others cross no plane
+        i, j = i[both], j[both]
         for k in range(3):
             hit, where = _pierced(corners[i], corners[j][:, k], corners[j][:, (k + 1) % 3], tol)
             if len(found := np.flatnonzero(hit)):

@@ -12,8 +12,10 @@ from fmopt.geometry.facets import place
 from fmopt.geometry.inverse_csg import MESH_NOISE, apart
 from fmopt.geometry.mesh.mesh_import import TOLD, Imported
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed, triangulated
+from fmopt.runtime.store import kept
 from fmopt.spatial.values import Value, remembered
 
+_MOST_REFLEX = 350  # edges: to cut through more of them exactly takes minutes
 _VOLUME = 1e-4  # of the volume, by which pieces may be off
 
 
@@ -44,6 +46,13 @@ def decomposed(mesh: Imported) -> Decomposed:
         GeometryError: it is too thin for that.
     """
     body, enclosure = mesh.body, mesh.enclosure
+    if enclosure is not None:
+        return _decomposed(body, enclosure)
+    depends = body.vertices.tobytes(), [face.loops for face in body.faces]
+    return kept(depends, lambda: _decomposed(body, None))
+
+
+def _decomposed(body: Polyhedron, enclosure: Enclosure | None) -> Decomposed:
     try:
         if enclosure is None:
             return _exact(body)
@@ -53,6 +62,8 @@ def decomposed(mesh: Imported) -> Decomposed:
 
 
 def _exact(body: Polyhedron) -> Decomposed:
+    if (count := sum(not edge.convex for edge in body.edges)) > _MOST_REFLEX:
+        raise GeometryError(f"{count} reflex edges are too many")
     solid, boundary = apart(body, MESH_NOISE * body.diameter)
     if abs((volume := manifold(solid).volume()) - boundary.volume) > _VOLUME * boundary.volume:
         raise GeometryError(f"it has {boundary.volume:.6g} m³, its convex pieces {volume:.6g} m³")

@@ -31,6 +31,7 @@ _APART = 0.4  # of the least angle to a face beside it: by how much a normal may
 _SMALL = 0.38  # rad: faces that meet at less stand for a curved surface, of more than 16 to a turn
 _TRIES = 8  # gaps that are looked at, the widest first
 _STEP = 1e-9  # m: what planes lie apart by is a multiple of this
+_TINY = 1e-300  # m², in place of the square of no length
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,32 +294,21 @@ def _apart(surface: _Surface, moved: Array) -> tuple[float, Array]:
         apart = np.hypot(beside, parts.vertices[corners] @ normal - offset)
         if apart.max() > most:
             most, where = float(apart.max()), parts.vertices[corners[int(apart.argmax())]]
-    around: dict[int, list[int]] = {}
-    used = {vertex for loops in surface.faces for loop in loops for vertex in loop}
-    for number, triangle in enumerate(parts.triangles.tolist()):
-        for vertex in triangle:
-            if vertex in used:
-                around.setdefault(vertex, []).append(number)
-    for vertex, own in around.items():
-        near = min(_from_triangle(moved[vertex], parts.vertices[parts.triangles[k]]) for k in own)
-        if near > most:
-            most, where = near, moved[vertex]
-    return most, where
+    used = np.unique([vertex for loops in surface.faces for loop in loops for vertex in loop])
+    numbers, slots = np.nonzero(np.isin(parts.triangles, used))
+    around = parts.triangles[numbers, slots]
+    near = np.full(len(moved), np.inf)
+    np.minimum.at(near, around, _from_triangles(moved[around], parts.vertices[parts.triangles[numbers]]))
+    farthest = int(np.argmax(np.where(np.isfinite(near), near, 0.0)))
+    return max((most, where), (float(near[farthest]), moved[farthest]), key=lambda one: one[0])
 
 
-def _from_triangle(p: Array, corners: Array) -> float:
-    """Distance of a point from a triangle (3, 3), m."""
-    a, b, c = corners
-    normal = np.cross(b - a, c - a)
-    size = float(np.linalg.norm(normal))
-    ends = zip(corners, (b, c, a), strict=True)
-    if size > 0.0 and all(float(np.cross(v - u, p - u) @ normal) >= 0.0 for u, v in ends):
-        return abs(float((p - a) @ normal)) / size
-    return min(_from_segment(p, u, v) for u, v in ((a, b), (b, c), (c, a)))
-
-
-def _from_segment(p: Array, a: Array, b: Array) -> float:
-    along = b - a
-    square = float(along @ along)
-    share = min(max(float((p - a) @ along) / square, 0.0), 1.0) if square > 0.0 else 0.0
-    return float(np.linalg.norm(p - a - share * along))
+def _from_triangles(p: Array, corners: Array) -> Array:
+    """Distances (n,) of points (n, 3), each from its own triangle (n, 3, 3), m."""
+    along, to_p = np.roll(corners, -1, axis=1) - corners, p[:, None] - corners
+    normal = np.cross(along[:, 0], along[:, 1])
+    size = np.linalg.norm(normal, axis=1)
+    inside = (size > 0.0) & np.all(np.vecdot(np.cross(along, to_p), normal[:, None]) >= 0.0, axis=1)
+    share = np.clip(np.vecdot(to_p, along) / np.maximum(np.vecdot(along, along), _TINY), 0.0, 1.0)
+    beside = np.linalg.norm(to_p - share[..., None] * along, axis=2).min(axis=1)
+    return np.asarray(np.where(inside, np.abs(np.vecdot(to_p[:, 0], normal)) / np.maximum(size, _TINY), beside))

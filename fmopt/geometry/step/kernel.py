@@ -1,49 +1,28 @@
-"""The inside of the process that reads a STEP file: the CAD kernel, which may break down or go on for ever.
-
-It answers in JSON on what was its standard output, and ends with its owner.
-"""
+"""STEP files as the CAD kernel reads them, in a process that it may break down: see `runtime.confined`."""
 
 from __future__ import annotations
 
-import ctypes
-import json
 import os
-import signal
-import sys
-import threading
 from typing import Any
 
 from fmopt.errors import GeometryError
 
-MEMORY = 4 << 30  # bytes of address space
-SECONDS = 60  # of the processor
-_PR_SET_PDEATHSIG = 1
 
+def read(path: str, deviation: str, which: str) -> dict[str, Any]:
+    """{"bodies": [{"name", "place", and of those that are asked for "points", "triangles", …}, …]}.
 
-def main(arguments: list[str]) -> None:
-    """Answers {"bodies": [{"name", "place", and of those that were asked for "points", "triangles", …}, …]}.
-
-    Or {"message", "advice"} where the file cannot be used.
+    Or {"kernel": why there is none that works}.
 
     Args:
-        arguments: the STEP file, how far facets may lie from curved faces in mm, the body that is asked for (its
-            name or number, "" for the only one, "*" for all), the descriptor of a pipe that is closed when the owner
-            ends, and the owner's process.
+        deviation: how far facets may lie from curved faces, mm.
+        which: the body that is asked for, its name or number, "" for the only one, "*" for all.
+
+    Raises:
+        GeometryError: the file cannot be used.
     """
-    path, deviation, which, life, owner = arguments
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the owner to answer
-    _die_with(int(owner), int(life))
-    _limit()
-    answer = os.fdopen(os.dup(1), "w")
+    from fmopt.geometry.step.step_file import COARSER
+
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the kernel is talkative
-    json.dump(_read(path, float(deviation), which), answer)
-    answer.close()
-    os._exit(0)  # what the kernel holds of a damaged file is not worth taking apart
-
-
-def _read(path: str, deviation: float, which: str) -> dict[str, Any]:
-    from fmopt.geometry.step.step_file import COARSER, SIMPLER
-
     try:
         from OCP import Standard
     except ImportError as error:
@@ -52,15 +31,13 @@ def _read(path: str, deviation: float, which: str) -> dict[str, Any]:
     known = [kind for kind in vars(Standard).values() if isinstance(kind, type) and issubclass(kind, Exception)]
     failures: tuple[type[Exception], ...] = (*known, RuntimeError)
     try:
-        return {"bodies": _bodies(path, deviation, which)}
-    except GeometryError as error:
-        return {"message": error.message, "advice": error.advice}
-    except MemoryError:
-        return {"message": f"the CAD kernel needs more than {MEMORY >> 30} GiB for it", "advice": SIMPLER}
+        return {"bodies": _bodies(path, float(deviation), which)}
     except failures as error:
+        if isinstance(error, GeometryError):
+            raise
         told = " ".join(str(error).split())[:200]
         message = f"the CAD kernel gives up on it: {type(error).__name__} {told}"
-        return {"message": message, "advice": f"export it again, or {COARSER}"}
+        raise GeometryError(message, f"export it again, or {COARSER}") from error
 
 
 def _bodies(path: str, deviation: float, which: str) -> list[dict[str, Any]]:
@@ -78,30 +55,3 @@ def _bodies(path: str, deviation: float, which: str) -> list[dict[str, Any]]:
             where = f"body {found[number].name or number + 1}: " if len(found) > 1 else ""
             raise GeometryError(f"{where}{error.message}", error.advice) from error
     return told
-
-
-def _limit() -> None:
-    """Limits memory and processor time where the system can."""
-    if sys.platform != "win32":
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-        # The soft limit ends it by SIGXCPU, by which the owner knows that it was time.
-        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no image of its memory on the disk
-
-
-def _die_with(owner: int, life: int) -> None:
-    """Makes this process end with its owner."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
-    # The owner may have ended before the signal was asked for.
-    if os.getppid() != owner:
-        os._exit(0)
-
-    # For systems without such a signal: reading comes to an end when the owner, however it ends, lets go of the pipe.
-    def watch() -> None:
-        os.read(life, 1)
-        os._exit(0)
-
-    threading.Thread(target=watch, daemon=True).start()

@@ -1,15 +1,10 @@
 """STEP files: plane faces exactly, curved ones as facets no further from them than stated.
 
-The CAD kernel reads them in a process of its own, `geometry.step.kernel`: what breaks it down does not break this one.
+The CAD kernel reads them in a process of its own: what breaks it down does not break this one.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import signal
-import subprocess
-import sys
 from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
@@ -19,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.errors import FmoptError, GeometryError, ResourceError, SizeError
+from fmopt.errors import GeometryError, ResourceError, SizeError
 from fmopt.geometry.csg import exact_pose
 from fmopt.geometry.facets import Indices
 from fmopt.geometry.mesh.mesh_import import Imported, NamedBody, enclosed, mesh_polyhedron
@@ -27,18 +22,15 @@ from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.polyhedron import from_triangles
 from fmopt.geometry.section import require_plausible
 from fmopt.geometry.step.step_file import AGAIN, COARSER, SIMPLER
+from fmopt.runtime import confined
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
 _MILLIMETRE = 1e-3
-_SECONDS = 300.0  # by the clock; the process has less of the processor
 _HEAL = "heal the solid where it was made, leave out what does not mate, or " + COARSER
-_OUTSIDE = {signal.SIGKILL, signal.SIGTERM, signal.SIGHUP}  # what others send
-_CODE = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from fmopt.geometry.step.kernel import main; main(sys.argv[2:])"
-)
+_LATEST: dict[tuple[Path, int, int, float], list[dict[str, Any]]] = {}  # all bodies of the file that was read last
+_KERNEL = confined.Reader("the CAD kernel", "fmopt.geometry.step.kernel:read", SIMPLER, AGAIN)
 
 
 def bodies(path: Path) -> tuple[NamedBody, ...]:
@@ -88,15 +80,17 @@ def _read(path: Path, deviation: float, body: str) -> list[dict[str, Any]]:
         raise ResourceError(f"cannot read {path}: there is no such file", "check the path")
     if find_spec("OCP") is None:
         raise _no_kernel(path, None)
-    try:
-        answer = _answer(path, deviation, body)
-        if "kernel" in answer:
-            raise _no_kernel(path, answer["kernel"])
-        if "message" in answer:
-            raise GeometryError(answer["message"], answer["advice"])
-    except GeometryError as error:
-        raise GeometryError(f"{path}: {error.message}", error.advice) from error
+    status = path.stat()
+    latest = path, status.st_mtime_ns, status.st_size, deviation
+    if body == "" and len(known := _LATEST.get(latest, ())) == 1:
+        return list(known)
+    answer = confined.read(path, _KERNEL, repr(deviation / _MILLIMETRE), body)
+    if "kernel" in answer:
+        raise _no_kernel(path, answer["kernel"])
     found: list[dict[str, Any]] = answer["bodies"]
+    if body == "*":
+        _LATEST.clear()
+        _LATEST[latest] = found
     return found
 
 
@@ -168,59 +162,3 @@ def _facets(answer: dict[str, Any]) -> tuple[Any, Any, float | None]:
         raise GeometryError("the CAD kernel makes no surface of it", AGAIN)
     off = answer["off"]
     return points, triangles, None if off is None else _MILLIMETRE * off
-
-
-def _answer(path: Path, deviation: float, body: str) -> dict[str, Any]:
-    """What the process says that reads the file.
-
-    Raises:
-        ResourceError: it cannot be started, or was ended from outside.
-        GeometryError: it breaks down on the file, or comes to no end.
-    """
-    watched, life = os.pipe()
-    try:
-        with _process(path, deviation, body, watched) as process:
-            os.close(watched)
-            try:
-                told, said = process.communicate(timeout=_SECONDS)
-            except subprocess.TimeoutExpired:
-                raise GeometryError(f"the CAD kernel has not read it in {_SECONDS:g} s", SIMPLER) from None
-            # Ctrl-C, too, ends it from here: the process does not listen to that itself.
-            finally:
-                process.kill()
-    finally:
-        os.close(life)
-    if process.returncode == 0:
-        answer: dict[str, Any] = json.loads(told)
-        return answer
-    raise _ending(path, process.returncode, said)
-
-
-def _process(path: Path, deviation: float, body: str, watched: int) -> subprocess.Popen[bytes]:
-    """The process that reads the file, and ends when the other end of the pipe `watched` is closed."""
-    asked = [str(path.resolve()), repr(deviation / _MILLIMETRE), body, str(watched), str(os.getpid())]
-    try:
-        return subprocess.Popen(
-            [sys.executable, "-c", _CODE, json.dumps(sys.path), *asked],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            pass_fds=(watched,),
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-        )
-    except OSError as error:
-        os.close(watched)
-        raise ResourceError(f"{path}: no process can be started to read it: {error.strerror}", "free memory") from error
-
-
-def _ending(path: Path, code: int, said: bytes) -> FmoptError:
-    """The error of a process that did not answer."""
-    if code > 0:
-        last = said[-2000:].decode(errors="replace").strip().split("\n")[-1]
-        return FmoptError(f"{path}: the process that reads it ended with exit code {code}: {last}")
-    name = signal.Signals(-code).name
-    if -code in _OUTSIDE:
-        return ResourceError(f"{path}: the process that reads it was ended by {name}", "free memory, and try again")
-    if -code == signal.SIGXCPU:
-        return GeometryError("the CAD kernel comes to no end with it", SIMPLER)
-    return GeometryError(f"the CAD kernel breaks down on it ({name})", AGAIN)
