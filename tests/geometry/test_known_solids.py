@@ -16,6 +16,7 @@ from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.polyhedron import triangulated
 from fmopt.geometry.step.step_import import load_step
 from fmopt.task.toml.units import UNITS, evaluate
+from tests.shared.files.mesh_files import polygons_obj, polygons_ply
 
 A, B, C = 0.012, 0.008, 0.03  # m, edges of a box
 TURN = trimesh.transformations.rotation_matrix(0.7, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0))
@@ -23,6 +24,7 @@ TURN[:3, 3] = 0.01, -0.02, 0.03
 # An L of two boxes in mm: corners counter-clockwise, its area and centre by hand.
 L = np.array([(0.0, 0.0), (20.0, 0.0), (20.0, 8.0), (8.0, 8.0), (8.0, 20.0), (0.0, 20.0)])
 L_AREA, L_CENTRE, HEIGHT = 256.0, (160.0 * 10.0 + 96.0 * 4.0) / 256.0, 15.0
+Writer = Callable[[np.ndarray, list[list[int]]], str]
 
 
 def properties(vertices: np.ndarray, faces: Any) -> tuple[float, np.ndarray, np.ndarray]:
@@ -70,24 +72,9 @@ def test_a_box_of_a_kernel_has_its_volume_and_centre(tmp_path: Path) -> None:
     assert centre == pytest.approx((0.5 * A, 0.5 * B, 0.5 * C), abs=1e-9)
 
 
-def obj(points: np.ndarray, faces: list[list[int]]) -> str:
-    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
-    return "\n".join([*rows, *("f " + " ".join(str(k + 1) for k in face) for face in faces), ""])
-
-
-def ply(points: np.ndarray, faces: list[list[int]]) -> str:
-    head = f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n"
-    head += "".join(f"property double {axis}\n" for axis in "xyz")
-    head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-    rows = [" ".join(map(repr, point)) for point in points.tolist()]
-    return "\n".join([head.rstrip(), *rows, *(" ".join(map(str, (len(face), *face))) for face in faces), ""])
-
-
-@pytest.mark.parametrize(("kind", "write"), [("obj", obj), ("ply", ply)])
+@pytest.mark.parametrize(("kind", "write"), [("obj", polygons_obj), ("ply", polygons_ply)])
 @pytest.mark.parametrize("sides", [3, 5, 8])
-def test_a_prism_of_polygons_has_its_volume_and_centre(
-    sides: int, kind: str, write: Callable[[np.ndarray, list[list[int]]], str], tmp_path: Path
-) -> None:
+def test_a_prism_of_polygons_has_its_volume_and_centre(sides: int, kind: str, write: Writer, tmp_path: Path) -> None:
     """Polygons of many corners, written by hand."""
     turns = 2.0 * np.pi * np.arange(sides) / sides
     ring = 10.0 * np.stack([np.cos(turns), np.sin(turns)], axis=1)
@@ -100,20 +87,31 @@ def test_a_prism_of_polygons_has_its_volume_and_centre(
     assert centre == pytest.approx((0.0, 0.0, 5e-4 * HEIGHT), abs=1e-10)
 
 
-@pytest.mark.parametrize(("kind", "write"), [("obj", obj), ("ply", ply)])
-@pytest.mark.parametrize("start", range(6))
+@pytest.mark.parametrize(
+    ("outline", "area", "around", "centre"),  # mm², mm, mm
+    [
+        (L, L_AREA, 80.0, (L_CENTRE, L_CENTRE)),
+        ([(0, 0), (10, 0), (10, 10), (5, 3), (0, 10)], 65.0, 30.0 + 2.0 * math.sqrt(74.0), (5.0, 139.0 / 39.0)),
+        ([(-3, 0), (3, 0), (3, 10), (9, 10), (9, 15), (-9, 15), (-9, 10), (-3, 10)], 150.0, 66.0, (0.0, 9.5)),
+        ([(-9, 0), (9, 0), (9, 15), (4, 15), (4, 5), (-4, 5), (-4, 15), (-9, 15)], 190.0, 86.0, (0.0, 1225.0 / 190.0)),
+    ],
+    ids=["L", "notched", "T", "U"],
+)
+@pytest.mark.parametrize(("kind", "write"), [("obj", polygons_obj), ("ply", polygons_ply)])
 def test_a_polygon_that_is_not_convex_is_one_face_from_whatever_corner_it_is_listed(
-    start: int, kind: str, write: Callable[[np.ndarray, list[list[int]]], str], tmp_path: Path
+    outline: Any, area: float, around: float, centre: tuple[float, float], kind: str, write: Writer, tmp_path: Path
 ) -> None:
-    points = np.vstack([np.column_stack([L, np.full(6, z)]) for z in (0.0, HEIGHT)])
-    walls = [[k, (k + 1) % 6, 6 + (k + 1) % 6, 6 + k] for k in range(6)]
-    ring = np.roll(np.arange(6), -start)
-    (tmp_path / f"L.{kind}").write_text(write(points, [ring[::-1].tolist(), (6 + ring).tolist(), *walls]))
-    body = load_mesh(tmp_path / f"L.{kind}", "mm").body
-    mesh = trimesh.Trimesh(body.vertices, triangulated(body), process=False)
-    volume, centre = mesh.volume, mesh.center_mass
-    assert volume == pytest.approx(1e-9 * L_AREA * HEIGHT, rel=1e-12)
-    assert centre == pytest.approx(1e-3 * np.array([L_CENTRE, L_CENTRE, 0.5 * HEIGHT]), abs=1e-12)
+    n, path = len(outline), tmp_path / f"prism.{kind}"
+    points = np.vstack([np.column_stack([outline, np.full(n, z)]) for z in (0.0, HEIGHT)]) @ TURN[:3, :3].T
+    walls = [[k, (k + 1) % n, n + (k + 1) % n, n + k] for k in range(n)]
+    for start in range(n):
+        ring = np.roll(np.arange(n), -start)
+        path.write_text(write(points, [ring[::-1].tolist(), (n + ring).tolist(), *walls]))
+        body = load_mesh(path, "mm").body
+        mesh = trimesh.Trimesh(1e3 * body.vertices, triangulated(body), process=False)
+        assert (len(body.faces), mesh.volume) == (n + 2, pytest.approx(area * HEIGHT, rel=1e-9))
+        assert mesh.area == pytest.approx(2.0 * area + around * HEIGHT, rel=1e-9)
+        assert mesh.center_mass == pytest.approx(TURN[:3, :3] @ (*centre, 0.5 * HEIGHT), abs=1e-8)
 
 
 def test_corners_that_stand_twice_and_polygons_far_away_or_without_area_are_read(tmp_path: Path) -> None:
@@ -122,7 +120,7 @@ def test_corners_that_stand_twice_and_polygons_far_away_or_without_area_are_read
     for start in range(6):
         ring = np.roll([0, 1, 2, 3, 3, 4, 5], -start)  # the inner corner twice
         faces = [ring[::-1].tolist(), (6 + ring).tolist(), *walls, [0, 1, 1, 0], [0, 0, 1, 1]]
-        (tmp_path / "L.obj").write_text(obj(points, faces))
+        (tmp_path / "L.obj").write_text(polygons_obj(points, faces))
         body = load_mesh(tmp_path / "L.obj", "mm").body
         assert len(body.faces) == 8
         assert body.volume == pytest.approx(1e-9 * L_AREA * HEIGHT, rel=1e-9)
@@ -132,9 +130,11 @@ def test_a_polygon_that_crosses_itself_is_named_with_its_line(tmp_path: Path) ->
     bow = np.array([(0.0, 0.0, 0.0), (2.0, 1.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (1.0, 1.0, 3.0)])
     star = np.array([(np.cos(0.8 * np.pi * k), np.sin(0.8 * np.pi * k), 0.0) for k in range(5)])
     for points, face in ((bow, [0, 1, 2, 3]), (star, [0, 1, 2, 3, 4])):
-        (tmp_path / "bow.obj").write_text(obj(points, [[0, 1, 2], face]))
-        with pytest.raises(GeometryError, match=rf"bow\.obj, line {len(points) + 2}: the polygon crosses itself"):
-            load_mesh(tmp_path / "bow.obj", "mm")
+        for kind, write, head in (("obj", polygons_obj, 0), ("ply", polygons_ply, 9)):
+            (tmp_path / f"bow.{kind}").write_text(write(points, [[0, 1, 2], face]))
+            line = head + len(points) + 2
+            with pytest.raises(GeometryError, match=rf"bow\.{kind}, line {line}: the polygon crosses itself"):
+                load_mesh(tmp_path / f"bow.{kind}", "mm")
 
 
 @pytest.mark.parametrize("name", [name for lengths in UNITS.values() for name in lengths[1]])

@@ -80,7 +80,7 @@ def test_a_check_that_was_cut_short_proves_nothing() -> None:
         assert any("no time left" in finding.message for finding in cut.findings)
 
 
-@pytest.mark.parametrize(("n", "limit"), [(24, 1.0), (120, 2.0)])
+@pytest.mark.parametrize(("n", "limit"), [(24, 1.0), (60, 1.5), (120, 2.0)])
 def test_the_limit_holds_however_many_sides_there_are(n: int, limit: float, tmp_path: Path) -> None:
     problem = fmopt.load(prism(tmp_path, regular(n, 10.0), regular(n, 10.1), limit=limit))
     begun = time.process_time()

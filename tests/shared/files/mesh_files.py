@@ -6,7 +6,7 @@ import io
 import json
 import struct
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +44,21 @@ def ply_text(points: np.ndarray, triangles: np.ndarray) -> str:
     rows = ["{:.9g} {:.9g} {:.9g}".format(*point) for point in points]
     faces = ["3 {} {} {}".format(*triangle) for triangle in triangles]
     return "\n".join([*head, "property list uchar int vertex_indices", "end_header", *rows, *faces, ""])
+
+
+def polygons_obj(points: np.ndarray, faces: Iterable[Sequence[int]]) -> str:
+    """An OBJ file of polygons, in all digits."""
+    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
+    return "\n".join([*rows, *("f " + " ".join(str(k + 1) for k in face) for face in faces), ""])
+
+
+def polygons_ply(points: np.ndarray, faces: Sequence[Sequence[int]]) -> str:
+    """An ASCII PLY file of polygons, in all digits."""
+    axes = [f"property double {axis}" for axis in "xyz"]
+    head = ["ply", "format ascii 1.0", f"element vertex {len(points)}", *axes, f"element face {len(faces)}"]
+    rows = [" ".join(map(repr, point)) for point in points.tolist()]
+    loops = [" ".join(map(str, (len(face), *face))) for face in faces]
+    return "\n".join([*head, "property list uchar int vertex_indices", "end_header", *rows, *loops, ""])
 
 
 def write_stl(path: Path, solid: Solid) -> None:
