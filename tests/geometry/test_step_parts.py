@@ -14,12 +14,10 @@ import pytest
 import trimesh
 
 from fmopt.errors import GeometryError, ResourceError
-from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box as Block
-from fmopt.geometry.csg import Cylinder, Difference, Placed, Prism, Solid
+from fmopt.geometry.csg import Difference, Placed
 from fmopt.geometry.fit.find import find
-from fmopt.geometry.mesh.mesh_import import load_mesh
-from fmopt.geometry.part import mesh_part, rebased
+from fmopt.geometry.part import mesh_part
 from fmopt.geometry.part import part_of as part_of_solid
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.python_objects import imported_of
@@ -27,12 +25,10 @@ from fmopt.geometry.step.facets import facets_of
 from fmopt.geometry.step.step_import import bodies, load_step
 from fmopt.spatial.se3 import Pose, exp
 from tests.shared.files import step_parts
-from tests.shared.files.mesh_files import write_stl
 from tests.shared.files.step_files import write_step
-from tests.shared.files.step_parts import box, cut, cylinder, eased
+from tests.shared.files.step_parts import box, cut, cylinder
 
 EXACT = 1e-9  # m
-MICRON = 1e-6  # m
 
 
 def turned(seed: int) -> Pose:
@@ -121,55 +117,6 @@ def test_coarser_rounds_are_said_to_be_coarser(tmp_path: Path) -> None:
         assert mesh.chord_error == pytest.approx(0.006 * (1.0 - np.cos(np.pi / sides)), rel=1e-9)
         assert mesh.chord_error <= deviation
         assert sides & (sides - 1) == 0
-
-
-def pair(kind: str, r: np.random.Generator) -> tuple[tuple[Any, Solid], tuple[Any, Solid]]:
-    """A peg and its plate, as shapes in mm and as solids in m, with 0.12 mm a side."""
-    gap, z = 0.12, 30.0
-    if kind == "round":
-        radius = r.uniform(3.0, 8.0)
-        own, wide = cylinder(radius, z), cylinder(radius + gap, 20.0, (0.0, 0.0, -5.0))
-        solid: Solid = Cylinder(1e-3 * radius, 1e-3 * z)
-        hole: Solid = Cylinder(1e-3 * (radius + gap), 0.02)
-    elif kind == "chamfered key":
-        x, y = r.uniform(6.0, 16.0, 2)
-        own = eased(box(x, y, z), 1.0, step_parts.at_height(z))
-        wide = box(x + 2.0 * gap, y + 2.0 * gap, 20.0, (0.0, 0.0, -5.0))
-        corner = [np.array([x, y, 0.0]), np.array([x, y, z - 1.0]), np.array([x - 2.0, y - 2.0, z])]
-        solid = step_parts.hull(1e-3 * np.array(corner))
-        hole = Block((1e-3 * (x + 2.0 * gap), 1e-3 * (y + 2.0 * gap), 0.02))
-    else:
-        corners = 1e-3 * np.array([(-7.0, -4.0), (5.0, -4.0), (r.uniform(6.0, 9.0), 5.0), (-3.0, r.uniform(6.0, 8.0))])
-        own, solid = step_parts.prism(1e3 * corners, z), Prism(tuple(map(tuple, corners)), 1e-3 * z)
-        outer = step_parts.offset(corners, 1e-3 * gap)
-        wide, hole = step_parts.prism(1e3 * outer, 20.0, -5.0), Prism(tuple(map(tuple, outer)), 0.02)
-    plate = Difference(Block((0.05, 0.05, 0.01)), (Placed(hole, Pose(np.array([0.0, 0.0, -0.005]), np.eye(3))),))
-    return (own, solid), (cut(box(50.0, 50.0, 10.0), wide), plate)
-
-
-@pytest.mark.parametrize("kind", ["round", "chamfered key", "quadrilateral"])
-def test_a_pair_is_the_same_as_step_as_stl_and_as_solids(kind: str, tmp_path: Path) -> None:
-    measured, found = [], []
-    shapes = pair(kind, np.random.default_rng(11))
-    for form in ("step", "stl", "solids"):
-        parts = []
-        for name, (shape, solid) in zip(("peg", "plate"), shapes, strict=True):
-            if form == "step":
-                write_step(tmp_path / f"{name}.step", shape)
-                parts.append(mesh_part(name, load_step(tmp_path / f"{name}.step")))
-            elif form == "stl":
-                write_stl(tmp_path / f"{name}.stl", solid)
-                parts.append(mesh_part(name, load_mesh(tmp_path / f"{name}.stl", "mm")))
-            else:
-                parts.append(part_of_solid(name, solid))
-        moving, fixed = parts
-        fit = find(moving.polyhedron, fixed.polyhedron)
-        seated = rebased(moving, fit.solid), rebased(fixed, fit.hollow)
-        measured.append(mating_clearance(*seated, fit.hole).per_side)
-        found.append([*fit.solid.vector(), *fit.hollow.vector(), fit.hole, fit.peg, fit.depth, fit.through])
-    assert measured == pytest.approx([measured[0]] * 3, abs=MICRON)
-    assert measured[0] == pytest.approx(1.2e-4, abs=MICRON if kind != "quadrilateral" else 10.0 * MICRON)
-    np.testing.assert_allclose(found, found[:1] * 3, atol=MICRON)
 
 
 @pytest.mark.wide

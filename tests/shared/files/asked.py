@@ -12,6 +12,8 @@ import numpy as np
 
 from fmopt.geometry.polyhedron import triangulated
 from fmopt.geometry.python_objects import imported_of
+from fmopt.spatial.se3 import Pose
+from tests.shared.files import step_parts
 from tests.shared.files.mesh_files import stl_text
 from tests.shared.files.step_files import write_step
 
@@ -133,8 +135,8 @@ def convex(loop: Outline) -> list[Outline]:
     return [(loop[0], loop[1], loop[6], loop[7]), key]
 
 
-def solid(loops: Sequence[Outline], height: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
-    """A prism over loops as a solid of the CAD kernel, shifted."""
+def solid(loops: Sequence[Outline], height: float) -> Any:
+    """A prism over loops as a solid of the CAD kernel."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakePolygon
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
     from OCP.gp import gp_Pnt, gp_Vec
@@ -142,7 +144,7 @@ def solid(loops: Sequence[Outline], height: float, at: tuple[float, float, float
     def wire(loop: Outline) -> Any:
         made = BRepBuilderAPI_MakePolygon()
         for x, y in loop:
-            made.Add(gp_Pnt(x + at[0], y + at[1], at[2]))
+            made.Add(gp_Pnt(x, y, 0.0))
         made.Close()
         return made.Wire()
 
@@ -154,28 +156,7 @@ def solid(loops: Sequence[Outline], height: float, at: tuple[float, float, float
 
 def write_assembly(path: Path, pair: Asked, depth: float) -> None:
     """A STEP file of the peg in the plate's hole, its leading end this far below the mouth, bodies called by name."""
-    from OCP.gp import gp_Trsf, gp_Vec
-    from OCP.STEPCAFControl import STEPCAFControl_Writer
-    from OCP.STEPControl import STEPControl_StepModelType
-    from OCP.TCollection import TCollection_ExtendedString
-    from OCP.TDataStd import TDataStd_Name
-    from OCP.TDocStd import TDocStd_Document
-    from OCP.TopLoc import TopLoc_Location
-    from OCP.XCAFDoc import XCAFDoc_DocumentTool
-
-    document = TDocStd_Document(TCollection_ExtendedString("XmlOcaf"))
-    tool = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
-    top = tool.NewShape()
-    turn = pair.turns[1] - pair.turns[0]
-    peg = [placed(loop, turn, (0.0, 0.0)) for loop in pair.loops()[0]]
-    places = ((*pair.shift, pair.heights[1] - depth), (0.0, 0.0, 0.0))
-    for name, loops, height, at in zip(("peg", "plate"), (peg, pair.loops()[1]), pair.heights, places, strict=True):
-        label, shift = tool.AddShape(solid(loops, height), False), gp_Trsf()
-        TDataStd_Name.Set_s(label, TCollection_ExtendedString(name))
-        shift.SetTranslation(gp_Vec(*at))
-        tool.AddComponent(top, label, TopLoc_Location(shift))
-    tool.UpdateAssemblies()
-    writer = STEPCAFControl_Writer()
-    writer.SetNameMode(True)
-    writer.Transfer(document, STEPControl_StepModelType.STEPControl_AsIs)
-    writer.Write(str(path))
+    peg = [placed(loop, pair.turns[1] - pair.turns[0], (0.0, 0.0)) for loop in pair.loops()[0]]
+    seat = Pose(np.array([*pair.shift, pair.heights[1] - depth]), np.eye(3))
+    parts = [("peg", solid(peg, pair.heights[0]), seat)]
+    step_parts.write_assembly(path, [*parts, ("plate", solid(pair.loops()[1], pair.heights[1]), Pose.identity())])
