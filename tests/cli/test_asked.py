@@ -117,14 +117,6 @@ def test_one_verdict_from_files_the_command_line_and_python(tmp_path: Path, run:
     assert margins == pytest.approx([margins[0]] * len(margins), rel=1e-4)
 
 
-def test_the_turn_about_the_axis_is_found(tmp_path: Path) -> None:
-    """A keyed peg goes in one way only, however its file and that of the hole have it."""
-    for seed in range(4):
-        pair = generated(seed)[3]
-        problem = fmopt.load(four_lines(write(pair, tmp_path / str(seed), "stl")))
-        assert problem.measured.per_side == pytest.approx(1e-3 * pair.clearance, abs=1e-9)
-
-
 def test_what_is_stated_holds_and_what_disagrees_is_an_error_with_both_values(tmp_path: Path) -> None:
     pair = generated(seed=1)[1]
     file = four_lines(write(pair, tmp_path, "toml"))
@@ -162,14 +154,6 @@ def test_the_pair_that_fits_is_found_among_several_holes(tmp_path: Path) -> None
     alike = fmopt.problem(([rectangle(10.0, 10.0)], 30.0), (twins, 12.0), ERROR, unit="mm")
     assert any(note.endswith("has 2 openings that fit alike, of which one was taken") for note in alike.fixed.notes)
     assert alike.measured.per_side == pytest.approx(1e-4, abs=1e-9)
-
-
-def test_the_hollow_part_may_be_named_first(tmp_path: Path) -> None:
-    pair = generated(seed=2)[1]
-    peg, plate = write(pair, tmp_path, "stl")
-    problem = fmopt.problem(plate, peg, ERROR, unit="mm")
-    assert problem.task.exchanged
-    assert problem.measured.per_side == pytest.approx(1e-3 * pair.clearance, abs=1e-9)
 
 
 NOT_ERRORS = [
@@ -236,15 +220,6 @@ def test_a_fit_without_clearance_is_refused_as_such(gap: float, said: str, tmp_p
         code, _, err = run("check", tmp_path / "out" / "problem.toml")
         assert code == 1
         assert said in err
-
-
-def test_a_wrong_unit_is_no_fit(tmp_path: Path) -> None:
-    peg, plate = write(generated(seed=1)[0], tmp_path, "stl")
-    file = four_lines((peg, plate))
-    text = file.read_text().replace('moving = "peg.stl"', 'moving = { model = "peg.stl", unit = "um" }')
-    file.write_text(text.replace("0.02 mm", "0.1 um"))
-    with pytest.raises(InputError, match=r"implausible-(size|fit)"):
-        fmopt.load(file)
 
 
 def test_meshes_without_a_unit_are_taken_for_mm_and_that_is_said(tmp_path: Path, run: Run) -> None:

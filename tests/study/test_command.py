@@ -15,10 +15,8 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 import fmopt.study
-from fmopt.cli import app
 from fmopt.errors import InputError
 from fmopt.study.running.store import owned
 from tests import ROOT
@@ -157,13 +155,3 @@ def done(folder: Path) -> int:
     with closing(sqlite3.connect((folder / "study.sqlite").as_uri() + "?mode=ro", uri=True)) as file:
         known = file.execute("SELECT count(*) FROM sqlite_master WHERE name = 'results'").fetchone()[0]
         return int(file.execute("SELECT count(*) FROM results").fetchone()[0]) if known else 0
-
-
-@pytest.mark.parametrize("kind", ["study", "allocation"])
-def test_the_published_schemas_are_the_printed_ones_and_named(kind: str) -> None:
-    done = CliRunner().invoke(app, ["schema", kind])
-    studies = ROOT / "problems" / "studies"
-    assert done.stdout == (studies / f"{kind}.schema.json").read_text(encoding="utf-8")
-    mine = [path for path in studies.glob("*.toml") if ("[[tolerances]]" in path.read_text()) == (kind == "allocation")]
-    assert mine
-    assert all(path.read_text().startswith(f"#:schema ./{kind}.schema.json\n") for path in mine)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,25 +11,7 @@ from fmopt.errors import InputError
 from fmopt.planning.posed import Posed
 from fmopt.spatial.se3 import exp
 from fmopt.task.problem import load
-from tests.shared.parts.families import meshes, pair, stl_bytes, write_stl, write_toml
-
-
-@pytest.mark.parametrize("write", [write_toml, write_stl])
-def test_a_peg_without_symmetry_finds_its_hole(write: Callable[..., Path], tmp_path: Path) -> None:
-    for one in (pair("L", seed) for seed in range(3)):
-        problem = load(write(one, tmp_path / one.name, (0.01, 0.1)))
-        assert 1e3 * Posed.of(problem).clearance.per_side == pytest.approx(one.clearance, abs=1e-3)
-
-
-@pytest.mark.parametrize("family", ["triangle", "L"])
-@pytest.mark.parametrize("seed", range(3))
-def test_the_end_that_goes_in_leads_however_the_peg_lies_in_its_file(family: str, seed: int, tmp_path: Path) -> None:
-    one = pair(family, seed)
-    file = write_stl(one, tmp_path, (0.01, 0.1))
-    (points, triangles), _ = meshes(one)
-    for way in ([np.pi, 0.0, 0.0], [0.0, np.pi, 0.0], [np.pi / 2, 0.0, 0.0], [0.0, 1.0, 0.0]):
-        (tmp_path / "peg.stl").write_bytes(stl_bytes(points @ exp(np.array(way)).T, triangles))
-        assert 1e3 * Posed.of(load(file)).clearance.per_side == pytest.approx(one.clearance, abs=1e-3), way
+from tests.shared.parts.families import meshes, pair, stl_bytes, write_stl
 
 
 def test_a_hole_alike_from_both_sides_is_entered_where_a_stated_peg_fits(tmp_path: Path) -> None:

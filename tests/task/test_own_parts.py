@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -188,17 +187,3 @@ def test_facets_of_curves_add_to_the_errors_of_position(folder: Path) -> None:
     assert stated.start_box[0] == pytest.approx(2.3e-4)
     warnings = facts(stated, measured_clearance(stated))["warnings"]
     assert any("which is the clearance and more; give finer facets" in line for line in warnings)
-
-
-def test_what_is_found_does_not_depend_on_the_unit(folder: Path) -> None:
-    here = load(folder / "problem.toml")
-    for name, solid in (("rod", rounded((0.012, 0.008), 0.03, 0.0005)), ("plate", plate((0.0123, 0.0083)))):
-        points, triangles = triangles_of(solid)
-        (folder / f"{name}.stl").write_text(stl_text(1e-3 * points, triangles))
-        edit(folder / f"{name}.toml", 'unit = "mm"', 'unit = "m"')
-    there = load(folder / "problem.toml")
-    assert measured_clearance(there).per_side == pytest.approx(measured_clearance(here).per_side, rel=1e-6)
-    np.testing.assert_allclose(there.goal, here.goal, rtol=1e-9)
-    assert json.dumps(facts(there, measured_clearance(there))["features"]) == json.dumps(
-        {"moving": "peg", "fixed": "hole"}
-    )
