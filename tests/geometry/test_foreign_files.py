@@ -49,7 +49,7 @@ WHOLE: dict[str, tuple[str, bytes]] = {
     "latin-1 names": ("a.obj", OBJ.replace("o part", "o d\xe9coup\xe9").encode("latin-1")),
     "mixed line ends": (
         "a.obj",
-        b"".join(r + e for r, e in zip(OBJ.encode().split(b"\n"), cycle([b"\r\n", b"\r", b"\n"]))),
+        mixed(OBJ.encode()),
     ),
     "normals and textures": ("a.obj", OBJ.replace("\nf ", "\nf  ").replace(" 1 ", " 1/1/1 ").encode()),
     "back from the last": (

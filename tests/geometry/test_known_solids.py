@@ -14,7 +14,6 @@ import trimesh
 from fmopt.errors import GeometryError
 from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.polyhedron import triangulated
-from fmopt.geometry.step.step_import import load_step
 from fmopt.task.toml.units import UNITS, evaluate
 from tests.shared.files.mesh_files import polygons_obj, polygons_ply
 
@@ -57,19 +56,6 @@ def test_a_box_of_another_writer_has_its_volume_centre_and_inertia(kind: str, tm
     assert centre == pytest.approx(TURN[:3, 3], abs=1e-8)
     about = A * B * C / 12.0 * np.diag([B * B + C * C, A * A + C * C, A * A + B * B])
     assert inertia == pytest.approx(TURN[:3, :3] @ about @ TURN[:3, :3].T, rel=1e-5, abs=1e-6 * about.max())
-
-
-def test_a_box_of_a_kernel_has_its_volume_and_centre(tmp_path: Path) -> None:
-    pytest.importorskip("OCP")
-    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
-
-    from tests.shared.files.step_files import write_step
-
-    write_step(tmp_path / "box.step", BRepPrimAPI_MakeBox(12.0, 8.0, 30.0).Shape())
-    body = load_step(tmp_path / "box.step").body
-    volume, centre, _ = properties(body.vertices, [face.loops for face in body.faces])
-    assert volume == pytest.approx(A * B * C, rel=1e-9)
-    assert centre == pytest.approx((0.5 * A, 0.5 * B, 0.5 * C), abs=1e-9)
 
 
 @pytest.mark.parametrize(("kind", "write"), [("obj", polygons_obj), ("ply", polygons_ply)])

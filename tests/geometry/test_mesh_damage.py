@@ -30,7 +30,7 @@ from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.task.problem import load
 from fmopt.task.sizes import measured_clearance
 from tests.shared.files.mesh_damage import DAMAGES
-from tests.shared.files.mesh_files import at, glb, plate, rounded, stl_text, three_mf, triangles_of, write_stl
+from tests.shared.files.mesh_files import at, glb, plate, rounded, three_mf, triangles_of, write_stl
 from tests.shared.files.others import PAIRS, PARTS
 from tests.shared.files.own import MODEL, PROBLEM
 from tests.shared.files.packed import packed_stl
@@ -125,14 +125,6 @@ def test_damaged_meshes_of_others_are_what_the_whole_ones_are(name: str) -> None
         assert found_on(*after)[1] == pytest.approx(faces, abs=2 if damage == "decimated" else 0), damage
         off = sum(each.off for each in (*before[:2], *after[:2]))
         assert clearance_of(*after) == pytest.approx(clearance_of(*before), abs=1e-6 + off), damage
-
-
-def test_inches_are_inches(tmp_path: Path) -> None:
-    points, corners = triangles_of(pair_of("L")[0])
-    (tmp_path / "in.stl").write_text(stl_text(points / 25.4, corners))
-    (tmp_path / "mm.stl").write_text(stl_text(points, corners))
-    one, other = load_mesh(tmp_path / "in.stl", "in"), load_mesh(tmp_path / "mm.stl", "mm")
-    np.testing.assert_allclose(one.body.volume, other.body.volume, rtol=1e-5)
 
 
 @pytest.mark.parametrize("size", [1e-4, 1e-3, 1e-2])

@@ -18,7 +18,7 @@ from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_import import Imported, load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.spatial.se3 import Pose, exp
-from tests.shared.files.mesh_files import at, plate, ply_text, rounded, stl_text, triangles_of
+from tests.shared.files.mesh_files import at, plate, rounded, stl_text, triangles_of
 from tests.shared.solids import frustum
 
 ROD = rounded((0.012, 0.008), 0.03, 0.0005)
@@ -82,20 +82,6 @@ def test_a_headed_pin_leads_with_its_shank_and_a_chamfered_mouth_is_the_mouth() 
     np.testing.assert_allclose(fit.solid.vector(), 0.0, atol=1e-9)
     np.testing.assert_allclose(fit.hollow.vector(), [0.0, 0.0, 0.01, 0.0, 0.0, 0.0], atol=1e-9)
     assert (fit.through, fit.depth) == (True, pytest.approx(0.03))
-
-
-@pytest.mark.parametrize(
-    ("across", "mouth", "depth"),
-    [((0.0098, 0.0098), (0.01, 0.0, 0.01), 0.01), ((0.0078, 0.0058), (-0.012, 0.0, 0.01), 0.005)],
-)
-def test_of_several_holes_that_one_is_found_which_a_peg_fits(
-    across: tuple[float, float], mouth: tuple[float, float, float], depth: float
-) -> None:
-    tools = (Placed(Box((0.008, 0.006, 0.01)), at(-0.012, 0.0, 0.005)), Placed(Box((0.01, 0.01, 0.01)), at(0.01, 0, 0)))
-    boss = Placed(Box((0.004, 0.004, 0.006)), at(0.0, 0.015, 0.01))
-    fit = found(Box((*across, 0.03)), Union((Difference(Box((0.05, 0.05, 0.01)), tools), boss)))
-    np.testing.assert_allclose(fit.hollow.vector(), [*mouth, 0.0, 0.0, 0.0], atol=1e-9)
-    assert (fit.clearance, fit.depth, fit.through) == (pytest.approx(1e-4), pytest.approx(depth), depth == 0.01)
 
 
 def bottomless() -> tuple[np.ndarray, np.ndarray]:
@@ -190,15 +176,6 @@ def test_crossings_are_found_where_there_are_some_and_only_there() -> None:
         assert one.body.volume == pytest.approx(1e-9 * together, rel=1e-6)
 
 
-def test_ply_is_read_as_stl_is(tmp_path: Path) -> None:
-    points, triangles = triangles_of(PLATE)
-    (tmp_path / "a.ply").write_text(ply_text(points, triangles))
-    (tmp_path / "a.stl").write_text(stl_text(points, triangles))
-    one, other = (load_mesh(tmp_path / f"a.{kind}", "mm").body for kind in ("ply", "stl"))
-    assert one.volume == pytest.approx(other.volume, rel=1e-12)
-    assert len(one.faces) == len(other.faces)
-
-
 @pytest.mark.parametrize("corner", ["1e9999", "nan", "-1"])
 def test_a_corner_that_is_no_number_of_a_point_is_damage(tmp_path: Path, corner: str) -> None:
     header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
@@ -217,13 +194,6 @@ def test_lines_keep_their_numbers_where_others_go_on(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("v 0 \\\n0 0\nv 1 0 \\\r\n\\\n0\nv 0 1 0\nf 1 2 \\\n3\nv 0 one 0\n")
     with pytest.raises(GeometryError, match=r"a\.obj, line 9: 'one' is no finite number"):
         load_mesh(tmp_path / "a.obj", "mm")
-    points, corners = triangles_of(ROD)
-    text = "".join(f"v {x!r} \\\n {y!r} {z!r}\n" for x, y, z in points.tolist())
-    text += "".join(f"f {a + 1} \\\n {b + 1} {c + 1}\n" for a, b, c in corners.tolist())
-    (tmp_path / "b.obj").write_text(text)
-    (tmp_path / "b.stl").write_text(stl_text(points, corners))
-    one, other = (load_mesh(tmp_path / f"b.{kind}", "mm").body.volume for kind in ("obj", "stl"))
-    assert one == pytest.approx(other, rel=1e-12)
 
 
 @pytest.mark.parametrize("sides", [12, 24, 64])
@@ -245,20 +215,6 @@ def test_stated_features_and_deviations_are_taken() -> None:
     part = mesh_part("rod", mesh_of(ROD), [stated], 2e-6)
     assert part.features == (stated,)
     assert part.chord_error == 2e-6
-
-
-def test_the_clearance_does_not_depend_on_how_the_meshes_lie() -> None:
-    rng = np.random.default_rng(7)
-    straight = measured(part_of("rod", ROD), part_of("plate", PLATE))
-    for _ in range(4):
-        parts = []
-        for solid in (ROD, PLATE):
-            points, triangles = triangles_of(solid)
-            turned = points @ exp(rng.normal(size=3)).T + rng.normal(size=3)
-            parts.append(mesh_part("part", mesh_polyhedron(1e-3 * turned, triangles)))
-        clearance = measured(*parts)
-        assert clearance.per_side == pytest.approx(straight.per_side, abs=2e-9)
-        assert clearance.play == pytest.approx(straight.play, abs=2e-9)
 
 
 def finely(solid: Solid, times: int, cut: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:

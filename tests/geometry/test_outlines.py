@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -124,15 +123,6 @@ def volume(low: families.Section, high: families.Section) -> float:
     return float((high.at - low.at) * (areas[0] + 4.0 * areas[1] + areas[2]) / 6.0)
 
 
-@pytest.mark.parametrize("family", families.FAMILIES)
-def test_every_family_is_read_as_it_was_drawn(family: str, tmp_path: Path) -> None:
-    pair = families.pair(family, 0)
-    problem = load(families.write_toml(pair, tmp_path))
-    assert measured_clearance(problem).per_side == pytest.approx(1e-3 * pair.clearance, abs=1e-8)
-    assert -problem.goal[2] == pytest.approx(1e-3 * pair.depth, abs=1e-9)
-    assert problem.hole.through == pair.through
-
-
 @pytest.mark.parametrize(
     ("sections", "words"),
     [
@@ -185,30 +175,6 @@ def test_what_only_describes_a_motion_costs_no_plan(monkeypatch: pytest.MonkeyPa
         "its way through contact states is left out: no way is seen",
     )
     assert "no way is seen" in asked(made.plan)
-
-
-SLOTTED = """name = "channel"
-part = "channel"
-[units]
-length = "mm"
-angle = "deg"
-[solids.channel]
-shape = "prism"
-polygon = [[-15, 0], [15, 0], [15, 20], [5.05, 20], [5.05, 8], [-5.05, 8], [-5.05, 20], [-15, 20]]
-height = 30
-turn = [90, 0, 0]
-"""
-
-
-def test_a_slot_that_is_open_to_the_side_is_found(tmp_path: Path) -> None:
-    bar = families.Section(0.0, ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0)))
-    path = families.write_toml(replace(families.pair("4-gon", 0), peg=(bar, replace(bar, at=40.0))), tmp_path)
-    (tmp_path / "block.toml").write_text(SLOTTED)
-    path.write_text(path.read_text().replace("x = 0.017\ny = 0.017", "x = 0.05\ny = 0.05"))
-    problem = load(path)
-    found = measured_clearance(problem)
-    assert found.per_side == pytest.approx(0.05e-3, abs=1e-9)
-    assert sorted(found.play) == [pytest.approx(0.1e-3, abs=1e-9), np.inf]
 
 
 @pytest.mark.parametrize("family", ["L", "T", "U", "plus", "rectangle"])

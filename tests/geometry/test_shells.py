@@ -11,7 +11,6 @@ import trimesh
 from fmopt.cli.asked import asked_problem
 from fmopt.errors import GeometryError, InputError
 from fmopt.geometry.mesh.mesh_import import load_mesh, mesh_bodies
-from fmopt.task.problem import load
 
 SIZES = {  # of boxes, and their middles, mm; with the volume of what they are together
     "on top": ([((10, 10, 10), (0, 0, 0)), ((4, 4, 6), (0, 0, 8))], 1096.0),
@@ -112,28 +111,6 @@ def test_objects_that_lie_apart_are_offered_by_name(tmp_path: Path) -> None:
     volumes = [one.mesh.body.volume for one in mesh_bodies(path, "mm")]
     assert volumes == pytest.approx([1e-6, 96e-9, 96e-9])
     assert load_mesh(path, "mm", "1").body.volume == pytest.approx(1e-6)
-
-
-def test_two_objects_of_one_file_are_the_task(tmp_path: Path) -> None:
-    """A peg that touches the floor of its hole: alone on the command line they are two parts, seated as they stand."""
-    peg = trimesh.creation.box((12.0, 8.0, 30.0), trimesh.transformations.translation_matrix((3.0, 5.0, 1.0)))
-    block = trimesh.creation.box((40.0, 40.0, 20.0), trimesh.transformations.translation_matrix((0.0, 0.0, -10.0)))
-    cut = trimesh.creation.box((12.3, 8.3, 28.0), trimesh.transformations.translation_matrix((3.0, 5.0, 0.0)))
-    hole = trimesh.boolean.difference([block, cut], engine="manifold")
-    path = tmp_path / "both.obj"
-    path.write_text(obj_of([peg, hole], ["peg", "hole"]))
-    for moving, fixed in ((None, None), ("peg", None), ("peg", "hole")):
-        asked = asked_problem([path], ("0.3 mm, 0.3 deg", "mm", moving, fixed))
-        assert asked is not None
-        assert asked.bodies == ("peg", "hole")
-    problem = load(_written(asked.text(tmp_path), tmp_path))
-    assert problem.goal[2] == pytest.approx(-0.014)
-    assert problem.moving.polyhedron.volume == pytest.approx(12e-3 * 8e-3 * 30e-3)
-
-
-def _written(text: str, folder: Path) -> Path:
-    (folder / "problem.toml").write_text(text)
-    return folder / "problem.toml"
 
 
 def test_of_several_bodies_two_are_named_or_the_others_are_listed(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """Variants of the small inputs in tests/shared/parts/cases: other shapes, sizes, places and formats of each kind.
 
-Letters are the kinds of the table of those inputs. Solids are made by manifold3d and the CAD kernel, in mm; fits,
-volumes and messages are known by construction.
+Letters are the kinds of the table of those inputs; A is varied in test_known_solids, P in tests/planning/test_deadline.
+Solids are made by manifold3d and the CAD kernel, in mm; fits, volumes and messages are known by construction.
 """
 
 from __future__ import annotations
@@ -127,8 +127,8 @@ def test_fits_are_those_that_were_built(case: str, tmp_path: Path) -> None:
     number = [*FITS].index(case)
     R = exp(np.random.default_rng(number).normal(size=3))
     one, other = (("stl", "obj"), ("obj", "ply"), ("ply", "stl"))[number % 3]
-    paths = written(tmp_path / f"moving.{one}", moving, R), written(tmp_path / f"fixed.{other}", fixed, R @ R)
-    found = find(*(load_mesh(path, "mm").body for path in paths))
+    peg = load_mesh(written(tmp_path / f"moving.{one}", moving, R / 25.4), "in").body
+    found = find(peg, load_mesh(written(tmp_path / f"fixed.{other}", fixed, R @ R), "mm").body)
     assert 1e3 * found.clearance == pytest.approx(clearance, abs=2e-4)
     assert 1e3 * found.depth == pytest.approx(depth, abs=1e-3)
     assert lead is None or -found.solid.R[:, 2] == pytest.approx(R @ lead, abs=1e-5)
@@ -191,9 +191,10 @@ def test_needle_triangles_change_nothing(share: float, across: bool, tmp_path: P
     assert (1e3 * found.clearance, 1e3 * found.depth) == (pytest.approx(0.2, abs=1e-4), pytest.approx(12.0, abs=1e-3))
 
 
-BODIES = {  # a pin that stands 6 mm deep in a plate, and two bodies that lie beside
+BODIES = {  # a pin 6 mm deep in a plate, or on the floor of a seat, and two bodies that lie beside
     "nut": bar(regular(6, 14), 0, 6, (50, 0)) - hole(regular(8, 8), -1, (50, 0)),
     "plate": plate(10, hole(regular(6, 8))),
+    "seat": plate(10, hole(regular(6, 8), 4)),
     "pin": bar(regular(6, 7.8), 4, 34),
     "ring": bar(regular(8, 16), 0, 2, (0, 50)) - hole(regular(8, 9), -1, (0, 50)),
 }
@@ -205,8 +206,9 @@ BODIES = {  # a pin that stands 6 mm deep in a plate, and two bodies that lie be
         ("obj", "nut plate pin ring", "pin", "plate"),
         ("glb", "nut pin plate", "pin", "plate"),
         ("stl", "nut plate pin ring", "3", "2"),
-        ("obj", "plate pin", None, None),
-        ("glb", "pin plate", None, None),
+        ("obj", "seat pin", None, None),
+        ("obj", "seat pin", "pin", None),
+        ("glb", "pin seat", None, None),
     ],
 )
 def test_bodies_of_one_file_are_named_or_the_two_that_there_are(
@@ -235,7 +237,7 @@ def test_a_chamfered_bore_is_one_solid_in_mm_and_in_inches(
     for unit in ("mm", "inch"):
         step_parts.write(tmp_path / f"{unit}.step", shape, unit)
         read.append(load_step(tmp_path / f"{unit}.step"))
-    cut = r * r * (20.0 - max(floor, 0.0)) + len(rims) * c * c * (r + c / 3.0)  # less the cone of a chamfer
+    cut = r * r * (20.0 - max(floor, 0.0)) + len(rims) * c * c * (r + c / 3.0)  # of bore and chamfers, mm³ / π
     facets = 1e9 * read[0].body.volume - (32000.0 - math.pi * cut)
     assert 0.0 < facets < math.tau * (r + c) * 20.0 * 1e3 * read[0].chord_error
     assert read[1].body.volume == pytest.approx(read[0].body.volume, rel=1e-9)

@@ -39,6 +39,8 @@ def differences(pair: families.Pair, problems: Mapping[str, Problem]) -> list[st
             found.append(f"{form}: clearance {1e6 * clearance:.2f} µm, not {1e3 * pair.clearance:.2f}")
         if not abs(-problem.goal[2] - 1e-3 * pair.depth) < _CLOSE:
             found.append(f"{form}: depth {-1e3 * problem.goal[2]:.4f} mm, not {pair.depth}")
+        if problem.hole.through != pair.through:
+            found.append(f"{form}: the hole is read as {'through' if problem.hole.through else 'blind'}")
         if np.abs(problem.start_box - first.start_box).max() > _CLOSE:
             found.append(f"{form}: the start error is {problem.start_box}, not {first.start_box}")
         for side in ("moving", "fixed"):
