@@ -40,8 +40,10 @@ _MIN_SINE = 1e-3  # sine of the angle between edges that span a plane
 _PLANES_AT_ONCE = 8  # planes that are added to a body before it is measured again
 _MAX_EXCESS = 2e-3  # of the diameter: by so much planes of a hull may be exceeded for there to be few
 _MIN_EXCESS = 2e-7  # of the diameter: planes of a hull that are exceeded by less count once
-_WIDENING = 1e-7  # of the diameter: by how much bodies are wider where they are united
-_CUT_GAP = 1e-8  # of the diameter: how far beside a plane it is cut
+_WIDENINGS = 1e-7, 2e-7, 5e-7  # of the diameter: by how much bodies are wider where they are united
+_CUT_GAP = 1e-8  # of the diameter: how far beside a plane it is cut, twice `_IN_PLANE` where points are off
+_SPREAD = 1e-2  # of the diameter: corners that fix a plane
+_NOISY = 8.0  # times as far as points are off, at least
 _FLATNESS = 1e-8  # of the diameter of a body: corners so near to a face are on it
 _CHUNK_PLANES = 256  # planes that points are measured from at once
 
@@ -64,12 +66,13 @@ class Enclosure(Value):
         return Enclosure(bodies, placed(self.boundary, pose), self.off, pose.apply(self.where))
 
 
-def enclosing(points: Array, triangles: Indices) -> Enclosure:
+def enclosing(points: Array, triangles: Indices, noise: float = 0.0) -> Enclosure:
     """Enclose the solid of a closed surface in convex bodies.
 
     Args:
         points: (n, 3), m.
         triangles: (m, 3), counter-clockwise seen from outside.
+        noise: by how much points may be off, m.
 
     Raises:
         GeometryError: the surface does not close, or what it bounds is too thin.
@@ -78,8 +81,8 @@ def enclosing(points: Array, triangles: Indices) -> Enclosure:
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     if whole.is_empty() or 2.0 * whole.volume() <= _MIN_THICKNESS * size * whole.surface_area():
         raise GeometryError("the surface bounds no solid")
-    number, done = count(), list[_Body]()
-    queue = [(-body.off, next(number), body) for body in (_Body(one, size) for one in whole.decompose())]
+    number, done, gap = count(), list[_Body](), max((2.0 * _IN_PLANE if noise else _CUT_GAP) * size, _NOISY * noise)
+    queue = [(-body.off, next(number), body) for body in (_Body(one, size, gap) for one in whole.decompose())]
     heapify(queue)
     while queue and len(queue) + len(done) < _MAX_BODIES:
         heed()
@@ -121,14 +124,15 @@ def _enclosure(done: Sequence[_Body], known: Array, few: int) -> Enclosure:
 class _Body:
     """A solid with its hull."""
 
-    def __init__(self, shape: Manifold, size: float) -> None:
+    def __init__(self, shape: Manifold, size: float, gap: float) -> None:
         """Takes the surface of a shape.
 
         Args:
             size: diameter of the solid that it was cut from, m.
+            gap: how far beside a plane it is cut, m.
         """
         mesh = shape.to_mesh64()
-        self.shape, self.size = shape, size
+        self.shape, self.size, self.gap = shape, size, gap
         self.points = np.array(mesh.vert_properties)[:, :3]
         self.triangles = np.array(mesh.tri_verts, dtype=np.int64)
         a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
@@ -197,8 +201,15 @@ class _Body:
         first = np.sort(first[np.argsort(-np.concatenate(heavy)[first], kind="stable")[:_MAX_CUTS]])
         normal, offset = planes[first, :3], self.size * planes[first, 3]
         away = np.abs(self.points[edges.ravel()] @ normal.T - offset).reshape(len(edges), 2, -1).max(axis=1)
-        score = ((away <= _IN_PLANE * self.size) * weights[:, None]).sum(axis=0)
+        held = away <= _IN_PLANE * self.size
+        score = (held * weights[:, None]).sum(axis=0)
         best = int(np.argmax(np.round(score / score.max(), 9)))
+        if self.gap > _CUT_GAP * self.size:  # planes of narrow facets are off by much elsewhere
+            corners = self.points[np.unique(edges[held[:, best]])]
+            middle = corners.mean(axis=0)
+            wide, across = np.linalg.svd(corners - middle)[1:]
+            if wide[1] > _SPREAD * self.size:
+                return across[2], float(across[2] @ middle)
         return normal[best], float(offset[best])
 
     def halves(self) -> list[_Body]:
@@ -208,18 +219,17 @@ class _Body:
         parts = [part for side in (1.0, -1.0) for part in self._half(*plane, side).decompose()]
         thick = [part for part in parts if 2.0 * part.volume() > _MIN_THICKNESS * self.size * part.surface_area()]
         # Slivers along a cut hide the reflex edges that end there.
-        return [_Body(part.simplify(_IN_PLANE * self.size), self.size) for part in thick]
+        return [_Body(part.simplify(_IN_PLANE * self.size), self.size, self.gap) for part in thick]
 
     def _half(self, normal: Array, offset: float, side: float) -> Manifold:
         """What is not on a side of a plane.
 
         It is cut a little off the plane, and put back onto it: no skin is left of faces that lie in the plane.
         """
-        gap = _CUT_GAP * self.size
-        mesh = (self.shape - _room(self.points, normal, offset - side * gap, side, 2.0 * self.size)).to_mesh64()
+        mesh = (self.shape - _room(self.points, normal, offset - side * self.gap, side, 2.0 * self.size)).to_mesh64()
         points = np.array(mesh.vert_properties)[:, :3]
         away = points @ normal - offset
-        points -= np.where(np.abs(away) <= 2.0 * gap, away, 0.0)[:, None] * normal
+        points -= np.where(np.abs(away) <= 2.0 * self.gap, away, 0.0)[:, None] * normal
         return manifold_of(points, np.array(mesh.tri_verts, dtype=np.int64))
 
 
@@ -314,9 +324,14 @@ def _boundary(bounds: Sequence[_Bounds], size: float) -> Polyhedron:
     """
     from manifold3d import Manifold, OpType
 
-    skin = _WIDENING * size
-    wider = [Manifold.hull_points(one.corners(size, skin)) for one in bounds]
-    body = of_manifold(Manifold.batch_boolean(wider, OpType.Add).simplify(skin), 2.0 * skin)
+    for skin in (times * size for times in _WIDENINGS):
+        wider = [Manifold.hull_points(one.corners(size, skin)) for one in bounds]
+        try:
+            body = of_manifold(Manifold.batch_boolean(wider, OpType.Add).simplify(skin), 2.0 * skin)
+            break
+        except GeometryError:  # of slivers where several of them meet, which differ with the distance
+            if skin == _WIDENINGS[-1] * size:
+                raise
     points = np.array(body.vertices)
     for number, faces in enumerate(body.vertex_faces):
         normals = body.normals[list(faces)]

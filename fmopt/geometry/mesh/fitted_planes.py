@@ -264,8 +264,8 @@ def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, o
             moved[vertex] += np.linalg.lstsq(rows, wanted - rows @ moved[vertex], rcond=None)[0]
         # Across an axis the coordinate is the offset to the bit, not but for the rounding of a solution.
         for normal, offset in zip(rows, wanted, strict=True):
-            for axis in np.flatnonzero(np.abs(normal) == 1.0):
-                moved[vertex, axis] = normal[axis] * offset
+            if np.count_nonzero(normal) == 1:
+                moved[vertex, np.abs(normal) == 1.0] = normal.sum() * offset
         missed = float(np.abs(rows @ moved[vertex] - wanted).max())
         if missed > EXACT or np.linalg.norm(moved[vertex] - points[vertex]) > _STRAY * max(off, EXACT):
             message = f"the faces at {place(frame @ points[vertex])} have no corner in common near it"

@@ -235,7 +235,8 @@ def _of_shells(shells: United, rounding: float) -> Imported:
         crossing = first_crossing(closed.points, closed.triangles, _FLAT * span)
         _require_simple(closed.points, closed.triangles, crossing, closed.numbers)
         try:
-            return enclosed(closed.points, closed.triangles, (*shells.notes, *closed.notes))
+            noise = closed.moved + shells.moved + rounding
+            return enclosed(closed.points, closed.triangles, (*shells.notes, *closed.notes), noise)
         except GeometryError:
             raise error from None
     off = flat.off + closed.moved + shells.moved
@@ -251,9 +252,9 @@ def _of_shells(shells: United, rounding: float) -> Imported:
     return Imported(flat.body, chord_error(flat.body), closed.mended, notes, off, flat.where)
 
 
-def enclosed(points: Array, triangles: Indices, notes: tuple[str, ...] = ()) -> Imported:
-    """A closed surface of triangles (m, 3) over points (n, 3), m, its solid enclosed; errors as of `enclosing`."""
-    found = enclosing(points, triangles)
+def enclosed(points: Array, triangles: Indices, notes: tuple[str, ...] = (), noise: float = 0.0) -> Imported:
+    """A closed surface of triangles (m, 3) over points (n, 3), m, its solid enclosed; see `enclosing`."""
+    found = enclosing(points, triangles, noise)
     return Imported(found.boundary, sagitta(points, triangles), notes=notes, enclosure=found)
 
 

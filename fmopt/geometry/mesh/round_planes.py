@@ -27,6 +27,7 @@ _MOSTLY = 0.8  # of the side faces: as many are evenly around
 _SPREAD = 0.15  # of the turn from one to the next: what normals that are evenly around are off on average
 _EVEN = 1e-9  # rad
 _FLAT = 1e-4  # rad: triangles that meet at less are one facet
+_ALIKE = 1e-6  # relative, of chord errors of one part in two frames
 
 Planes = tuple[Array, Array]
 
@@ -195,9 +196,14 @@ def met(moving: Part, fixed: Part, depth: float, beside: float) -> tuple[Part, P
     below = moving.polyhedron.vertices[moving.polyhedron.vertices[:, 2] <= depth + beside, :2]
     around = MultiPoint(below).convex_hull.buffer(beside)
 
-    own = chord_error(moving.polyhedron, lambda corners: bool(corners[:, 2].min() <= depth + beside))
-    walls = chord_error(fixed.polyhedron, lambda corners: around.intersects(MultiPoint(corners[:, :2]).convex_hull))
     return (
-        replace(moving, chord_error=moving.chord_error if own else 0.0),
-        replace(fixed, chord_error=fixed.chord_error if walls else 0.0),
+        _charged(moving, lambda corners: bool(corners[:, 2].min() <= depth + beside)),
+        _charged(fixed, lambda corners: around.intersects(MultiPoint(corners[:, :2]).convex_hull)),
     )
+
+
+def _charged(part: Part, where: Callable[[Array], bool]) -> Part:
+    """A part with the chord error of some facets; as stated, or of the file's surfaces, where it has any of them."""
+    whole, own = (chord_error(part.polyhedron, which) for which in (lambda corners: True, where))
+    told = not math.isclose(whole, part.chord_error, rel_tol=_ALIKE)
+    return replace(part, chord_error=(part.chord_error if told else own) if own else 0.0)
