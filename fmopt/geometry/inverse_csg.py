@@ -42,6 +42,7 @@ Plane = tuple[Array, float]
 MESH_NOISE = 1e-6  # of the diameter: what is cleaned away from imported meshes
 _CUTS = 64  # one after the other; a mesh that needs more is no machined part
 _MOST_FACES = 800  # of a body that is no stack of prisms: one that has more stands for curved surfaces
+_FEW = 16  # faces of a tool
 _PUSHED = 0.05  # of the diameter: how far tools stand out of the hull
 _LEVEL = 1e-6  # of three normals: less is as good as a plane
 _NEAR = 1e-6  # of the size: no step worth taking
@@ -102,7 +103,8 @@ def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
     else:
         outer = upright.base
         parts = [_grown(one, shape, ideal, one.faces[:2]) for one in upright.tools]
-    parts.sort(key=lambda part: -part.volume)  # smaller ones leave most of the pieces whole
+    # Tools of few faces make few pieces, and small ones leave most of these whole.
+    parts.sort(key=lambda part: (len(part.faces) > _FEW, -part.volume))
     tools = tuple(_opened(part, outer, tol) for part in parts)
     base = _hull(outer.vertices)
     return (Difference(base, tools) if tools else base), ideal

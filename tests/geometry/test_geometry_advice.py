@@ -13,8 +13,6 @@ from tests.shared.files.advice.given import Given, given
 
 CASES = (*meshes.CASES, *step.CASES, *objects.CASES, *solids.CASES, *outlines.CASES)
 UNFOLLOWED = {  # advice that no test can follow, and why
-    "free memory": "the operating system starts no process",
-    "free memory, and try again": "the operating system ended the process that reads the file",
     "install it anew: pip install --force-reinstall --no-deps {}=={}": "an installation that is broken",
     "install the package anew that it comes from, or export the part as STL": "an installation that is broken",
     "export the bodies as they are, each by itself": "no program at hand writes bodies that are mirrored or scaled",
