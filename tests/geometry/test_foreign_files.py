@@ -21,7 +21,7 @@ from tests.shared.fuzz.files import KINDS, binary_ply, binary_stl, fuzzed, obj_t
 
 POINTS, TRIANGLES = triangles_of(rounded((0.012, 0.008), 0.03))
 OBJ, PLY, STL = obj_text(POINTS, TRIANGLES), ply_text(POINTS, TRIANGLES), stl_text(POINTS, TRIANGLES)
-COUNTS = {"problem": 25, "model": 25, "assembly": 6, "study": 15, "allocation": 25, "plan": 40, "step": 4}
+COUNTS = {"problem": 25, "model": 25, "assembly": 6, "study": 15, "allocation": 25, "plan": 40, "step": 4, "glb": 4}
 
 
 def written(folder: Path, name: str, content: bytes | str) -> Path:

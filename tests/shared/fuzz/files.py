@@ -29,9 +29,10 @@ from unittest.mock import patch
 import numpy as np
 
 from fmopt.cli.entry import main
+from fmopt.geometry.mesh.mesh_file import OWN_UNIT
 from tests import ROOT
 from tests.shared.files import own
-from tests.shared.files.mesh_files import plate, ply_text, rounded, stl_text, triangles_of
+from tests.shared.files.mesh_files import glb, plate, ply_text, rounded, stl_text, three_mf, triangles_of
 from tests.shared.fuzz.damage import damaged
 
 SECONDS = 30  # of the processor, for one file
@@ -228,7 +229,7 @@ def _own(kind: str, write: Callable[[Path, np.ndarray, np.ndarray, str], None]) 
         damaged = ("plate",) if kind == "step" else ("rod", "plate")
         for name, solid in (("rod", rounded((0.012, 0.008), 0.03, 0.0005)), ("plate", plate((0.0123, 0.0083)))):
             whole = name not in damaged
-            unit = 'unit = "mm"\n' if kind != "step" or whole else ""
+            unit = 'unit = "mm"\n' if kind not in ("step", *OWN_UNIT) or whole else ""
             suffix = "stl" if whole else kind
             (folder / f"{name}.toml").write_text(MODEL.format(name=name, kind=suffix, unit=unit))
             (_write_stl if whole else write)(folder / f"{name}.{suffix}", *triangles_of(solid), name)
@@ -247,6 +248,14 @@ def _write_obj(path: Path, points: np.ndarray, triangles: np.ndarray, _: str) ->
 
 def _write_ply(path: Path, points: np.ndarray, triangles: np.ndarray, name: str) -> None:
     path.write_bytes(binary_ply(points, triangles, "<") if name == "rod" else ply_text(points, triangles).encode())
+
+
+def _write_3mf(path: Path, points: np.ndarray, triangles: np.ndarray, _: str) -> None:
+    path.write_bytes(three_mf(points, triangles, "millimeter", (0.0, 0.0, 0.0)))
+
+
+def _write_glb(path: Path, points: np.ndarray, triangles: np.ndarray, _: str) -> None:
+    path.write_bytes(glb(1e-3 * points, triangles, {}))
 
 
 def _write_step(path: Path, _: np.ndarray, __: np.ndarray, ___: str) -> None:
@@ -273,6 +282,8 @@ KINDS: dict[str, Callable[[Path], list[Case]]] = {
     "stl": _own("stl", _write_stl),
     "obj": _own("obj", _write_obj),
     "ply": _own("ply", _write_ply),
+    "3mf": _own("3mf", _write_3mf),
+    "glb": _own("glb", _write_glb),
     "step": _own("step", _write_step),
 }
 
