@@ -16,6 +16,7 @@ from fmopt.spatial.values import Array
 
 EXACT = 1e-12  # m: what is this close to a plane lies in it
 _LEAST_SLACK = 1e-12  # rad
+_LEAST_SLACK = 1e-12  # rad
 _LEAST_LEAN = 1e-3  # of planes that are to fix a corner
 _STRAY = 100.0  # times how far facets are off their planes: corners may move so far along an edge
 _ROUNDS = 20  # of Newton's method
@@ -151,7 +152,7 @@ def _families(angle: Array, areas: Array, slacks: tuple[Array, Array]) -> Array:
         own = [k for k in left if abs(float(angle[k]) - base - parts[k]) <= slack[k] and _is_whole(parts[k], turns)]
         # x is the mean of its family already, by `_common_turn`.
         if base != 0.0:
-            weight = areas[own] / slack[own] ** 2
+            weight = areas[own] / np.maximum(slack[own], _LEAST_SLACK) ** 2
             base += float(weight @ np.array([float(angle[k]) - base - parts[k] for k in own]) / weight.sum())
         for k in own:
             made[k] = base + parts[k]
@@ -221,7 +222,7 @@ def _shared(angle: Array, areas: Array, slack: Array, known: Array) -> Array:
     for first in np.unique(like[like >= 0]):
         own = np.flatnonzero(like == first)
         beyond = math.pi * np.round((angle[own] - angle[first]) / math.pi)
-        weight = areas[own] / slack[own] ** 2
+        weight = areas[own] / np.maximum(slack[own], _LEAST_SLACK) ** 2
         made[own] = float(weight @ (angle[own] - beyond)) / float(weight.sum()) + beyond
     return made
 
@@ -315,7 +316,10 @@ def _met(points: Array, around: dict[int, list[int]], planes: Planes, free: NDAr
         ).tocsr()
         # The small multiple of the identity keeps it regular where rows depend on each other.
         square = (slope @ weigh @ slope.T + 1e-12 * eye_array(len(at))).tocsc()
-        step = -(weigh @ (slope.T @ splu(square).solve(missed)))
+        try:
+            step = -(weigh @ (slope.T @ splu(square).solve(missed)))
+        except RuntimeError as error:  # of weights that are not numbers, as where faces have no area
+            raise GeometryError("its faces have no corners in common") from error
         moved = moved + step[:first].reshape(-1, 3)
         offsets = offsets + step[first : first + len(offsets)]
         normals = normals + step[first + len(offsets) :].reshape(-1, 3)
