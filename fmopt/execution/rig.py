@@ -72,7 +72,6 @@ class Event:
     body: int
     step: int
     time: float
-    stopped: bool
 
 
 class Rig:
@@ -300,7 +299,7 @@ class Rig:
         ways = [numbers[:, ON_STOP], numbers[:, ON_END]]
         following = np.select([stopped, ended], ways, numbers[:, ON_LATE]).astype(np.int64)
         left = np.flatnonzero(stopped | ended | late)
-        events = [Event(int(body), int(here[body]), self.time, bool(stopped[body])) for body in left]
+        events = [Event(int(body), int(here[body]), self.time) for body in left]
         self._enter(left, following[left], numbers[left, MOVE])
         return events
 

@@ -213,7 +213,7 @@ def run(
     def rig(starts: tuple[Array, Array], which: Sequence[int], attempt: int) -> Rig:
         # Every attempt has the errors of its trial; only the noise is new.
         noise = Noise(trials.seed, [numbers[k] for k in which], attempt)
-        return Rig(put(starts), program, robot, _drifts([draws[k] for k in which]), noise)
+        return Rig(put(starts), program, robot, np.stack([draws[k].drift for k in which], axis=1), noise)
 
     logs = carried_out(course, rig, _starts(program, draws))
     return [record(body, log) for body, log in enumerate(logs)]
@@ -224,10 +224,6 @@ def _starts(program: Program, draws: Sequence[Draw]) -> tuple[Array, Array]:
     start, errors = program.start.vector(), np.stack([one.start for one in draws])
     nominal = np.tile(quaternions(start[3:]), (len(draws), 1))
     return start[:3] + errors[:, :3], product(quaternions(errors[:, 3:]), nominal)
-
-
-def _drifts(draws: Sequence[Draw]) -> Array:
-    return np.stack([one.drift for one in draws], axis=1)
 
 
 def grown(plan: Plan, growth: float) -> Plan:

@@ -193,7 +193,6 @@ class _Stood:
     posed: Posed
     task: Task
     entry_of: Callable[[Shape], Entry]
-    anew: Callable[[], Iterator[Sequence[Entry]]]
     rounds: Iterator[Sequence[Entry]]
     found_last: list[MoveSequence]
 
@@ -213,8 +212,7 @@ class _Stood:
         turn = 1.3 * problem.settings.max_tilt
         task = Task(parts, Pose.from_vector(problem.goal), posed.errors, posed.tolerance, costs, turn)
         entry_of = partial(tilted_entry, parts.moving, clearance.play, problem.approach)
-        anew = partial(_rounds, problem, clearance, roomy, entry_of)
-        return _Stood(image, posed, task, entry_of, anew, anew(), [])
+        return _Stood(image, posed, task, entry_of, _rounds(problem, clearance, roomy, entry_of), [])
 
     def motion(self, rounds: Iterator[Sequence[Entry]], deadline: float, stages: Stages) -> tuple[Searched, Placed]:
         """What `motion` finds for some ways to begin: the first sequence whose margin is positive, else the best."""

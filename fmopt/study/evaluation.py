@@ -137,7 +137,8 @@ def evaluate(run: Run, folder: Path) -> Row:
         try:
             answers |= quantity.answer(solved)
         except (InterferenceError, InfeasibleError, SearchError) as error:
-            answers |= {"verdict": _word(error), "shortfall": _shortfall(error)}
+            verdict = "NOT_FOUND" if isinstance(error, SearchError) else "INFEASIBLE"
+            answers |= {"verdict": verdict, "shortfall": _shortfall(error)}
             reason = reason or _why(error)
     kept = b""
     if "plan" in run.question.keep and answers.get("verdict") in ("CERTIFIED", "NOT_PROVED", "REFUTED", "TESTED"):
@@ -150,10 +151,6 @@ def missing(name: str) -> str:
     if name == "execution" and find_spec("mujoco") is None:
         return "it needs MuJoCo"
     return ""
-
-
-def _word(error: FmoptError) -> str:
-    return "NOT_FOUND" if isinstance(error, SearchError) else "INFEASIBLE"
 
 
 def _why(error: NoAnswer) -> str:

@@ -156,7 +156,7 @@ def test_moves_that_failed_are_counted_from_one() -> None:
     steps = [SimpleNamespace(move=0), SimpleNamespace(move=1)]
     rig = SimpleNamespace(program=SimpleNamespace(steps=steps), state=SimpleNamespace(step=[FAILED]))
     log = Log()
-    note(log, Event(0, 1, 0.5, False), cast(Rig, rig), (), {}, Fit(1e-4, 0.03, 0.01, Pose.identity(), 0.0))
+    note(log, Event(0, 1, 0.5), cast(Rig, rig), (), {}, Fit(1e-4, 0.03, 0.01, Pose.identity(), 0.0))
     assert log.departures == ["move 2: contact not felt"]
 
 

@@ -241,7 +241,7 @@ def contact_sets(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[Boun
         reach = Reach.of(cu.vertex)
         held = vertex_position(reference, phi, reach, cu.spread, cu.radius)
         there = reference + reach.point(phi)
-        point = boundary(cu.point_contact(phi, 0.5), f"CUv of {cu.name}", _middle(exact, phi))
+        point = boundary(cu.point_contact(phi, 0.5), f"CUv of {cu.name}", _core(exact, phi).mean(axis=0))
         return [boundary(held, f"Uv of vertex {cu.moving}", there), point, touching]
     edge = edge_position(reference, phi, cu.edge[0], cu.edge[1], cu.spread, cu.radius)
     ends = edge_position(reference, phi, cu.edge[0], cu.edge[1], 0.0, 0.0)
@@ -256,10 +256,6 @@ def _core(exact: CU, phi: float) -> Array:
         return np.asarray(at.pivot + np.array([at.start, at.end]))
     arm = at.h * np.array([math.cos(at.angle), math.sin(at.angle)])
     return np.asarray(np.array([at.start, at.end]) + arm)
-
-
-def _middle(exact: CU, phi: float) -> Array:
-    return np.asarray(_core(exact, phi).mean(axis=0))
 
 
 def surface(cu: CU, count: int = 25) -> Surface:

@@ -72,7 +72,8 @@ class ClarabelSolver:
             try:
                 return certify(program, x * program.units, duals(program, kept, z))
             except SolverError as error:
-                failure = failure or (error if status == "Solved" else SolverError(*_said(status)))
+                stopped = SolverError(f"Clarabel stopped with {status}", _ADVICE.get(status, ""))
+                failure = failure or (error if status == "Solved" else stopped)
             # Rows that contradict each other by little are solved, as it seems, by a point that breaks them.
             if status == "PrimalInfeasible" or (status == "Solved" and _short(scaled, x)):
                 failure = self._infeasible(program)
@@ -131,10 +132,6 @@ def _short(scaled: ConeProgram, x: Array) -> bool:
     """Whether a point is short of rows or bounds."""
     box = np.minimum(x - scaled.lower, scaled.upper - x)
     return bool(min(scaled.slacks(x).min(initial=0.0), box.min(initial=0.0)) < -FEASIBLE)
-
-
-def _said(status: str) -> tuple[str, str]:
-    return f"Clarabel stopped with {status}", _ADVICE.get(status, "")
 
 
 def standard_form(scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, tuple[int, ...]]:

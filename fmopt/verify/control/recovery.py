@@ -41,7 +41,7 @@ from fmopt.verify.arithmetic.rational import (
 from fmopt.verify.findings import Notes, micrometres
 from fmopt.verify.parts.rows import pose
 from fmopt.verify.parts.solids import DEVIATION, Shape
-from fmopt.verify.reading.document import Lift, MoveRecovery, Plan, Segment
+from fmopt.verify.reading.document import MoveRecovery, Plan, Segment
 from fmopt.verify.reading.reader import Numbers
 
 _UPRIGHT = ONE >> 20  # faces lean over by less than this where they may count as vertical
@@ -58,7 +58,8 @@ def check_recovery(plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None
     recovery = plan.recovery
     if recovery is None:
         return
-    lift = None if recovery.lift is None else _lift(recovery.lift)
+    lifted = recovery.lift
+    lift = None if lifted is None else _Lift(fixed(lifted.above), fixed(lifted.clear), lifted.turn)
     try:
         _check_moves(recovery.moves, plan, parts[0], lift, notes)
         if lift is not None:
@@ -70,10 +71,6 @@ def check_recovery(plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None
     if recovery.retries and lift is None:
         notes.add("recovery.retries", "are offered without a lift that brings the part back to the start")
     _check_covering(plan.start_box, recovery.retries, recovery.covers, notes)
-
-
-def _lift(stated: Lift) -> _Lift:
-    return _Lift(fixed(stated.above), fixed(stated.clear), stated.turn)
 
 
 def underside(shape: Shape) -> int:
