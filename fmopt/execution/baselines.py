@@ -34,6 +34,7 @@ TILT = np.radians(8.0)
 UPRIGHT = 0.7  # share of the tilt that is turned back before the last push
 CORNER = 6.0  # N, towards each wall
 _INFINITE = 60.0  # s and m
+_UPRIGHT = Pose(np.array([0.0, 0.0, HEIGHT]), np.eye(3))
 
 
 @dataclass(frozen=True)
@@ -71,11 +72,6 @@ class Task:
         return Program(name, start, self.fit.rho, SPEED, steps, 0.0, self.limits)
 
     @property
-    def middle(self) -> Array:
-        """Where the part's axis should be, (2,), m."""
-        return np.zeros(2)
-
-    @property
     def bottom(self) -> float:
         """z at which the part counts as seated, m."""
         return float(self.fit.goal.p[2]) + SEATED * self.fit.clearance
@@ -87,9 +83,9 @@ def _step(name: str, move: int, servoed: str, twist: Array, follow: tuple[int, i
     The index of the next step follows when it stops, when its travel and when its time is used up; more are fields.
     """
     P = np.diag([float(axis in servoed) for axis in "xyzabc"])
-    given: dict[str, Any] = {"frame": Pose.identity(), "hold": np.zeros((2, 6)), "push": PUSH, **more}
+    given: dict[str, Any] = {"frame": Pose.identity(), "hold": np.zeros((2, 6)), "push": PUSH, "timeout": _INFINITE}
     given |= dict(zip(("on_stop", "on_end", "on_late"), follow, strict=True))
-    return Step(name, move, position=P, twist=twist, timeout=_INFINITE, **given)
+    return Step(name, move, position=P, twist=twist, **(given | more))
 
 
 def _held(x: float, y: float, z: float) -> Array:
@@ -100,25 +96,14 @@ def _held(x: float, y: float, z: float) -> Array:
 def _down(move: int, task: Task, servoed: str, soft: float, hold: Array) -> Step:
     """The last push."""
     twist, follow = np.array([0.0, 0.0, -SPEED, 0.0, 0.0, 0.0]), (DONE, FAILED, FAILED)
-    step = _step("push", move, servoed, twist, follow, travel=_INFINITE, hold=hold, deep=task.bottom, soft=soft)
-    return _lasting(step, 2.0 * task.fit.depth / SPEED)
-
-
-def _lasting(step: Step, seconds: float) -> Step:
-    """A step with another time-out."""
-    from dataclasses import replace
-
-    return replace(step, timeout=seconds)
-
-
-def _upright(task: Task) -> Pose:
-    return Pose(np.array([*task.middle, HEIGHT]), np.eye(3))
+    limits = {"travel": _INFINITE, "timeout": 2.0 * task.fit.depth / SPEED}
+    return _step("push", move, servoed, twist, follow, hold=hold, deep=task.bottom, soft=soft, **limits)
 
 
 def push(plan: Plan, robot: Robot) -> Program:
     """Straight down on soft springs."""
     task = Task.of(plan)
-    return task.program("push", _upright(task), (_down(0, task, "xyzabc", SOFT, _held(0.0, 0.0, 0.0)),))
+    return task.program("push", _UPRIGHT, (_down(0, task, "xyzabc", SOFT, _held(0.0, 0.0, 0.0)),))
 
 
 def spiral(plan: Plan, robot: Robot) -> Program:
@@ -158,7 +143,7 @@ def _search(name: str, task: Task, points: Array) -> Program:
         steps.append(
             _step("search", 1, "xyc", twist, follow, travel=length, hold=_held(0.0, 0.0, -PRESS), deep=-ENTERED)
         )
-    return task.program(name, _upright(task), (*steps, _down(2, task, "z", 1.0, _held(0.0, 0.0, 0.0))))
+    return task.program(name, _UPRIGHT, (*steps, _down(2, task, "z", 1.0, _held(0.0, 0.0, 0.0))))
 
 
 def _felt(axis: int) -> dict[str, Any]:
