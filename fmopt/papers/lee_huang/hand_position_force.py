@@ -27,7 +27,7 @@ from fmopt.plan.field_types import numbers
 from fmopt.plan.position_force import gamma, natural_constraints, omega
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
-from fmopt.task.object_model.command import Answer
+from fmopt.task.object_model.command import Answer, grasped_pose
 
 
 def position_force(
@@ -79,16 +79,6 @@ def _move(found: Answer, segment: Mapping[str, Any]) -> HandMove:
 def _held(found: Answer, X: Array) -> Pose:
     """Pose of the hand in the frame of the feature that stays."""
     return grasped_pose(found, X).compose(found.task.grasp.inverse())
-
-
-def grasped_pose(found: Answer, X: ArrayLike) -> Pose:
-    """Pose of the grasped feature in the frame of the one that stays, of X (6,) in m and rad.
-
-    Args:
-        X: (6,), pose in m and rotation vector in rad, of operand 1 in the frame of operand 2.
-    """
-    pose = Pose.from_vector(X)
-    return pose.inverse() if found.exchanged else pose
 
 
 def world_pose(found: Answer, X: ArrayLike) -> Pose:

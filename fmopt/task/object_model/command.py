@@ -11,6 +11,7 @@ import math
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fmopt.errors import InterferenceError, TaskError
 from fmopt.geometry.clearance import deepest
@@ -158,17 +159,17 @@ def completed(workcell: Workcell, found: Answer) -> Workcell:
     task = found.task
     before = workcell.frame(task.moving)
     base = base_frame(workcell, task)
-    stood = base.compose(_grasped(found, found.P0))
+    stood = base.compose(grasped_pose(found, found.P0))
     for ref, frame, known in ((task.fixed, base, _given(found).frame), (task.moving, before, stood)):
         if np.max(np.abs(known.local(frame))) > _TOUCH:
             message = f"{ref} stands elsewhere than the answer has it, {known.vector()} in the global frame"
             raise TaskError(message, str(ref), STALE, "ask again")
-    move = base.compose(_grasped(found, found.PT)).compose(before.inverse())
+    move = base.compose(grasped_pose(found, found.PT)).compose(before.inverse())
     return workcell.moved(found.carried, move).connect(Link(task.attachment, task.moving, task.fixed))
 
 
-def _grasped(found: Answer, P: Array) -> Pose:
-    """The grasped feature's pose in the frame of the fixed feature, as the task was given."""
+def grasped_pose(found: Answer, P: ArrayLike) -> Pose:
+    """Pose of the grasped feature in the frame of the one that stays, of P (6,) in m and rad, as the task was given."""
     pose = Pose.from_vector(P)
     return pose.inverse() if found.exchanged else pose
 
@@ -221,7 +222,7 @@ def _check_ends(workcell: Workcell, found: Answer, sides: tuple[str, ...]) -> No
     solids = [(still.ref.object, still.whole), *((other.name, other.solid) for other in found.obstacles)]
     others = [(name, pieces(solid)) for name, solid in solids]
     for P, at_goal in ((found.P0, False), (found.PT, True)):
-        pose = _grasped(found, P)
+        pose = grasped_pose(found, P)
         bodies = [placed(piece, pose) for piece in body]
         for name, standing in others:
             depth = deepest(bodies, standing)

@@ -9,15 +9,9 @@ import numpy as np
 import pytest
 
 from fmopt.geometry.csg import Box, Placed
-from fmopt.papers.lee_huang.hand_position_force import (
-    grasped_pose,
-    grasped_twist,
-    grasped_wrench,
-    hand_pose,
-    world_pose,
-)
+from fmopt.papers.lee_huang.hand_position_force import grasped_twist, grasped_wrench, hand_pose, world_pose
 from fmopt.spatial.se3 import Pose, exp
-from fmopt.task.object_model.command import Answer, answer, completed
+from fmopt.task.object_model.command import Answer, answer, completed, grasped_pose
 from fmopt.task.object_model.goal import FREE
 from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.object_model.workcell import Link, Ref
