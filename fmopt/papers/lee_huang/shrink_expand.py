@@ -80,21 +80,6 @@ def expanded(G: Region, sections: Sequence[Region], tolerance: float | None = No
     return union([minkowski_sum(G, section.moved(-np.eye(2), (0.0, 0.0)), room) for section in solid])
 
 
-def expanded_turning(
-    G: Region, sections: Sequence[Region], interval: tuple[float, float], tolerance: float | None = None
-) -> Region:
-    """GE while the moving operand turns in the plane: ∪ G ⊕ (−R(φ) section) over the orientations φ of an interval.
-
-    As turning and expanding commute with unions, this is the expansion by what the sections sweep about the nominal
-    centre: arcs about it and the sections at both ends, exact as in `expanded`.
-
-    Args:
-        sections: of the moving operand's instances at φ = 0, about the nominal centre.
-        interval: first and last φ in rad; from a full turn on every orientation is taken.
-    """
-    return expanded(G, [turn_swept(section, *interval) for section in sections], tolerance)
-
-
 def turned(region: Region, angle: float) -> Region:
     """The region turned about the origin through an angle in rad."""
     return region.moved(_rotation(angle), (0.0, 0.0))
@@ -216,7 +201,8 @@ def expanded_over(G: Region, moving: Solid, plane: Plane, first: Array, last: Ar
     # A turn about the plane's own normal leaves the section as it is, turned in the plane: exact.
     if np.abs(across).max() <= _IN_PLANE:
         interval = sorted([0.0, plane.sense * float((first - last) @ normal)])
-        return expanded_turning(G, [section_at(moving, plane, last)], (interval[0], interval[1]))
+        # Turning and expanding commute with unions: GE is expanded by what the section sweeps about its centre.
+        return expanded(G, [turn_swept(section_at(moving, plane, last), *interval)])
     # Other turns change the section: hulls between neighbouring orientations hold it, nearly.
     count = max(1, math.ceil(float(np.linalg.norm(last - first)) / _STEP))
     turns = [Pose(np.zeros(3), exp(first + share * (last - first))) for share in np.linspace(0.0, 1.0, count + 1)]

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.plane.boolean import difference, intersection, union
 from fmopt.geometry.plane.region import Region, polygon_region
-from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_turning, turn_swept, turned
+from fmopt.papers.lee_huang.shrink_expand import expanded, turn_swept, turned
 from fmopt.spatial.values import Array
 from tests.shared.plane_shapes import box, disc, ellipse_arcs, polygon
 
@@ -222,7 +222,7 @@ def test_expansion_over_an_orientation_interval() -> None:
         box(-0.2, 0.0, 0.4, 0.7),
         (-0.2, 0.3),
     )
-    whole = expanded_turning(G, [section], interval)
+    whole = expanded(G, [turn_swept(section, *interval)])
     low, high = whole.box
     centres = rng.uniform(low, high, (1000, 2))
     steps = [expanded(G, [turned(section, angle)]) for angle in np.linspace(*interval, 60)]
