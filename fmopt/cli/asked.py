@@ -44,6 +44,7 @@ def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
     if len(files) == 1 and not parts[0]:
         for option, value in (("--error", error), ("--unit", unit), ("--moving", moving), ("--fixed", fixed)):
             if value is not None:
+                read(files[0])  # what it refuses is neither
                 message = f"{option} is for parts without a problem file, and this is one"
                 raise _wrong(files[0], "conflict", message, f"leave {option} out and state it in the file")
         return None

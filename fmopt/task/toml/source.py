@@ -21,10 +21,6 @@ Key = tuple[str | int, ...]
 MAX_BYTES = 1_000_000
 _SYNTAX = "see https://toml.io for the syntax; numbers take a decimal point, words quotation marks"
 _PARTS = {".stl", ".obj", ".ply", ".3mf", ".glb", ".step", ".stp"}
-_OTHERS = (
-    "sdf urdf xml gltf dae off amf wrl fbx 3dm iges igs brep sldprt sldasm ipt iam x_t f3d fcstd scad blend dxf gcode"
-)
-_FOREIGN = {f".{end}" for end in _OTHERS.split()}
 NAME_PROBLEM = "name a problem file, which names two models under [moving] and [fixed]; or both parts, with --error"
 MAX_DEPTH = 24
 
@@ -166,8 +162,18 @@ def read(path: Path, cited: Place | None = None) -> Source:
     """
     content = read_bytes(path, cited or Place(str(path)), MAX_BYTES)
     _refuse_others(path, content)
-    text = _text(path, content)
-    data = _parsed(path, text)
+    try:
+        text = _text(path, content)
+        data = _parsed(path, text)
+    except InputError as error:
+        if path.suffix.lower() in ("", ".toml"):
+            raise
+        where = error.faults[0]  # of a TOML file of another name, the place of what is wrong
+        message, advice = (
+            f"{_name(path)} is of a kind that is not read",
+            "export the part as STEP or STL, and name that file",
+        )
+        raise InputError(Place(str(path), where.line, where.column).fault("file-kind", message, advice)) from error
     keys, values = _places(text)
     source = Source(path, data, keys, values)
     # What reads the document after this goes down into it by recursion.
@@ -183,9 +189,6 @@ def _refuse_others(path: Path, content: bytes) -> None:
     begin = content.lstrip()[:1]
     if path.suffix.lower() in _PARTS:
         message, advice = f"{_name(path)} is a mesh or CAD file, not TOML", NAME_PROBLEM
-    elif path.suffix.lower() in _FOREIGN:
-        message = f"{_name(path)} is of a kind that is not read"
-        advice = "export the part as STEP or STL, and name that file"
     elif path.suffix.lower() == ".json" or begin == b"{":
         message = f"{_name(path)} is JSON, not TOML"
         advice = "name a problem or model file; a plan goes to fmopt verify"
