@@ -22,9 +22,9 @@ from shapely.geometry.polygon import orient
 from fmopt.errors import GeometryError
 from fmopt.geometry.centre import axis, centre, is_round
 from fmopt.geometry.fit import search
-from fmopt.geometry.fit.layers import INSIDE, Layers, Outline, common
+from fmopt.geometry.fit.layers import INSIDE, Layers, common
 from fmopt.geometry.fit.placing import moved
-from fmopt.geometry.fit.search import SHARES, Candidate, Led, largest
+from fmopt.geometry.fit.search import SHARES, Candidate, Led, largest, opening_around
 from fmopt.geometry.fit.seat import Way, most_room
 from fmopt.geometry.mating_features import DESCRIBE
 from fmopt.geometry.polyhedron import Polyhedron, manifold_of, placed, triangulated
@@ -40,11 +40,10 @@ _MOST_OF = 0.25  # of the walls that are within the largest share: a smaller sha
 _OTHER_END = 0.4  # of the wall area, which the other end of a solid has at least
 _MOSTLY = 0.75  # of the walls of the best end in an opening, which another end has that is taken for its room
 _INTERFERING, _TRIES = 3, 4  # turns
-_MOUTH = 4.0  # times the hull of what goes in: a wider opening is no mouth of it
 _NANO = 9  # decimals of coordinates in m
 _LITTLE = 1e-3  # of an area
 _NEAR = 1e-4  # rad
-_EXACT = 1e-9  # m
+_EXACT, _FINE = 1e-9, 1e-10  # m
 _NOISE = 5e-4  # of the height of material: slabs that are thinner tell nothing of its openings
 _BESIDE = 1e-7  # m: how far above and below a mouth it is cut
 _ROUNDS = 3  # of depth and place, which depend on each other
@@ -146,7 +145,7 @@ def _find(
     side = next(a for one, a in found if one.led is chosen.candidate.led)
     like = [seat for seat in seats if abs(seat.clearance - chosen.clearance) <= _EQUALLY]
     feet = list[Array]()
-    for foot in (_foot(seat.candidate) for seat in like if seat.other is chosen.other):
+    for foot in (seat.seated.feet[0] for seat in like if seat.other is chosen.other):
         if all(float(np.linalg.norm(foot - other)) > _FITS * chosen.candidate.width for other in feet):
             feet.append(foot)
     return _fit(chosen, side == 1, max(len(feet), 1))
@@ -170,10 +169,10 @@ def _standing(solid: Polyhedron, other: Polyhedron, pose: Pose) -> Iterator[Cand
             continue
         for height in reversed(material.middles):
             swept = way.swept(max(height - material.high + depth, INSIDE))
-            around = opening_around(material.section(height), swept.shape, at, pivot)
+            around = opening_around(material.section(height), moved(swept.shape, pivot, at))
             if around is not None:  # the highest one will do
                 where = (led, len(led.swept) - 1, material, height, *around, pivot, at)
-                found = Candidate(*where, 0.0, search.width_of(led.swept[-1]), depth, ())
+                found = Candidate(*where, 0.0, search.width_of(led.swept[-1].shape), depth, ())
                 if (area := search.walls(found))[-1] > 0.0:
                     yield replace(found, walls=area)
                 break
@@ -203,9 +202,8 @@ def _ways(body: Polyhedron, stated: Stated) -> list[Array]:
 def _no_fit(found: Sequence[Candidate]) -> GeometryError:
     """Nothing goes in, with what comes the nearest."""
     message = "nothing of the one goes into an opening of the other"
-    if found:
-        near = max(found, key=lambda one: one.clearance)
-        message += f": the nearest is too thick by {-1e3 * near.clearance:.4g} mm a side"
+    if thick := [-one.clearance for one in found if one.clearance < -_SAME]:
+        message += f": the nearest is too thick by {1e3 * min(thick):.4g} mm a side"
     return GeometryError(message, f"check the units of both, and that one has an opening for the other; or {DESCRIBE}")
 
 
@@ -240,13 +238,8 @@ def _same_opening(one: Candidate, other: Candidate) -> bool:
     """Whether two candidates are on one line through the material, and one line of the solid, whatever end leads."""
     across = abs(float(one.material.turn[2] @ other.material.turn[2]))
     own = abs(float(one.led.layers.turn[2] @ other.led.layers.turn[2]))
-    return min(own, across) > 1.0 - _LITTLE and float(np.linalg.norm(_foot(one) - _foot(other))) < _FITS * one.width
-
-
-def _foot(one: Candidate) -> Array:
-    """The point (3,) of a candidate's line that is nearest to the origin of the material's model, m."""
-    middle = moved(one.led.swept[-1].shape.centroid, one.pivot, one.at).coords[0]
-    return np.asarray(one.material.turn[:2].T @ np.array(middle))
+    apart = (float(np.linalg.norm(a - b)) for a, b in zip(one.feet, other.feet, strict=True))
+    return min(own, across) > 1.0 - _LITTLE and max(apart) < _FITS * one.width
 
 
 class _Seat:
@@ -270,7 +263,9 @@ class _Seat:
             if not pairs:  # stuck before it is in
                 self.clearance = -candidate.width
                 break
-            self.clearance, self.at = most_room(pairs, self.way.pivot, self.at, candidate.width, candidate.closed)
+            self.clearance, self.at = most_room(
+                pairs, self.way.pivot, self.at, candidate.width, candidate.closed, _FINE
+            )
 
     def _go_down(self, stated: float | None, tip: float | None) -> None:
         """Height of the tip, of the mouth and of the far end of the opening, m, and whether it is open there."""
@@ -308,15 +303,19 @@ class _Seat:
         return slabs[top][1], slabs[bottom][0], bool(common(below, first) < _LITTLE * first.area)
 
     @cached_property
+    def seated(self) -> Candidate:
+        """The candidate where it is seated."""
+        return replace(self.candidate, at=self.at, clearance=self.clearance, depth=self.other.high - self.tip)
+
+    @cached_property
     def walls(self) -> tuple[float, ...]:
         """Area of its walls that run along walls, m²."""
-        depth = self.other.high - self.tip
-        return search.walls(replace(self.candidate, at=self.at, clearance=self.clearance, depth=depth))
+        return search.walls(self.seated)
 
     def opening(self, height: float) -> shapely.Polygon | None:
         """The opening at a height, m, that holds what sweeps by there; None where it is wide, or there is none."""
         swept = self.way.swept(max(height - self.tip, INSIDE)).shape
-        around = opening_around(self.other.section(height), swept, self.at, self.way.pivot)
+        around = opening_around(self.other.section(height), self._put(swept))
         return None if around is None else around[0]
 
     def angle_at(self, at: Array) -> float:
@@ -341,23 +340,6 @@ class _Seat:
         return float(self.own.section(self.own.low + INSIDE).shape.area)
 
 
-def opening_around(
-    material: Outline, swept: BaseGeometry, at: Array, pivot: Array
-) -> tuple[shapely.Polygon, bool] | None:
-    """The opening of a section that holds the largest part of what sweeps by, if it is no wider, and if it is closed.
-
-    Args:
-        at, pivot: (3,) and (2,), where what sweeps by is placed.
-    """
-    if swept.is_empty:
-        return None
-    most, part = _MOUTH * swept.convex_hull.area, largest(moved(swept, pivot, at))
-    for opening, closed in material.openings:
-        if opening.area < most and common(opening, part) > 0.5 * part.area:
-            return opening, closed
-    return None
-
-
 def _first(seats: Sequence[_Seat], depth: float | None) -> _Seat:
     """The seat in the opening with the least room, at the end with the most of it there.
 
@@ -368,10 +350,8 @@ def _first(seats: Sequence[_Seat], depth: float | None) -> _Seat:
     for seat in seats:
         if seat.walls[-1] > _OTHER_END * most or not most:
             there = [group for group in groups if _same_opening(group[0].candidate, seat.candidate)]
-            if there:
-                there[0].append(seat)
-            else:
-                groups.append([seat])
+            groups += [] if there else [[]]
+            (there or groups[-1:])[0].append(seat)
     roomy = [_roomiest(group) for group in groups]
     free = [seat for seat in roomy if seat.clearance > 0.0]
     best = min(free, key=lambda seat: seat.clearance) if free else max(roomy, key=lambda seat: seat.clearance)
@@ -398,13 +378,13 @@ def _best_turned(seat: _Seat, depth: float | None) -> _Seat:
     """A seat at the turn with the most room, of those that leave as much the one that turns the solid the least."""
     one = seat.candidate
     swept, material = one.led.swept[one.slab], one.material.section(one.height)
-    placed = [*search.placements(swept, material, one.opening, _EXACT, every=True)]
-    most = max((other.clearance for other in placed), default=one.clearance)
-    roomy = [other for other in placed if other.clearance > max(most, one.clearance) - _EQUALLY]
-    for other in sorted(roomy, key=lambda other: seat.angle_at(other.at))[:_TRIES]:
-        if most <= one.clearance + _EQUALLY and seat.angle_at(other.at) > seat.angle_at(seat.at) - _NEAR:
+    placed = [*search.placements(swept, material, one.opening, one.pivot, _EXACT, every=True)]
+    most = max((clearance for clearance, _ in placed), default=one.clearance)
+    roomy = [other for other in placed if other[0] > max(most, one.clearance) - _EQUALLY]
+    for clearance, at in sorted(roomy, key=lambda other: seat.angle_at(other[1]))[:_TRIES]:
+        if most <= one.clearance + _EQUALLY and seat.angle_at(at) > seat.angle_at(seat.at) - _NEAR:
             break
-        tried = _Seat(replace(one, at=other.at, clearance=other.clearance), depth)
+        tried = _Seat(replace(one, at=at, clearance=clearance), depth)
         alike = np.allclose(tried.walls, seat.walls, rtol=_EQUAL, atol=0.0) and abs(tried.tip - seat.tip) <= _SAME
         if alike and tried.clearance >= seat.clearance - _EQUALLY:
             return tried

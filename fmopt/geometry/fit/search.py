@@ -18,7 +18,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.fit.layers import Layers, Outline, common, united
-from fmopt.geometry.fit.placing import Facing, Placement, moved
+from fmopt.geometry.fit.placing import moved
+from fmopt.geometry.fit.seat import most_room
 from fmopt.geometry.polyhedron import Polyhedron, plane_basis
 from fmopt.spatial.values import Array
 
@@ -28,19 +29,19 @@ _APART = math.cos(math.radians(1.0))  # of directions that differ
 _ALONG, _DRAFT, _ACROSS = 0.01, 0.1, 0.9999  # cosines of normals across a direction, of drafts, and along it
 _HEIGHTS = 5  # at which what sweeps by is held against openings
 _GROWN = 1.002  # times the area of a section, below which what sweeps by further up is the same
-_LEAST_ROOM, _MOST_ROOM, _MOST_ROOM_OPEN = 0.8, 4.0, 6.0  # area of an opening: of the section, and of its hull
+_MOST_ROOM, _MOST_ROOM_OPEN = 4.0, 6.0  # area of an opening: of the section's hull
 _LIKE = 1e-3  # of their areas: openings that differ by less are one
 _LONGEST = 3  # sides of an outline that are turned to those of an opening
 _TURN_GRID = 12
 _ONE_TURN = 0.02  # rad: turns that differ by less are one
 _PLACED, _MOST_PLACED = 3, 8  # turns of least overlap that are placed, and of none at all
-_OVERLAP = 0.15  # of the section's area, by which it may overlap before it is placed
-_FIRST = 0.05  # of the size: the first steps of a placement
 _TIGHTEST, _LOOSEST = -0.08, 0.25  # of the width: clearances of candidates
+_OVERLAP, _MORE = 0.15, 1.5  # of the section's area, and of the least, by which it may overlap before it is placed
 _IN_HULL = 0.5  # of the section's area, which is to lie inside the hull of the material
 _ROUGHLY = 1e-5  # of the width: accuracy of a clearance in the search
 _GIVEN = 1e-8  # m: what a section gives up so that what touches does not overlap
 _SAMPLES = 200  # points of an outline
+_MOUTH = 4.0  # times the hull of what goes in: a wider opening is no mouth of it
 _SLENDER = 1.2  # times its other widths: a solid that is so long has a longest axis
 _LOOSE = 2.0  # times that: walls with so much room between them do not count
 SHARES = (0.02, 0.05, 0.1, 0.25)  # of the width: walls so near count
@@ -94,6 +95,26 @@ class Candidate:
     depth: float
     walls: tuple[float, ...]
 
+    @cached_property
+    def feet(self) -> tuple[Array, Array]:
+        """Where the line through all that lies in openings passes the origins of the material's and the solid's model.
+
+        It has the same feet (3,), m, whatever end leads, and however what lies beside the openings is turned.
+        """
+        own, layers, tip = self.led.swept, self.led.layers, self.material.high - self.depth
+        slabs = np.searchsorted(layers.edges - layers.low, np.array(self.material.middles) - tip) - 1
+        inside = [
+            part
+            for slab, section in zip(slabs.tolist(), self.material.sections, strict=True)
+            for part in shapely.get_parts(moved(own[min(slab, len(own) - 1)].shape, self.pivot, self.at))
+            if slab >= 0 and opening_around(section, part)
+        ]
+        middle = (united(inside) if inside else moved(own[-1].shape, self.pivot, self.at)).centroid
+        back = moved(middle, self.at[:2], np.append(self.pivot, -self.at[2]))
+        sides = ((self.material, middle), (layers, back))
+        material, solid = (one.turn[:2].T @ np.array(point.coords[0]) for one, point in sides)
+        return material, solid
+
 
 def directions(body: Polyhedron) -> list[Array]:
     """Unit vectors (3,), both signs: axes that most of the surface runs along, then normals of the largest faces."""
@@ -140,20 +161,29 @@ def candidates(solids: Sequence[Led], materials: Sequence[Layers], closed: bool)
     for led, material in product(solids, materials):
         for slab in led.heights:
             swept, seen = led.swept[slab], list[shapely.Polygon]()
-            room = (
-                _LEAST_ROOM * largest(swept.shape).area,
-                (_MOST_ROOM if closed else _MOST_ROOM_OPEN) * swept.hull.area,
-            )
+            part, most = largest(swept.shape), (_MOST_ROOM if closed else _MOST_ROOM_OPEN) * swept.hull.area
+            least = part.area - _spare(part)
             for height in reversed(material.middles):
                 for opening, is_closed in material.section(height).openings:
-                    if is_closed is closed and room[0] < opening.area < room[1] and not _known(opening, seen):
+                    if is_closed is closed and least < opening.area < most and not _known(opening, seen):
                         seen.append(opening)
                         yield from _placed(led, slab, material, height, opening, closed)
                     elif not (closed or is_closed or _known(opening, seen)):
                         seen.append(opening)
                         for tongue in swept.tongues:
-                            if _LEAST_ROOM * tongue.area < opening.area < _MOST_ROOM_OPEN * tongue.convex_hull.area:
+                            if tongue.area - _spare(tongue) < opening.area < _MOST_ROOM_OPEN * tongue.convex_hull.area:
                                 yield from _placed(led, slab, material, height, opening, closed, tongue)
+
+
+def opening_around(material: Outline, swept: BaseGeometry) -> tuple[shapely.Polygon, bool] | None:
+    """The opening of a section that holds the largest part of what sweeps by, if no wider, and whether it is closed."""
+    if swept.is_empty:
+        return None
+    most, part = _MOUTH * swept.convex_hull.area, largest(swept)
+    for opening, closed in material.openings:
+        if opening.area < most and common(opening, part) > 0.5 * part.area:
+            return opening, closed
+    return None
 
 
 def largest(shape: BaseGeometry) -> shapely.Polygon:
@@ -166,9 +196,14 @@ def _known(opening: shapely.Polygon, seen: Sequence[shapely.Polygon]) -> bool:
     return any(abs(o.area - opening.area) < most and o.symmetric_difference(opening).area < 2.0 * most for o in seen)
 
 
-def width_of(outline: Outline) -> float:
-    """How wide an outline is across its longest extent, m."""
-    return float(_box(outline.shape).min())
+def width_of(shape: BaseGeometry) -> float:
+    """How wide a plane shape is across its longest extent, m."""
+    return float(_box(shape).min())
+
+
+def _spare(shape: BaseGeometry) -> float:
+    """Area of a strip along all sides of a plane shape by which it may be too thick for an opening, m²."""
+    return -_TIGHTEST * width_of(shape) * float(shape.length)
 
 
 def _box(shape: BaseGeometry) -> Array:
@@ -218,33 +253,28 @@ def _headings(outline: Outline) -> list[float]:
 
 
 def placements(
-    outline: Outline,
-    material: Outline,
-    opening: shapely.Polygon,
-    tolerance: float,
-    every: bool = False,
-    part: shapely.Polygon | None = None,
-) -> Iterator[Placement]:
-    """An outline placed in an opening from the few turns with the least overlap, or from all with little.
+    outline: Outline, material: Outline, opening: shapely.Polygon, pivot: Array, tolerance: float, every: bool = False
+) -> Iterator[tuple[float, Array]]:
+    """Clearances, m, and places (3,) of an outline in an opening, from the turns with the least overlap or from all.
 
     Args:
+        pivot: (2,) of the outline, which is put into the middle of the opening, m.
         tolerance: of the clearance, m.
-        part: of the outline, which goes into the opening; its largest region if None.
     """
-    pivot, middle = (np.array(one.centroid.coords[0]) for one in (part or largest(outline.shape), opening))
-    found = list[tuple[float, float, Array]]()
+    middle, found = np.array(opening.centroid.coords[0]), list[tuple[float, float, Array]]()
     for turn in turns(outline, material, opening):
         at = np.append(middle, turn)
         put = moved(outline.shape, pivot, at)
         found.append((common(put, material.shape), -common(put, material.hull), at))
     found.sort(key=lambda one: one[:2])
     none = sum(overlap < _GIVEN**2 for overlap, _, _ in found)
-    size, facing = math.sqrt(outline.hull.area), (Facing(outline, material, pivot),)
+    size, most = math.sqrt(outline.hull.area), max(_OVERLAP * outline.shape.area, _MORE * found[0][0])
+    most = min(most, _spare(outline.shape))
     # With much room for some turns, that of sides which would touch is among those that overlap.
     chosen = [*found[: min(none, _MOST_PLACED)], *found[none : max(_PLACED, none + 2)]]
     for overlap, _, at in found if every else chosen:
-        if overlap <= _OVERLAP * outline.shape.area:
-            yield Placement(facing, at, size, tolerance).improved(_FIRST * size)
+        if overlap <= most:
+            yield most_room([(outline, material)], pivot, at, size, False, tolerance)
 
 
 def _placed(
@@ -257,16 +287,15 @@ def _placed(
     tongue: shapely.Polygon | None = None,
 ) -> Iterator[Candidate]:
     swept, section = led.swept[slab], material.section(height)
-    part, width = tongue or largest(swept.shape), width_of(swept if tongue is None else Outline.of(tongue))
+    part, width = tongue or largest(swept.shape), width_of(tongue or swept.shape)
     pivot = np.array(part.centroid.coords[0])
-    for placed in placements(swept, section, opening, _ROUGHLY * width, part=part):
-        if not _TIGHTEST * width < placed.clearance < _LOOSEST * width:
+    for clearance, at in placements(swept, section, opening, pivot, _ROUGHLY * width):
+        if not _TIGHTEST * width < clearance < _LOOSEST * width:
             continue
-        if common(moved(part, pivot, placed.at), section.hull) < _IN_HULL * part.area:
+        if common(moved(part, pivot, at), section.hull) < _IN_HULL * part.area:
             continue
-        depth = _reach(led, material, pivot, placed.at, min(placed.clearance, 0.0))
-        where = (led, slab, material, height, opening, closed, pivot, placed.at)
-        found = Candidate(*where, placed.clearance, width, depth, ())
+        depth = _reach(led, material, pivot, at, min(clearance, 0.0))
+        found = Candidate(led, slab, material, height, opening, closed, pivot, at, clearance, width, depth, ())
         yield replace(found, walls=walls(found))
 
 

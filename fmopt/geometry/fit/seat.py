@@ -27,9 +27,9 @@ _NEAR = 5e-7  # m: how far before and behind a level of both solids it is asked 
 _EXACT = 1e-9  # m
 _NOTHING = 1e-14  # m²
 _STAGES = 3  # of the least clearance, then of the least that does not bind, and so on
-_MOVES = 0.02  # of the size: the first steps of a placement
+_MOVES = 0.05  # of the size: the first steps of a placement
 _SHRINKS = 8  # secant steps to how much an outline that is too thick has to shrink
-_SHRUNK = 1e-8  # m: how well that is found
+_SHRUNK = 100.0  # times the accuracy: how well that is found
 
 
 class Way:
@@ -130,7 +130,7 @@ class Way:
 
 
 def most_room(
-    pairs: Sequence[tuple[Outline, Outline]], pivot: Array, at: Array, size: float, closed: bool
+    pairs: Sequence[tuple[Outline, Outline]], pivot: Array, at: Array, size: float, closed: bool, accuracy: float
 ) -> tuple[float, Array]:
     """The greatest least clearance of outlines beside material, m, near a placement, and its place (3,).
 
@@ -140,6 +140,7 @@ def most_room(
     Args:
         size: of the outlines, m.
         closed: whether the material is all round; else there is no end to the room on one side, which is not sought.
+        accuracy: of the clearance, m.
     """
     by, tried, found = 0.0, list[tuple[float, float]](), None
     for _ in range(_SHRINKS):
@@ -147,10 +148,10 @@ def most_room(
         facing = [Facing(*pair, pivot) for pair in thin if not pair[0].is_empty]
         if not facing:
             return -size, at
-        found = Placement(facing, at, size, 0.1 * _EXACT).improved(_MOVES * size)
+        found = Placement(facing, at, size, accuracy).improved(_MOVES * size)
         at = found.at
         tried.append((by, found.clearance))
-        if abs(found.clearance) < _SHRUNK or (by == 0.0 and found.clearance > 0.0):
+        if abs(found.clearance) < _SHRUNK * accuracy or (by == 0.0 and found.clearance > 0.0):
             break
         by = _less(tried)
     assert found is not None  # there is at least one step
