@@ -74,6 +74,10 @@ FITS: dict[str, tuple[Manifold | list[Manifold], Manifold, float, float, tuple[f
                     - hole(rectangle(12, 12), 10).rotate((0, 90, 0)).translate((0, 0, 15)), 0.1, 20, None),
     "C bosses": (bar(BAR, 12, 18) + bar(regular(6, 5), 0, 13, (-9, 0)) + bar(regular(8, 6), 8, 13, (9, 0)),
                  bar(rectangle(16, 14), 0, 20) - hole(regular(6, 5.3)), 0.15, 12, DOWN),
+    "C boss beside": (bar(rectangle(70, 30), 12, 18) + bar(regular(6, 8), 0, 13, (-24, 0)),
+                      bar(rectangle(20, 24), 0, 20) - hole(regular(6, 8.3)), 0.15, 12, DOWN),
+    "C boss and holes": (bar(rectangle(30, 18), 10, 16) + bar(rectangle(8, 7), 0, 11, (5, -2)),
+                         plate(14, hole(rectangle(8.4, 7.4), -1, (-16, 0), (0, 9), (14, -9))), 0.2, 10, DOWN),
     "F lying": (bar(BAR, 0, 8), plate(12, hole(widened(BAR, 0.1), 7)), 0.1, 5, None),
     "F pointed": (bar(regular(6, 10), 0, 33) + bar(regular(6, 10), 32, 40, top=0.1),
                   plate(20, hole(regular(6, 10.4))), 0.2, 20, UP),
@@ -97,6 +101,9 @@ FITS: dict[str, tuple[Manifold | list[Manifold], Manifold, float, float, tuple[f
     "K L": (bar(widened(L, 0.3)), plate(15, hole(L)), -0.3, 15, None),
     "K T": (bar(widened(T, 0.2)), plate(15, hole(T)), -0.2, 15, None),
     "K key": (bar(keyed(14, 0.1)), plate(15, hole(keyed(14, 0))), -0.1, 15, None),
+    "K U": (bar(widened(U, 0.4)), plate(15, hole(U)), -0.4, 15, None),
+    "K thin U": (bar(widened(U, 0.75)), plate(15, hole(U, 3)), -0.75, 12, None),
+    "K short block": (bar(rectangle(20.8, 8.8), 0, 12), plate(15, hole(rectangle(20, 8), 9)), -0.4, 6, DOWN),
     "L square": (bar(rectangle(10, 10)), relieved(rectangle(10.2, 10.2), 0.3), 0.1, 15, None),
     "L triangle": (bar(regular(3, 12)), relieved(regular(3, 12.3), 0.5), 0.15, 15, None),
     "L hexagon": (bar(regular(6, 12)), relieved(regular(6, 12.4), 0.4), 0.2, 15, None),
@@ -105,7 +112,15 @@ FITS: dict[str, tuple[Manifold | list[Manifold], Manifold, float, float, tuple[f
                      plate(20, hole(rectangle(12.3, 8.3), 6)), 0.15, 14, DOWN),
     "M conical": (bar(L), plate(12, hole(widened(L, 0.2)), bar(regular(24, 4), 3, 13, *FOUR, top=2)), 0.2, 12, None),
 }  # fmt: skip
-ALIKE = {"C blind bores": 3, "C two sides": 1, "G three": 1, "G four": 1, "G uneven": 1}
+ALIKE = {
+    "C blind bores": 3,
+    "C two sides": 1,
+    "C boss beside": 1,
+    "C boss and holes": 3,
+    "G three": 1,
+    "G four": 1,
+    "G uneven": 1,
+}
 
 
 def meshed(shape: Manifold) -> trimesh.Trimesh:
@@ -161,6 +176,14 @@ def test_interference_is_refused_with_the_least_there_is(case: str, tmp_path: Pa
     with pytest.raises(InterferenceError, match="it is too thick by") as told:
         _ = asked(tmp_path, *FITS[case][:2]).measured
     assert (told.value.exit_code, 1e3 * told.value.interference) == (1, pytest.approx(-FITS[case][2], abs=1e-5))
+
+
+@pytest.mark.parametrize("outline", [T, HEAD, DOVETAIL])
+def test_where_nothing_goes_in_the_nearest_is_too_thick_by_a_length(outline: Outline, tmp_path: Path) -> None:
+    shapes = bar(widened(outline, 2.4)), plate(15, hole(outline, 3))
+    bodies = [load_mesh(written(tmp_path / f"{k}.stl", shape), "mm").body for k, shape in enumerate(shapes)]
+    with pytest.raises(GeometryError, match=r"the nearest is too thick by 0\.\d+ mm a side"):
+        find(*bodies)
 
 
 @pytest.mark.parametrize(("n", "r", "m", "R"), [(24, 8.0, 36, 8.02), (40, 5.0, 32, 5.01), (30, 10.0, 20, 10.1)])
@@ -255,11 +278,16 @@ def test_a_chamfered_bore_is_one_solid_in_mm_and_in_inches(
     assert len(read[1].body.faces) == len(read[0].body.faces)
 
 
-@pytest.mark.parametrize("name", ["part.scad", "part.xml", "PART.DXF"])
+@pytest.mark.parametrize("name", ["part.scad", "part.xml", "PART.DXF", "part.unknown"])
 def test_a_format_that_is_not_read_is_named_as_such(name: str, tmp_path: Path) -> None:
-    """O: on the command line, and from Python."""
+    """O: on the command line, beside another part and alone, and from Python."""
     other = written(tmp_path / "other.stl", plate(10))
     (tmp_path / name).write_text("cube(1);\n")
-    for ask in (lambda *two: asked_problem(two, (ERROR, "mm", None, None)), lambda *two: fmopt.problem(*two, ERROR)):
+    options = ERROR, "mm", None, None
+    for ask in (
+        lambda *two: asked_problem(two, options),
+        lambda one, _: asked_problem([one], options),
+        lambda *two: fmopt.problem(*two, ERROR),
+    ):
         with pytest.raises(InputError, match=rf"{name} is of a kind that is not read; export the part as STEP or STL"):
             ask(tmp_path / name, other)
