@@ -15,8 +15,8 @@ import pytest
 
 import fmopt
 from fmopt.errors import GeometryError, InputError, InterferenceError
-from fmopt.geometry.step import step_import
 from fmopt.notebook.gallery import gallery
+from fmopt.runtime.store import FOLDER
 from tests.shared.commands import ended
 from tests.shared.files.asked import FORMS, Asked, generated, rectangle, write, write_assembly
 
@@ -25,20 +25,10 @@ Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(autouse=True, scope="module")
-def read_once() -> Iterator[None]:
-    """The CAD kernel's process reads each file once; asked for the same bytes again, it has said what it says."""
-    told: dict[tuple[bytes, float, str], str] = {}
-    real = step_import._answer
-
-    def answer(path: Path, deviation: float, body: str) -> dict[str, Any]:
-        asked = path.read_bytes(), deviation, body
-        if asked not in told:
-            told[asked] = json.dumps(real(path, deviation, body))
-        found: dict[str, Any] = json.loads(told[asked])
-        return found
-
+def read_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Each file is read once by all tests of this module."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(step_import, "_answer", answer)
+        patch.setenv(FOLDER, str(tmp_path_factory.mktemp("store")))
         yield
 
 
