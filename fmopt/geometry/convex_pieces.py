@@ -47,10 +47,15 @@ from fmopt.spatial.values import Array, remembered
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
+    from shapely import Polygon
+    from shapely.geometry.base import BaseGeometry
 
 ROUNDING = 1e-12  # m: vertices this close to a plane lie on it, coordinates this close to an operand's are that one
 _SLIVER = 1e-9  # of the volume of the piece that was cut
 _NOISE = 1e-13  # relative, of volumes
+_MANY = 16  # bodies, from which prisms are united by their sections
+_UPRIGHT = 1e-9  # of unit normals
+_DECIMALS = 12  # of levels in m
 _MERIDIANS = 32  # of the polyhedra that stand for balls where those are only shown
 
 
@@ -252,24 +257,92 @@ def _irredundant(bodies: Sequence[Polyhedron], whole: float, needed: Sequence[in
     Gains only fall while the union grows, so a body whose gain is old is measured again before it is chosen. Those that
     are known to be `needed`, by number, are not measured.
     """
-    from manifold3d import Manifold, OpType
-
     if len(bodies) < 2:
         return tuple(bodies)
-    solids = [convex_manifold(body) for body in bodies]
-    union, kept = Manifold.batch_boolean([solids[i] for i in needed], OpType.Add), [*needed]
-    covered = union.volume()
+    union = (_prisms(bodies) if len(bodies) > _MANY else None) or _Union(bodies)
+    kept, covered = [*needed], union.with_all(needed)
     queue = [(-bodies[i].volume, i, 0) for i in sorted({*range(len(bodies))} - {*needed})]
     heapify(queue)
     while queue and covered < (1.0 - _NOISE) * whole:
         heed()
         gain, i, age = heappop(queue)
         if age == len(kept):
-            union, covered = union + solids[i], covered - gain
-            kept.append(i)
-        elif (gain := (solids[i] - union).volume()) > _SLIVER * bodies[i].volume:
+            union.add(i)
+            covered, kept = covered - gain, [*kept, i]
+        elif (gain := union.gain(i)) > _SLIVER * bodies[i].volume:
             heappush(queue, (-gain, i, len(kept)))
     return tuple(bodies[i] for i in sorted(kept))
+
+
+class _Union:
+    """The union of some bodies, each by its number."""
+
+    def __init__(self, bodies: Sequence[Polyhedron]) -> None:
+        from manifold3d import Manifold
+
+        self._solids, self._whole = [convex_manifold(body) for body in bodies], Manifold()
+
+    def with_all(self, which: Sequence[int]) -> float:
+        """Its volume with some bodies, m³."""
+        from manifold3d import Manifold, OpType
+
+        self._whole = Manifold.batch_boolean([self._whole, *(self._solids[i] for i in which)], OpType.Add)
+        return float(self._whole.volume())
+
+    def add(self, i: int) -> None:
+        self._whole = self._whole + self._solids[i]
+
+    def gain(self, i: int) -> float:
+        """The volume that another body would add, m³."""
+        return float((self._solids[i] - self._whole).volume())
+
+
+class _Sections(_Union):
+    """The same of prisms along one axis, by sections between the levels of their ends: that takes a tenth of the time.
+
+    Args:
+        ends: levels (n, 2) of the floor and the roof of each, m.
+    """
+
+    def __init__(self, sections: Sequence[Polygon], ends: Array) -> None:
+        from shapely import Polygon
+
+        levels = np.unique(ends)
+        self._sections, self._heights = sections, np.diff(levels)
+        self._slabs = [range(*np.searchsorted(levels, one)) for one in ends]
+        self._filled: list[BaseGeometry] = [Polygon()] * len(self._heights)
+
+    def with_all(self, which: Sequence[int]) -> float:
+        """Its volume with some bodies, m³."""
+        from shapely import union_all
+
+        for k in range(len(self._filled)):
+            self._filled[k] = union_all([self._filled[k], *(self._sections[i] for i in which if k in self._slabs[i])])
+        return float(sum(h * one.area for h, one in zip(self._heights, self._filled, strict=True)))
+
+    def add(self, i: int) -> None:
+        for k in self._slabs[i]:
+            self._filled[k] = self._filled[k].union(self._sections[i])
+
+    def gain(self, i: int) -> float:
+        """The volume that another body would add, m³."""
+        section = self._sections[i]
+        return float(sum(self._heights[k] * section.difference(self._filled[k]).area for k in self._slabs[i]))
+
+
+def _prisms(bodies: Sequence[Polyhedron]) -> _Sections | None:
+    """Bodies by their sections, if all of them are prisms along one axis of coordinates."""
+    from shapely import Polygon
+
+    for axis in range(3):
+        along = [np.abs(body.normals[:, axis]) for body in bodies]
+        if all(np.all((one < _UPRIGHT) | (one > 1.0 - _UPRIGHT)) for one in along):
+            across = [k for k in range(3) if k != axis]
+            floors = [next(face.loops[0] for face in body.faces if face.normal[axis] < -0.5) for body in bodies]
+            sections = [Polygon(body.vertices[list(f)][:, across]) for body, f in zip(bodies, floors, strict=True)]
+            heights = [body.vertices[:, axis].round(_DECIMALS) for body in bodies]
+            return _Sections(sections, np.array([(one.min(), one.max()) for one in heights]))
+    return None
 
 
 def _clipped_loop(loop: tuple[int, ...], side: np.ndarray, cuts: dict[tuple[int, int], int]) -> list[int]:
