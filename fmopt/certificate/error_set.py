@@ -175,7 +175,7 @@ class Support:
 
 
 @dataclass(frozen=True, eq=False)
-class Linkage(Value):
+class Linkage(Value, hole=(None, 3), hand=(None, 6), sizes=(4,)):
     """How generators of the start error move on with the part, the first ones of an error set.
 
     Args:
@@ -189,11 +189,6 @@ class Linkage(Value):
     hand: Array
     sizes: Array
     origin: Array | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "hole", frozen(self.hole, None, 3, name="turns of the hole"))
-        object.__setattr__(self, "hand", frozen(self.hand, None, 6, name="errors in the hand"))
-        object.__setattr__(self, "sizes", frozen(self.sizes, 4, name="sizes"))
 
     @staticmethod
     def of(box: Array, framing: Framing) -> tuple[Array, Linkage | None]:

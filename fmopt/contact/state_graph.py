@@ -26,7 +26,7 @@ from fmopt.spatial.values import Array, Value, frozen
 
 
 @dataclass(frozen=True, eq=False)
-class ContactState(Value):
+class ContactState(Value, point=(6,)):
     """The contacts that are active together on one facet, merged.
 
     Attributes:
@@ -40,9 +40,6 @@ class ContactState(Value):
     contacts: tuple[str, ...]
     dimension: int
     point: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "point", frozen(self.point, 6, name="point"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from fmopt.execution.robot import Robot
 from fmopt.plan import Plan
 from fmopt.plan.guarded_moves import Move, moves, to_frame
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 DONE, FAILED = -1, -2
 _GIVE = 2.0  # of what the servo's spring gives way under a contact's force, by which the part may go on as it is felt
@@ -20,7 +20,7 @@ _LATE = 2.0  # durations that a piece of a move may take, as the plan gives its 
 
 
 @dataclass(frozen=True, eq=False)
-class Step(Value):
+class Step(Value, position=(6, 6), twist=(6,), hold=(2, 6), rubbing=(6,), gain=(6,)):
     """One hybrid motion.
 
     Args:
@@ -64,12 +64,6 @@ class Step(Value):
     gentle: bool = False
     deep: float = -np.inf
     soft: float = 1.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "position", frozen(self.position, 6, 6, name="position axes"))
-        object.__setattr__(self, "hold", frozen(self.hold, 2, 6, name="holding wrenches"))
-        for name in ("twist", "gain", "rubbing"):
-            object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
 
 
 @dataclass(frozen=True, eq=False)

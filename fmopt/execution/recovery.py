@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.plan import Plan
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 EARLY, LATE = "early", "late"  # the part stands before its travel is used up; it is used up, and nothing was felt
 _SPEED = 0.05  # m/s and
@@ -25,7 +25,7 @@ _THERE = (5e-4, 5e-3)  # m and rad, by which it may then be off
 
 
 @dataclass(frozen=True, eq=False)
-class Recovery(Value):
+class Recovery(Value, shifts=(None, 3), points=(None, 3)):
     """What a plan says of recovery.
 
     Args:
@@ -48,10 +48,6 @@ class Recovery(Value):
     start: Pose
     points: Array
     radii: Array
-
-    def __post_init__(self) -> None:
-        for name in ("shifts", "points"):
-            object.__setattr__(self, name, frozen(getattr(self, name), None, 3, name=name))
 
     @staticmethod
     def of(plan: Plan) -> Recovery | None:

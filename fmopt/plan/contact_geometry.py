@@ -11,7 +11,7 @@ from fmopt.errors import PlanFormatError
 from fmopt.plan import Body, Plan
 from fmopt.plan import Contact as Row
 from fmopt.spatial.se3 import Pose, cross
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 _PARALLEL = 1e-9  # sine between edges that fix no normal
 _LEVEL = 1e-3  # sine between edges that run level
@@ -19,7 +19,7 @@ _END = 1e-6  # m, by which edges may cross beyond their ends: at a corner roundi
 
 
 @dataclass(frozen=True, eq=False)
-class Contact(Value):
+class Contact(Value, moving=(None, 3), fixed=(None, 3), moving_normal=(3,), fixed_normal=(3,)):
     """One primitive contact.
 
     Args:
@@ -36,12 +36,6 @@ class Contact(Value):
     moving_normal: Array
     fixed_normal: Array
     radius: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("moving", "fixed"):
-            object.__setattr__(self, name, frozen(getattr(self, name), None, 3, name=f"{name} vertices"))
-        for name in ("moving_normal", "fixed_normal"):
-            object.__setattr__(self, name, frozen(getattr(self, name), 3, name=name))
 
     def within(self, pose: Pose) -> bool:
         """Whether crossing edges cross between their ends, or at one of them; other contacts are not asked."""

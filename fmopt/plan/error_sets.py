@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 from fmopt.verify.arithmetic.rational import ArithmeticRefusal, Row, fixed, number
 from fmopt.verify.certificate import error_set
 from fmopt.verify.certificate.chain import Broken, Chain
@@ -16,7 +16,7 @@ from fmopt.verify.reading.document import Plan
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorSet(Value):
+class ErrorSet(Value, generators=(None, 6), shape=(6, 6), slide=(6, 6), swing=(6, 6), growth=(6, 6)):
     """A set of errors: inside zonotope ⊕ slide ⊕ swing, and inside an outer ellipsoid.
 
     Args:
@@ -31,11 +31,6 @@ class ErrorSet(Value):
     slide: Array
     swing: Array
     growth: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "generators", frozen(np.reshape(self.generators, (-1, 6)), None, 6))
-        for name in ("shape", "slide", "swing", "growth"):
-            object.__setattr__(self, name, frozen(getattr(self, name), 6, 6, name=name))
 
     def half_widths(self) -> Array:
         """Half-widths (6,) along the axes: the smaller of the two bounds on each, m and rad."""
@@ -60,4 +55,4 @@ def error_sets(plan: Plan) -> tuple[ErrorSet, ...]:
 def _in_floats(errors: error_set.ErrorSet, weights: Row) -> ErrorSet:
     growth = error_set.outer_sum(errors.slide, errors.swing, weights)
     matrices = (errors.generators, errors.shape, errors.slide, errors.swing, growth)
-    return ErrorSet(*(np.array([[number(x) for x in row] for row in rows]) for rows in matrices))
+    return ErrorSet(*(np.reshape([[number(x) for x in row] for row in rows], (-1, 6)) for rows in matrices))

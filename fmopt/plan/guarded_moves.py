@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -30,7 +30,7 @@ _HELD = 1e-6  # N, by which a bias may leave the space of its force axes
 
 
 @dataclass(frozen=True, eq=False)
-class Stop(Value):
+class Stop(Value, gain=(6,), wrench=(6,)):
     """Stop when gain · (e − e at the start of the move), the normal force of the new contacts, reaches `force`.
 
     e is the sum of the measured reaction and the holding wrench.
@@ -54,13 +54,9 @@ class Stop(Value):
     contacts: tuple[str, ...]
     gentle: bool = False
 
-    def __post_init__(self) -> None:
-        for name in ("gain", "wrench"):
-            object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
-
 
 @dataclass(frozen=True, eq=False)
-class Move(Value):
+class Move(Value, twist=(6,), position_axes=(None, 6), force_axes=(None, 6), hold=(6,), hold_start=(6,), rubbing=(6,)):
     """One segment of a plan.
 
     Args:
@@ -96,14 +92,6 @@ class Move(Value):
     stop: Stop | None
     state: tuple[str, ...]
     goal_state: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "twist", frozen(self.twist, 6, name="twist"))
-        for key in ("hold", "hold_start", "rubbing"):
-            object.__setattr__(self, key, frozen(getattr(self, key), 6, name="holding wrench"))
-        axes = (("position_axes", "position axes"), ("force_axes", "force axes"))
-        for key, name in axes:
-            object.__setattr__(self, key, frozen(np.reshape(getattr(self, key), (-1, 6)), None, 6, name=name))
 
 
 def to_frame(frame: Pose, wrench: Array, origin: Array) -> Array:
@@ -167,10 +155,8 @@ class Budget(NamedTuple):
     friction: float
 
 
-class Held(NamedTuple):
-    """Held contacts: normal force, N, unit normal (3,), and arm (3,) from the moving frame's origin, m."""
-
-    points: tuple[tuple[float, tuple[Array, Array]], ...]
+Held: TypeAlias = Sequence[tuple[float, tuple[Array, Array]]]
+"""Held contacts: normal force, N, unit normal (3,), and arm (3,) from the moving frame's origin, m."""
 
 
 def _point(contact: Contact, pose: Pose) -> tuple[Array, Array]:
@@ -183,7 +169,9 @@ def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, 
     hybrid = row.hybrid
     frame = Pose.from_vector(hybrid.frame)
     V = frozen(hybrid.velocity, 6)
-    force_axes = np.reshape(np.array(hybrid.force_axes, dtype=np.float64), (-1, 6))
+    position_axes, force_axes = (
+        np.reshape(np.array(axes, dtype=np.float64), (-1, 6)) for axes in (hybrid.position_axes, hybrid.force_axes)
+    )
     held = from_frame(frame, force_axes, goal.p)
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
     hold = frozen(hybrid.bias, 6)
@@ -198,7 +186,7 @@ def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, 
     forces = [(known[contact], force) for contact, force in hybrid.pressed]
     change = _pressing(_shifted(forces, start), start) - _pressing(forces, goal)
     far = length(start, goal, rho)
-    points = Held(tuple((force, _point(contact, goal)) for contact, force in forces))
+    points = [(force, _point(contact, goal)) for contact, force in forces]
     return Move(
         index,
         row.move,
@@ -209,7 +197,7 @@ def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, 
         far / hybrid.speed,
         V * hybrid.speed,
         frame,
-        np.array(hybrid.position_axes, dtype=np.float64),
+        position_axes,
         force_axes,
         hold,
         hold + change,
@@ -248,10 +236,10 @@ def _free(held: Array, V: Array, rho: float) -> Array:
 def _refuse_unheld(index: int, hold: Array, held: Array, rho: float) -> None:
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
     basis, _ = np.linalg.qr((held / scale).T)
-    rest = hold / scale - basis @ (basis.T @ (hold / scale))
-    if float(np.linalg.norm(rest)) > _HELD:
+    rest = float(np.linalg.norm(hold / scale - basis @ (basis.T @ (hold / scale))))
+    if rest > _HELD:
         raise PlanFormatError(
-            f"segment {index}: {float(np.linalg.norm(rest)):.3g} N of its bias press where its force axes hold nothing",
+            f"segment {index}: {rest:.3g} N of its bias press where its force axes hold nothing",
             "solve the problem with this version",
         )
 
@@ -262,7 +250,7 @@ def _stop(hybrid: Hybrid, move: Held, V: Array, budget: Budget) -> Stop | None:
         return None
     h, wrench = hybrid.threshold, frozen(hybrid.wrench, 6) / hybrid.threshold
     noise = np.repeat(np.square(budget.noise), 3)  # variances, N² and N² m²
-    moment = np.diag(noise) + sum((_moment(f, *at, budget) for f, at in move.points), start=np.zeros((6, 6)))
+    moment = np.diag(noise) + sum((_moment(f, *at, budget) for f, at in move), start=np.zeros((6, 6)))
     # Regular by the noise alone, whatever is held.
     solved = np.linalg.solve(moment, wrench)
     gain = np.asarray(solved / float(wrench @ solved))
@@ -290,7 +278,7 @@ def _friction(move: Held, V: Array, place: float = 0.0) -> Array:
     A point counts by the share of its sliding in what it may slide where the axis of the turn is known to `place`, m.
     """
     total = np.zeros(6)
-    for force, (normal, arm) in move.points:
+    for force, (normal, arm) in move:
         sliding = V[:3] + cross(V[3:], arm)
         sliding = sliding - (sliding @ normal) * normal
         size = float(np.hypot(np.linalg.norm(sliding), place * np.linalg.norm(V[3:])))

@@ -126,7 +126,7 @@ def contact_forces(asked: Forces, rho: float) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch(Value):
+class Stretch(Value, pa_start=(6,), pa_end=(6,), fa=(6,)):
     """A move of a certified motion along the axes; the last one is the seated part.
 
     Args:
@@ -148,10 +148,6 @@ class Stretch(Value):
     fa: Array
     by: tuple[tuple[str, ...], ...]
     nominal: tuple[int, ...]
-
-    def __post_init__(self) -> None:
-        for name in ("pa_start", "pa_end", "fa"):
-            object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
 
     @property
     def differences(self) -> tuple[str, ...]:

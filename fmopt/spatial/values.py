@@ -6,10 +6,10 @@ What has been worked out about an object, kept with it: the memory goes when the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, ClassVar, Concatenate, ParamSpec, TypeVar
 from weakref import ref
 
 import numpy as np
@@ -58,7 +58,20 @@ def fixed(array: Array) -> Array:
 
 
 class Value:
-    """Base of frozen dataclasses that hold arrays: they stay read-only through pickling."""
+    """Base of frozen dataclasses that hold arrays: they stay read-only through pickling.
+
+    A class names the shapes of its arrays, `class Stop(Value, gain=(6,))`: each is copied and checked as by `frozen`.
+    """
+
+    _shapes: ClassVar[Mapping[str, tuple[int | None, ...]]] = {}
+
+    def __init_subclass__(cls, **shapes: tuple[int | None, ...]) -> None:
+        cls._shapes = {**cls._shapes, **shapes}
+
+    def __post_init__(self) -> None:
+        for name, shape in self._shapes.items():
+            array = frozen(getattr(self, name), *shape, name=name.replace("_", " "))
+            object.__setattr__(self, name, array)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for key, value in state.items():
@@ -121,7 +134,7 @@ def remembered(most: int) -> Callable[[Callable[Concatenate[T, P], R]], Callable
 
 
 @dataclass(frozen=True, eq=False)
-class Framing(Value):
+class Framing(Value, hole=(6,), hand=(6,)):
     """Which share of each component of the start error is fixed in the hole, and which in the hand.
 
     What is left stays as it is in the world: the robot's own error, which neither part turns with.
@@ -135,9 +148,7 @@ class Framing(Value):
     hand: Array
 
     def __post_init__(self) -> None:
-        for name in ("hole", "hand"):
-            shares = frozen(getattr(self, name), 6, name=f"shares of the {name}")
-            object.__setattr__(self, name, shares)
+        super().__post_init__()
         if (self.hole < 0.0).any() or (self.hand < 0.0).any() or (self.hole + self.hand > 1.0 + 1e-12).any():
             raise ValueError("shares of an error lie between 0 and 1, and so do their sums")
 

@@ -10,7 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from fmopt.spatial.values import Array, Framing, Value, frozen
+from fmopt.spatial.values import Array, Framing, Value
 from fmopt.task.sources import Contribution, Sources, framing, total
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ class Attributes(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Value):
+class Problem(Value, goal=(6,), start=(6,), start_box=(6,)):
     """An insertion, in SI units and mating frames.
 
     The moving part is the one with the peg. Where the task has the hole in the hand the operands are exchanged: the
@@ -155,11 +155,6 @@ class Problem(Value):
     friction: tuple[float, float]
     robot: RobotProperties
     settings: Settings
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "goal", frozen(self.goal, 6, name="goal"))
-        object.__setattr__(self, "start", frozen(self.start, 6, name="start"))
-        object.__setattr__(self, "start_box", frozen(self.start_box, 6, name="start box"))
 
     @property
     def stated_box(self) -> Array:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, assert_never
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.spatial.values import Array, Framing, Value, frozen
+from fmopt.spatial.values import Array, Framing, Value
 
 if TYPE_CHECKING:
     from fmopt.geometry.part import Part
@@ -145,7 +145,7 @@ class Share:
 
 
 @dataclass(frozen=True, eq=False)
-class Contribution(Value):
+class Contribution(Value, box=(6,)):
     """What one source adds to the half-widths (6,) of the start box, m and rad, and where it is fixed.
 
     What is not `stated` comes with the parts, and stays where stated errors are lowered.
@@ -156,9 +156,6 @@ class Contribution(Value):
     box: Array
     frame: Frame = "world"
     stated: bool = True
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "box", frozen(self.box, 6, name="contribution"))
 
     def exchanged(self) -> Contribution:
         """The same as the parts see it with the hole in the hand: then it is the peg that stands in the world."""

@@ -15,22 +15,19 @@ import numpy as np
 from fmopt.errors import PlanFormatError
 from fmopt.plan.guarded_moves import Move, to_frame
 from fmopt.spatial.se3 import Pose, exp, hat, log
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 _ALIGNED = 1e-6  # sine of the angle, and m of the offset, that still count as none
 _PRESSES = 1e-6  # N
 
 
 @dataclass(frozen=True, eq=False)
-class TaskFrame(Value):
+class TaskFrame(Value, wrench=(6,)):
     """A frame in B, its selection vector (1 compliant, 0 stiff), and the wrench (6,) to apply in its coordinates."""
 
     pose: Pose
     selection: tuple[int, ...]
     wrench: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "wrench", frozen(self.wrench, 6, name="wrench"))
 
 
 def task_frame(move: Move, rho: float) -> TaskFrame:

@@ -35,7 +35,7 @@ _NOISE = 1e-4  # µm that margins and their differences are not exact to
 
 
 @dataclass(frozen=True, eq=False)
-class Cheapest(Value):
+class Cheapest(Value, u=(None,)):
     """The cheapest tolerances found.
 
     Args:
@@ -53,9 +53,6 @@ class Cheapest(Value):
     binding: str
     rounds: int
     evaluations: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "u", frozen(self.u, None, name="multiples"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.csg import Solid, sagitta
 from fmopt.geometry.polyhedron import placed
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 from fmopt.task.object_model.goal import Goal, Settled, check_goal, settle
 from fmopt.task.object_model.tree import Feature, moved
 from fmopt.task.object_model.workcell import EXIST, Link, LowerPair, Operand, Ref, Workcell, operand_of
@@ -81,7 +81,7 @@ class Obstacle(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Answer(Value):
+class Answer(Value, P0=(6,), PT=(6,)):
     """What the knowledge base says of a task, its operands `exchanged` where that fits the assumptions.
 
     Args:
@@ -99,10 +99,6 @@ class Answer(Value):
     settled: tuple[Settled, ...]
     obstacles: tuple[Obstacle, ...]
     carried: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "P0", frozen(self.P0, 6, name="P(0)"))
-        object.__setattr__(self, "PT", frozen(self.PT, 6, name="P(T)"))
 
 
 def answer(workcell: Workcell, task: Task) -> Answer:
