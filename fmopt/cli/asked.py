@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
-from fmopt.cli.entry import say
+from fmopt.cli.entry import answer, say
 from fmopt.errors import Fault, InputError
 from fmopt.notebook.asking import Asked, of_assembly
 from fmopt.notebook.parts import holds_several, is_part
@@ -158,11 +155,7 @@ def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool,
 
     parts = load_part(file, unit)
     drawn = [] if out is None else [part_sheet(*parts, name="found").save(out)]
-    as_json, quiet = form
-    if as_json:
-        told_ = {"valid": True, "parts": [part_facts(part) for part in parts]}
-        typer.echo(json.dumps({**told_, "written": [str(path) for path in drawn]}))
-    elif not quiet:
-        lines = [line for part in parts for line in part_words(part)]
-        hint = f"drawn by: fmopt check {file} --out {file.stem}.svg" if out is None else f"wrote {out}"
-        say("\n".join([str(file), *lines, hint]))
+    facts = {"valid": True, "parts": [part_facts(part) for part in parts], "written": [str(path) for path in drawn]}
+    lines = [line for part in parts for line in part_words(part)]
+    hint = f"drawn by: fmopt check {file} --out {file.stem}.svg" if out is None else f"wrote {out}"
+    answer(facts, "\n".join([str(file), *lines, hint]), *form)

@@ -56,16 +56,15 @@ class Runs(_Progress):
         console = Console(stderr=True)
         # The description is the name of a file, whose brackets are no markup.
         columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.fields[words]}"))
-        self._bar = None if silent or not console.is_terminal else Progress(*columns, console=console)
-        self._task = None if self._bar is None else self._bar.add_task(one_line(title), total=None, words="")
+        self._bar = Progress(*columns, console=console, disable=silent or not console.is_terminal)
+        self._task = self._bar.add_task(one_line(title), total=None, words="")
 
     def __call__(self, tally: Any) -> None:
         """Shows how far a study is."""
-        if self._bar is not None and self._task is not None:
-            failed = f", {tally.failed} failed" if tally.failed else ""
-            pace = f", {tally.rate:.3g} a second, {duration(tally.left)} left" if tally.fresh else ""
-            words = f"{tally.done} of {tally.total}{failed}{pace}"
-            self._bar.update(self._task, total=tally.total, completed=tally.done, words=words)
+        failed = f", {tally.failed} failed" if tally.failed else ""
+        pace = f", {tally.rate:.3g} a second, {duration(tally.left)} left" if tally.fresh else ""
+        words = f"{tally.done} of {tally.total}{failed}{pace}"
+        self._bar.update(self._task, total=tally.total, completed=tally.done, words=words)
 
 
 def duration(seconds: float) -> str:

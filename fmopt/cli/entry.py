@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
-from typing import Annotated, NoReturn
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -121,6 +122,20 @@ def compile_kernels(tell: Callable[[str], None]) -> None:
 def say(text: str, err: bool = False) -> None:
     """Prints lines for people; what comes from a file is shown in them, and does not steer the terminal."""
     typer.echo("\n".join(map(one_line, text.split("\n"))), err=err)
+
+
+def answer(data: Any, words: str, as_json: bool, quiet: bool) -> None:
+    """Prints what a command comes to: one JSON object where that is asked for, else lines for people, or nothing."""
+    if as_json:
+        typer.echo(json.dumps(data))
+    elif not quiet:
+        say(words)
+
+
+def wrote(paths: Sequence[Path], as_json: bool, quiet: bool) -> None:
+    """Names the files that a command has written."""
+    names = [str(path) for path in paths]
+    answer({"written": names}, "\n".join(f"wrote {name}" for name in names), as_json, quiet)
 
 
 def _version(wanted: bool) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
-from fmopt.cli.entry import EXIT, Json, Quiet, app, compile_kernels, say
+from fmopt.cli.entry import EXIT, Json, Quiet, answer, app, compile_kernels, say, wrote
 from fmopt.errors import FmoptError, InfeasibleError, PlanFormatError, ResourceError, SearchError
 from fmopt.plan import STDIO, Plan
 
@@ -201,11 +201,7 @@ def verify(
             verdict = verdict.unless(differences(whole, load(problem)), (REMARK,))
     except independent.PlanError as error:
         raise PlanFormatError(f"{file}: {error}", "give a plan.json that fmopt solve wrote") from error
-    if as_json:
-        typer.echo(json.dumps({**_findings(verdict), **_margins(read)}))
-    elif not quiet:
-        for line in independent.describe(verdict):
-            say(line)
+    answer({**_findings(verdict), **_margins(read)}, "\n".join(independent.describe(verdict)), as_json, quiet)
     enough = evidence == "tested" and str(verdict.verdict) == "TESTED"
     raise typer.Exit(0 if enough else EXIT[str(verdict.verdict)])
 
@@ -231,10 +227,8 @@ def init(
     if asked is None:
         raise refuse_problem(files[0])
     paths = written(asked, target, stated=error is not None)
-    if as_json:
-        typer.echo(json.dumps({"written": [str(path) for path in paths]}))
-    elif not quiet:
-        say("\n".join(f"wrote {path}" for path in paths))
+    wrote(paths, as_json, quiet)
+    if not (as_json or quiet):
         say(f"next: fmopt check {paths[0]}, then fmopt solve {paths[0]}")
 
 
@@ -261,12 +255,14 @@ def check(
         check_part(file, unit, out, (as_json, quiet))
         return
     from fmopt.planning.pipeline import tried
-    from fmopt.task.assembly import is_assembly
-    from fmopt.task.explain import explain, facts
+    from fmopt.task.assembly import carried_out, is_assembly, load_assembly
+    from fmopt.task.explain import assembly_facts, explain, explain_assembly, facts
     from fmopt.task.problem import load
 
     if is_assembly(file):
-        _check_assembly(file, as_json, quiet)
+        assembly = load_assembly(file)
+        steps = list(carried_out(assembly))
+        answer(assembly_facts(assembly, steps), explain_assembly(assembly, steps), as_json, quiet)
         return
     problem = load(file)
     clearance = tried(problem)
@@ -275,18 +271,6 @@ def check(
         typer.echo(json.dumps({**facts(problem, clearance), "written": [str(path) for path in drawn]}))
     elif not quiet:
         say("\n".join([explain(problem, clearance), *(f"wrote {path}" for path in drawn)]))
-
-
-def _check_assembly(file: Path, as_json: bool, quiet: bool) -> None:
-    from fmopt.task.assembly import carried_out, load_assembly
-    from fmopt.task.explain import assembly_facts, explain_assembly
-
-    assembly = load_assembly(file)
-    steps = list(carried_out(assembly))
-    if as_json:
-        typer.echo(json.dumps(assembly_facts(assembly, steps)))
-    elif not quiet:
-        say(explain_assembly(assembly, steps))
 
 
 @app.command(epilog="Example: fmopt schema problem > problem.schema.json")

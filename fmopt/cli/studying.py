@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from fmopt.cli.entry import EXIT, MOST_WORKERS, Json, Quiet, app, compile_kernels, say
+from fmopt.cli.entry import EXIT, MOST_WORKERS, Json, Quiet, answer, app, compile_kernels
 
 
 class _Study(typer.core.TyperGroup):
@@ -70,10 +70,7 @@ def study_run(
             continue
         with Runs(file.stem, quiet or as_json) as progress:
             tally = command.carry_out(file, folder, asked, progress)
-        if as_json:
-            typer.echo(json.dumps({**asdict(tally), "folder": str(folder)}))
-        elif not quiet:
-            say(_told(tally, folder))
+        answer({**asdict(tally), "folder": str(folder)}, _told(tally, folder), as_json, quiet)
         if tally.interrupted:
             # As shells tell it of a process that a signal has ended.
             raise typer.Exit(128 + tally.interrupted)
@@ -89,8 +86,7 @@ def _allocate(file: Path, folder: Path, dry_run: bool, as_json: bool, quiet: boo
         with Stages(quiet or as_json) as stages:
             record, words = command.allocated(file, folder, stages)
         record = {**record, "folder": str(folder)}
-    if as_json or not quiet:
-        typer.echo(json.dumps(record) if as_json else "\n".join(words))
+    answer(record, "\n".join(words), as_json, quiet)
     if not dry_run and record["same_motion"]["verdict"] != "CERTIFIED":
         raise typer.Exit(EXIT[record["same_motion"]["verdict"]])
 
@@ -106,10 +102,7 @@ def study_report(
 
     for folder in folders:
         written = [str(path) for path in command.report(folder)]
-        if as_json:
-            typer.echo(json.dumps({"folder": str(folder), "written": written}))
-        elif not quiet:
-            typer.echo("wrote " + ", ".join(written))
+        answer({"folder": str(folder), "written": written}, "wrote " + ", ".join(written), as_json, quiet)
 
 
 def _foretold(file: Path, found: Any) -> str:

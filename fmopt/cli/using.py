@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fmopt.cli.entry import MOST_TRIALS, Json, Quiet, Unverified, Workers, app, say
+from fmopt.cli.entry import MOST_TRIALS, Json, Quiet, Unverified, Workers, answer, app, say, wrote
 from fmopt.plan import STDIO
 
 
@@ -99,10 +99,8 @@ def show(
     drawn = draw(file, what, out)
     if isinstance(drawn, bytes):
         typer.echo(drawn, nl=False)
-    elif as_json:
-        typer.echo(json.dumps({"written": [str(drawn)]}))
-    elif not quiet:
-        say(f"wrote {drawn}")
+    else:
+        wrote([drawn], as_json, quiet)
 
 
 @app.command(epilog="Example: fmopt examples --out trial, then fmopt check trial/problems/square_peg.toml")
@@ -119,10 +117,7 @@ def examples(
         typer.echo(json.dumps({"examples": names}) if as_json else "\n".join(names))
         return
     written = shipped.copy_examples(out)
-    if as_json:
-        typer.echo(json.dumps({"written": [str(path) for path in written]}))
-    elif not quiet:
-        typer.echo(f"wrote {len(written)} files to {out}")
+    answer({"written": [str(path) for path in written]}, f"wrote {len(written)} files to {out}", as_json, quiet)
 
 
 @app.command(epilog="Example: fmopt execute out/square_peg/plan.json --trials 1000 --seed 0")
@@ -188,11 +183,7 @@ def execute(
         return
     with Progress(trials + beyond, quiet or as_json) as progress:
         found = run(plan, wanted, Settled(folder, workers, progress.advance), caution)
-    if as_json:
-        typer.echo(json.dumps(found))
-    elif not quiet:
-        for line in lines(found):
-            say(line)
+    answer(found, "\n".join(lines(found)), as_json, quiet)
 
 
 def _replay(plan: Any, wanted: Any, number: int, folder: Path) -> None:
@@ -254,7 +245,4 @@ def manual(
         typer.echo(book(), nl=False)
         return
     output.save(book().encode(), out)
-    if as_json:
-        typer.echo(json.dumps({"written": [str(out)]}))
-    elif not quiet:
-        say(f"wrote {out}")
+    wrote([out], as_json, quiet)
