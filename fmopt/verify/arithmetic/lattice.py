@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fmopt.verify.arithmetic.rational import BITS, ONE, Vector
+from fmopt.verify.arithmetic.exact import height as elevation
+from fmopt.verify.arithmetic.exact import inner, outer
+from fmopt.verify.arithmetic.rational import BITS, ONE, Vector, sub
 
 FINENESS = 100
 MOVED = ONE >> (FINENESS - 1)  # m, in fixed point
@@ -74,33 +76,13 @@ def through(a: Point, b: Point, c: Point) -> HalfSpace:
     Args:
         a, b, c: counter-clockwise seen from the front; on a line they make a normal of 0.
     """
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    n = (uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx)
-    return (*n, n[0] * a[0] + n[1] * a[1] + n[2] * a[2])
-
-
-def area(points: Sequence[Point], loops: Loops) -> Point:
-    """Twice the area that loops enclose, along its normal (Newell)."""
-    x = y = z = 0
-    base = points[loops[0][0]]
-    for loop in loops:
-        for k, i in enumerate(loop):
-            p, q = points[loop[k - 1]], points[i]
-            a, b, c = p[0] - base[0], p[1] - base[1], p[2] - base[2]
-            d, e, f = q[0] - base[0], q[1] - base[1], q[2] - base[2]
-            x, y, z = x + b * f - c * e, y + c * d - a * f, z + a * e - b * d
-    return (x, y, z)
+    n = outer(sub(b, a), sub(c, a))
+    return (*n, inner(n, a))
 
 
 def height(h: HalfSpace, p: Point) -> int:
     """A number of the sign of a point's height over the plane of a half-space."""
     return h[0] * p[0] + h[1] * p[1] + h[2] * p[2] - h[3]
-
-
-def elevation(h: HalfSpace, p: Place) -> int:
-    """A number of the sign of a place's height over the plane of a half-space."""
-    return h[0] * p[0] + h[1] * p[1] + h[2] * p[2] - h[3] * p[3]
 
 
 def elevations(h: HalfSpace, points: Sequence[Place]) -> list[int]:

@@ -23,6 +23,8 @@ from functools import cached_property
 from math import gcd, isqrt
 from typing import NamedTuple
 
+from fmopt.verify.arithmetic.exact import area
+from fmopt.verify.arithmetic.exact import height as elevation
 from fmopt.verify.arithmetic.lattice import (
     FINENESS,
     Bounds,
@@ -33,10 +35,8 @@ from fmopt.verify.arithmetic.lattice import (
     TooMuchWork,
     Work,
     apart,
-    area,
     bounds,
     common,
-    elevation,
     elevations,
     on_lattice,
     place,

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 
+from fmopt.verify.arithmetic.exact import area
 from fmopt.verify.arithmetic.lattice import (
     Bounds,
     Corners,
@@ -24,7 +25,6 @@ from fmopt.verify.arithmetic.lattice import (
     Point,
     Work,
     apart,
-    area,
     bounds,
     cross_or_touch,
     folds_back,

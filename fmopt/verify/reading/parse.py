@@ -163,31 +163,16 @@ def _segments(top: Reader, known: dict[str, None], moving: Part, fixed: Part) ->
 
 def _evidence(place: Reader) -> Evidence:
     place.only(_EVIDENCE)
-    tested = place.at("level").text(("tested", "below")) == "tested"
-    start = place.at("conditions").at("start").numbers(6, 0.0, 0.5)
-    draws, seated, first, vertices, at_vertices = (
-        place.at(name).integer() for name in ("draws", "seated", "first_tries", "vertices", "vertices_seated")
-    )
-    confidence, bound, rate = (place.at(name).number(0.0, 1.0) for name in ("confidence", "bound", "min_rate"))
-    outcomes, of_vertices = (
-        tuple(_attempt(item.only(_OUTCOME)) for item in place.at(name).items())
-        for name in ("outcomes", "vertex_outcomes")
-    )
-    digest_of = place.at("subject").sha256()
+    counts = ("draws", "seated", "first_tries", "vertices", "vertices_seated")
+    found: dict[str, Any] = {name: place.at(name).integer() for name in counts}
+    found |= {name: place.at(name).number(0.0, 1.0) for name in ("confidence", "bound", "min_rate")}
+    for name in ("outcomes", "vertex_outcomes"):
+        found[name] = tuple(_attempt(item.only(_OUTCOME)) for item in place.at(name).items())
     return Evidence(
-        draws,
-        seated,
-        first,
-        confidence,
-        bound,
-        rate,
-        vertices,
-        at_vertices,
-        digest_of,
-        tested,
-        start,
-        outcomes,
-        of_vertices,
+        **found,
+        subject=place.at("subject").sha256(),
+        tested=place.at("level").text(("tested", "below")) == "tested",
+        start=place.at("conditions").at("start").numbers(6, 0.0, 0.5),
     )
 
 
