@@ -14,6 +14,10 @@ from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value
 
 DONE, FAILED = -1, -2
+COLUMNS = (
+    *("travel", "timeout", "due", "force", "deep", "push", "soft"),
+    *("on_stop", "on_end", "on_late", "move", "touch", "sure", "gentle"),
+)
 _GIVE = 2.0  # of what the servo's spring gives way under a contact's force, by which the part may go on as it is felt
 _EARLY = 2.0  # bounds of its travel by which a move may end early: where it begins, the part may have settled further
 _LATE = 2.0  # durations that a piece of a move may take, as the plan gives its last
@@ -161,32 +165,9 @@ class Table(Value):
 
     @staticmethod
     def of(program: Program) -> Table:
-        """Speeds are in the metric of ρ.
-
-        Columns of `numbers`: travel, time-out, due, force, deep, push, soft, on_stop, on_end, on_late, move, touch,
-        sure, gentle.
-        """
+        """Speeds are in the metric of ρ, columns of `numbers` as `COLUMNS` has them."""
         steps, rho = program.steps, program.rho
         scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
-        numbers = [
-            (
-                s.travel,
-                s.timeout,
-                s.due,
-                s.force,
-                s.deep,
-                s.push,
-                s.soft,
-                s.on_stop,
-                s.on_end,
-                s.on_late,
-                s.move,
-                s.touch,
-                s.sure,
-                float(s.gentle),
-            )
-            for s in steps
-        ]
         return Table(
             np.stack([s.frame.R for s in steps]),
             np.stack([s.frame.p for s in steps]),
@@ -196,5 +177,6 @@ class Table(Value):
             np.stack([s.hold for s in steps]),
             np.stack([s.rubbing for s in steps]),
             np.stack([s.gain for s in steps]),
-            np.array(numbers),  # indices of steps, too: as floats they are exact
+            # Indices of steps, too: as floats they are exact.
+            np.array([[float(getattr(s, name)) for name in COLUMNS] for s in steps]),
         )
