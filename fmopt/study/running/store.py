@@ -107,16 +107,11 @@ class Store:
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
-        with translated(self._path):
+        # The connection commits in the end, or rolls back where SQLite has not done so itself, as on a full disk.
+        with translated(self._path), self._file:
             # A writer from the start: a transaction that becomes one halfway may be refused there.
             self._file.execute("BEGIN IMMEDIATE")
-            try:
-                yield self._file
-                self._file.execute("COMMIT")
-            except BaseException:
-                if self._file.in_transaction:  # SQLite may have rolled it back itself, as on a full disk
-                    self._file.execute("ROLLBACK")
-                raise
+            yield self._file
 
     def facts(self) -> dict[str, str]:
         """What the store says of itself, by name."""
