@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ from fmopt.plan.position_force import AXES
 from fmopt.report.control_tables import hybrid_cells, jamming_cells
 from fmopt.report.moves import summary_rows
 from fmopt.report.moves import verdict as spoken
+from fmopt.report.naming import pose_words
 from fmopt.report.presses import HEAD, press_rows
 from fmopt.report.shell import table
 
@@ -58,8 +59,8 @@ def plan_sheet(plan: Plan) -> str:
 def segment_sheet(segment: Segment) -> str:
     """A segment: where it goes, what it keeps, what it leaves, and how it is controlled."""
     rows = [
-        ("from", pose_words(segment.start.vector())),
-        ("to", pose_words(segment.goal.vector())),
+        ("from", pose_words(segment.record.start)),
+        ("to", pose_words(segment.record.goal)),
         ("keeps", ", ".join(segment.state) or "nothing"),
         ("ends with", ", ".join(segment.goal_state) or "nothing"),
         ("margin", f"{1e6 * segment.margin:.2f} µm, {segment.binds}"),
@@ -71,14 +72,6 @@ def segment_sheet(segment: Segment) -> str:
         of_jamming = ("push", "cannot jam within", "narrow ranges")
         rows += zip(of_jamming, jamming_cells(segment.hybrid, segment.hybrid.jam_free, segment.rho), strict=True)
     return _sheet(table(f"segments[{segment.number}], of move {segment.move}", ("", ""), rows))
-
-
-def pose_words(pose: Iterable[float]) -> str:
-    """A pose or error (6,) in words: mm and degrees."""
-    values = [float(value) for value in pose]
-    place = ", ".join(f"{round(1e3 * value, 6) + 0.0:.4g}" for value in values[:3])
-    turn = ", ".join(f"{round(math.degrees(value), 6) + 0.0:.4g}" for value in values[3:])
-    return f"({place}) mm, turned by ({turn})°".replace("-", "−")
 
 
 def pose_sheet(pose: Any) -> str:

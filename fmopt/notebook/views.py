@@ -22,6 +22,7 @@ from fmopt.notebook.drawing import Drawing
 from fmopt.plan.position_force import AXES
 from fmopt.report.bodies import stated_part
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, fill
+from fmopt.report.naming import box_words
 from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
@@ -143,7 +144,7 @@ def _graph(graph: ContactGraph) -> Iterable[Drawing]:
 
 
 def _errors(errors: ErrorSet) -> Iterable[Drawing]:
-    alt = f"Half-widths of the set of errors: {error_words(errors)}."
+    alt = f"Half-widths of the set of errors: {box_words(errors.support(np.eye(6)).tolist())}."
     yield Drawing(
         "errors", "Set of pose errors, seen along pairs of axes", alt, (7.0, 2.9), partial(paint_errors, errors)
     )
@@ -223,15 +224,6 @@ def paint_errors(errors: ErrorSet, sheet: Sheet) -> None:
         axes.set_ylabel(f"{AXES[pair[1]]}, {unit}")
     handles, labels = axes.get_legend_handles_labels()
     sheet.legend(handles, labels, loc="outside lower center", ncols=2)
-
-
-def error_words(errors: ErrorSet) -> str:
-    """Half-widths of the set along the six axes, in words."""
-    widths = errors.support(np.eye(6))
-    said = [
-        f"{AXES[i]} {1e3 * w:.4g} mm" if i < 3 else f"{AXES[i]} {math.degrees(w):.4g}°" for i, w in enumerate(widths)
-    ]
-    return ", ".join(said)
 
 
 def _outline(directions: Array, support: Array) -> Any:

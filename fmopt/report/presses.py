@@ -8,11 +8,11 @@ from html import escape
 
 from fmopt.plan import Plan
 from fmopt.plan.evidence import Evidence, TrialOutcome
+from fmopt.plan.position_force import AXES
 from fmopt.plan.press import Attempt, Force, Level, Press, PressPlan, Standstill, Time, Travel
 from fmopt.report.naming import combination, degrees, millimetres, pose_words
 from fmopt.report.shell import table
 
-AXES = ("x", "y", "z", "rx", "ry", "rz")
 HEAD = ("press", "S", "Pa: twist of held axes", "Fa: wrench on the others", "ends")
 
 
