@@ -18,6 +18,7 @@ from fmopt.verify.arithmetic.rational import ONE, Matrix, Vector, dot, length, n
 from fmopt.verify.parts.assembly import Assembly, Touch, taken_turns
 from fmopt.verify.parts.incidence import Flush, Turn, about, cancel, crossing, directed, image_of, steep
 from fmopt.verify.parts.solids import DEVIATION, ROUNDING, Line, Plane, line, near, short
+from fmopt.verify.remembered import remembered
 
 
 @dataclass
@@ -194,16 +195,11 @@ class Facts:
     def image(self, w: Vector) -> Vector | None:
         """R w for a body vector when the flushes and turned edges say how the whole body is turned, else None."""
         pair = self._whole
-        if pair is None:
-            return None
-        found = self._images.get(w)
-        if found is None:
-            found = self._images[w] = image_of(*pair, w)
-        return found
+        return None if pair is None else self._image(pair, w)
 
-    @cached_property
-    def _images(self) -> dict[Vector, Vector]:
-        return {}  # the two turns stay the first that there are
+    @remembered
+    def _image(self, pair: tuple[Turn, Turn], w: Vector) -> Vector:
+        return image_of(*pair, w)
 
     def keeps(self, normal: Vector, d: Vector) -> bool:
         """Whether a body direction is known to be level with planes of a normal, both given exactly.
@@ -238,19 +234,14 @@ class Facts:
         Args:
             v, w: body points, m.
         """
-        key = len(self.turns), plane, v, w  # what is open may be decided when more turns are known
-        found = self._levels.get(key)
-        if found is None:
-            # First in fixed point, which rules out nearly all; only what is left is decided exactly.
-            image = self.image(sub(v, w))
-            far = image is not None and abs(dot(plane.normal, image)) > ROUNDING
-            found = not far and self.keeps(self.assembly.exact(plane)[:3], self.assembly.way(w, v))
-            self._levels[key] = found
-        return found
+        return self._level(len(self.turns), plane, v, w)  # what is open may be decided when more turns are known
 
-    @cached_property
-    def _levels(self) -> dict[tuple[int, Plane, Vector, Vector], bool]:
-        return {}
+    @remembered
+    def _level(self, turns: int, plane: Plane, v: Vector, w: Vector) -> bool:
+        # First in fixed point, which rules out nearly all; only what is left is decided exactly.
+        image = self.image(sub(v, w))
+        far = image is not None and abs(dot(plane.normal, image)) > ROUNDING
+        return not far and self.keeps(self.assembly.exact(plane)[:3], self.assembly.way(w, v))
 
     def rises(self, normal: Vector, d: Vector) -> bool:
         """Whether a body vector d cannot fall along a unit normal, by one known direction or by all of them.

@@ -67,6 +67,7 @@ from fmopt.verify.parts.rows import (
     remainder,
     size,
 )
+from fmopt.verify.remembered import remembered
 
 _HALF, _ROUNDS, _ABOVE = ONE >> 1, 60, 10**11  # rounds in which levers rise, by 1/_ABOVE beyond what follows
 
@@ -103,61 +104,46 @@ class Motion:
         if self.length < ONE >> 40:  # 0.9 pm in the metric of ρ
             raise ArithmeticRefusal("a piece of motion goes nowhere")
         self.extent = Extent(turn, length(turn), travel, task.theta, task.angles, task.box)
-        self._ends: dict[Function, tuple[Distance, Distance]] = {}
-        self._nominal: dict[Function, int] = {}
-        self._rest: dict[Function, int] = {}
-        self._at_start: dict[Function, int] = {}
-        self._at_goal: dict[Function, int] = {}
-        self._lowest: dict[Function, int] = {}
-        self._blurs: dict[tuple[int, int, int], int] = {}
         self._move_on()
         self._hold()
         self._make()
         self._follow()
 
+    @remembered
     def ends(self, function: Function) -> tuple[Distance, Distance]:
         """A function's row at the start and at the goal."""
-        found = self._ends.get(function)
-        if found is None:
-            found = self._ends[function] = function.at(self.task.start), function.at(self.task.goal)
-        return found
+        return function.at(self.task.start), function.at(self.task.goal)
 
+    @remembered
     def rest(self, function: Function) -> int:
         """The remainder of a function's row."""
-        found = self._rest.get(function)
-        if found is None:
-            ends = self.ends(function)
-            found = self._rest[function] = remainder(*ends, self.extent) + self._coupled(size(*ends))
-        return found
+        ends = self.ends(function)
+        return remainder(*ends, self.extent) + self._coupled(size(*ends))
 
     def loss(self, function: Function) -> int:
         """What a function loses to tolerances of form."""
         return loss(function, self.assembly.form)
 
+    @remembered
     def nominal(self, function: Function) -> int:
         """The lesser of a function's values at the nominal poses of both ends; `lowest` is less."""
-        found = self._nominal.get(function)
-        if found is None:
-            found = self._nominal[function] = min(function.value(self.task.start), function.value(self.task.goal))
-        return found
+        return min(function.value(self.task.start), function.value(self.task.goal))
 
+    @remembered
     def lowest(self, function: Function) -> int:
         """Certified lower bound of a function over the piece."""
-        found = self._lowest.get(function)
-        if found is None:
-            start, goal = self.ends(function)
-            # The end that is nominally lower first: often the other one is so much higher that its errors need not be
-            # summed.
-            if start.f <= goal.f:
-                found = start.f - self._first(function)
-                if goal.f - self._boxed(goal.N) < found:
-                    found = min(found, goal.f - self._second(function))
-            else:
-                found = goal.f - self._second(function)
-                if start.f - self._boxed(start.N) < found:
-                    found = min(found, start.f - self._first(function))
-            found = self._lowest[function] = found - self.rest(function) - self.loss(function) - SLACK
-        return found
+        start, goal = self.ends(function)
+        # The end that is nominally lower first: often the other one is so much higher that its errors need not be
+        # summed.
+        if start.f <= goal.f:
+            found = start.f - self._first(function)
+            if goal.f - self._boxed(goal.N) < found:
+                found = min(found, goal.f - self._second(function))
+        else:
+            found = goal.f - self._second(function)
+            if start.f - self._boxed(start.N) < found:
+                found = min(found, start.f - self._first(function))
+        return found - self.rest(function) - self.loss(function) - SLACK
 
     def highest(self, function: Function) -> int:
         """Certified upper bound of a function over the piece."""
@@ -177,20 +163,16 @@ class Motion:
         off += self.loss(function) + SLACK
         return goal.f - off, goal.f + off
 
+    @remembered
     def _first(self, function: Function) -> int:
         """By how much the errors at the start may change a function's linear part."""
-        found = self._at_start.get(function)
-        if found is None:
-            N = self.ends(function)[0].N
-            found = self._at_start[function] = self.errors.core_support(N) + spread(self.start_slack, N)
-        return found
+        N = self.ends(function)[0].N
+        return self.errors.core_support(N) + spread(self.start_slack, N)
 
+    @remembered
     def _second(self, function: Function) -> int:
         """By how much the errors at the goal may change a function's linear part."""
-        found = self._at_goal.get(function)
-        if found is None:
-            found = self._at_goal[function] = self.goal_errors.support(self.ends(function)[1].N)
-        return found
+        return self.goal_errors.support(self.ends(function)[1].N)
 
     def _boxed(self, N: Row) -> int:
         """A quick bound of `_first` and `_second` by the box around all errors."""
@@ -218,14 +200,15 @@ class Motion:
     def _blur(self, function: Function, offset: int, angle: int) -> int:
         """How much errors |e| ≤ offset and |ε| ≤ angle can take off a function, at most; |N·e| ≤ |e| + size |ε|."""
         if isinstance(function, (PointAbove, DirectionAlong)):
-            key = function.reach, offset, angle
-            if key not in self._blurs:
-                shift = times(angle, function.reach) + times(self.extent.kappa, function.reach) + 9
-                self._blurs[key] = offset + shift + self._coupled(function.reach) + 2 * SLACK
-            return self._blurs[key]
+            return self._blur_within(function.reach, offset, angle)
         start, goal = self.ends(function)
         far = size(start, goal)
         return offset + times(angle, far) + coarse(start, goal, self.extent) + self._coupled(far) + 2 * SLACK
+
+    @remembered
+    def _blur_within(self, reach: int, offset: int, angle: int) -> int:
+        shift = times(angle, reach) + times(self.extent.kappa, reach) + 9
+        return offset + shift + self._coupled(reach) + 2 * SLACK
 
     def _move_on(self) -> None:
         """The generators as the motion alone carries them on, and the ellipsoid around everything likewise."""
@@ -300,8 +283,8 @@ class Motion:
 
     def room(self, function: PointAbove) -> int:
         """How high a point is over a plane at least, by all errors at the start, and by those along the piece."""
-        for known in (self._at_start, self._at_goal, self._lowest):
-            known.pop(function, None)  # found with the levers of the round before
+        for known in ("_first", "_second", "lowest"):
+            self.__dict__.pop(known, None)  # found with the levers of the round before
         start = self.ends(function)[0]
         begun = start.f - self.errors.support(start.N) - self.rest(function) - self.loss(function) - SLACK
         return min(begun, self.lowest(function))

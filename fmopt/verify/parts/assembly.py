@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from fmopt.verify.parts.incidence import Incidence
 from fmopt.verify.parts.rows import DirectionAlong, EdgesApart, FaceAbove, Function, PointAbove, Pose
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, line
 from fmopt.verify.reading.document import Contact, Plan
+from fmopt.verify.remembered import remembered
 
 
 @dataclass(frozen=True)
@@ -121,14 +122,6 @@ class Task:
         return [*(touch for touch, _ in self.held), *([] if self.made is None else [self.made])]
 
 
-@dataclass(frozen=True)
-class _Found:
-    """What was worked out before: of the few contacts, lines and points of a plan the same is asked again and again."""
-
-    functions: dict[tuple[str, ...], Function] = field(default_factory=dict)
-    reaches: dict[Vector, int] = field(default_factory=dict)
-
-
 class Assembly(Incidence):
     """The parts, their convex pieces and the contacts of a plan.
 
@@ -164,16 +157,10 @@ class Assembly(Incidence):
             # Whether pieces cover the part is asked of sound ones alone.
             yield from (f"{name} part: {flaw}" for flaw in flaws or uncovered(part, flat))
 
-    @cached_property
-    def _found(self) -> _Found:
-        return _Found()
-
+    @remembered
     def reach(self, v: Vector) -> int:
         """|v|, rounded up."""
-        found = self._found.reaches.get(v)
-        if found is None:
-            found = self._found.reaches[v] = length(v)
-        return found
+        return length(v)
 
     def _resolve(self, contact: Contact) -> Touch | None:
         own = tuple(self.moving.vertices[i] for i in contact.moving)
@@ -279,13 +266,11 @@ class Assembly(Incidence):
     def function(self, touch: Touch, together: Sequence[Touch]) -> Function:
         """The function of a contact as an equality: zero exactly while it is held, positive before it is made."""
         # In their order: of those before it a contact may be level.
-        key = (touch.id, *(t.id for t in together))
-        found = self._found.functions.get(key)
-        if found is None:
-            found = self._found.functions[key] = self._function(touch, together)
-        return found
+        return self._function((touch.id, *(t.id for t in together)))
 
-    def _function(self, touch: Touch, together: Sequence[Touch]) -> Function:
+    @remembered
+    def _function(self, ids: tuple[str, ...]) -> Function:
+        touch, *together = (self.touches[one] for one in ids)
         if touch.kind in ("vertex-face", "ball-face") and touch.plane is not None:
             v = touch.moving[0]
             return PointAbove(touch.plane, v, length(v))

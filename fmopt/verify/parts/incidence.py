@@ -12,7 +12,6 @@ Body directions that are known to be turned onto world directions, and what foll
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -47,6 +46,7 @@ from fmopt.verify.arithmetic.rational import (
 from fmopt.verify.parts.covering import DEVIATION as COVERED
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, short
 from fmopt.verify.reading.document import Body, Part
+from fmopt.verify.remembered import remembered
 
 _LOSSES = 32  # at most so many deviations add up, see `facet_margin` for the most of them
 
@@ -69,15 +69,6 @@ class Backed(NamedTuple):
 
     wall: Plane
     cover: Plane
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """What was decided before: of the few lines, points and faces of a plan the same is asked again and again."""
-
-    holds: dict[tuple[Line, Vector], bool] = field(default_factory=dict)
-    spans: dict[tuple[Line, Vector], Flush | None] = field(default_factory=dict)
-    backs: dict[tuple[Shape, int], Backed | None] = field(default_factory=dict)
 
 
 class Incidence:
@@ -124,6 +115,7 @@ class Incidence:
         """The plane of a face of the parts exactly."""
         return self._levels[plane]
 
+    @remembered
     def backed(self, part: Shape, piece: Shape, face: int) -> Backed | None:
         """The plane of a part that a face of one of its pieces lies in, None when it lies in none.
 
@@ -133,13 +125,6 @@ class Incidence:
         Args:
             face: index of the piece's.
         """
-        known = self._seen.backs
-        if (piece, face) not in known:
-            known[piece, face] = self._backed(part, piece, face)
-        return known[piece, face]
-
-    @staticmethod
-    def _backed(part: Shape, piece: Shape, face: int) -> Backed | None:
         corners = [piece.vertices[i] for i in piece.faces[face].loops[0]]
         best: tuple[int, Plane] | None = None
         for own in part.faces:
@@ -172,10 +157,6 @@ class Incidence:
                     yield face.plane, face.exact
 
     @cached_property
-    def _seen(self) -> _Seen:
-        return _Seen()
-
-    @cached_property
     def _points(self) -> dict[Vector, Point]:
         return dict(self._vertices())
 
@@ -187,26 +168,18 @@ class Incidence:
         """The direction from one vertex to another, exactly."""
         return way(self.point(v), self.point(w))
 
+    @remembered
     def holds(self, l: Line, v: Vector) -> bool:
         """Whether a vertex lies on the line of two others."""
-        found = self._seen.holds.get((l, v))
-        if found is None:
-            found = parallel(self.way(l.point, l.far), self.way(l.point, v))
-            self._seen.holds[l, v] = found
-        return found
+        return parallel(self.way(l.point, l.far), self.way(l.point, v))
 
     def one_line(self, l: Line, other: Line) -> bool:
         """Whether two lines are the same."""
         return self.holds(l, other.point) and self.holds(l, other.far)
 
+    @remembered
     def spanned(self, l: Line, v: Vector) -> Flush | None:
         """The plane through a line and a vertex; None where the vertex is too near the line."""
-        found = self._seen.spans
-        if (l, v) not in found:
-            found[l, v] = self._spanned(l, v)
-        return found[l, v]
-
-    def _spanned(self, l: Line, v: Vector) -> Flush | None:
         # Too near the line for a plane: its direction would be rounding.
         if short(l.away(v)):
             return None

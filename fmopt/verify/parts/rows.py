@@ -15,7 +15,7 @@ it asks of the same vectors remembered by the `Extent` of the piece.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -39,6 +39,7 @@ from fmopt.verify.arithmetic.rational import (
 )
 from fmopt.verify.parts.solids import Line, Plane
 from fmopt.verify.reading.reader import Numbers
+from fmopt.verify.remembered import remembered
 
 FREE: Vector = (0, 0, 0)
 
@@ -49,27 +50,21 @@ class Pose:
 
     p: Vector
     R: Matrix
-    _images: dict[Vector, Vector] = field(default_factory=dict, repr=False)
-    _placed: dict[Vector, Vector] = field(default_factory=dict, repr=False)
 
+    @remembered
     def turned(self, v: Vector) -> Vector:
         """R v."""
-        image = self._images.get(v)
-        if image is None:
-            image = self._images[v] = turned(self.R, v)
-        return image
+        return turned(self.R, v)
 
     @cached_property
     def in_doubles(self) -> tuple[Numbers, tuple[Numbers, ...]]:
         """The nearest floats: p and the rows of R."""
         return doubles(self.p), tuple(doubles(line) for line in self.R)
 
+    @remembered
     def apply(self, v: Vector) -> Vector:
         """The world point of a body point."""
-        point = self._placed.get(v)
-        if point is None:
-            point = self._placed[v] = add(self.p, self.turned(v))
-        return point
+        return add(self.p, self.turned(v))
 
 
 @lru_cache(maxsize=256)
@@ -232,9 +227,6 @@ class Extent:
     theta: int
     angles: Vector
     box: Vector
-    _crossed: dict[Vector, int] = field(default_factory=dict, repr=False)
-    _swept: dict[Vector, int] = field(default_factory=dict, repr=False)
-    _swings: dict[tuple[Vector, Vector], tuple[int, int]] = field(default_factory=dict, repr=False)
 
     @cached_property
     def standing(self) -> Extent:
@@ -258,36 +250,28 @@ class Extent:
         h, places = self.angles, ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # off the diagonal twice each
         return tuple((i, j, (times(h[i], h[j]) >> (2 if i == j else 1)) + 1) for i, j in places)
 
+    @remembered
     def crossing(self, v: Vector) -> int:
         """A bound of |ε × v|."""
-        found = self._crossed.get(v)
-        if found is None:
-            # By components of the box, or by lengths: either may be smaller.
-            found = min(length(_box_cross(v, self.angles)), times(self.theta, length(v)) + 1)
-            self._crossed[v] = found
-        return found
+        # By components of the box, or by lengths: either may be smaller.
+        return min(length(_box_cross(v, self.angles)), times(self.theta, length(v)) + 1)
 
+    @remembered
     def swing(self, start: Vector, goal: Vector) -> tuple[int, int]:
         """Bounds of |ε × w| anywhere on the way of a turned body vector w, and of |τ × w|.
 
         Args:
             start, goal: w as it is turned at both ends, m.
         """
-        found = self._swings.get((start, goal))
-        if found is None:
-            swept = self.swept(start)
-            # On its arc, which is |τ × w| long, w is no farther from the nearer end than half of that.
-            swung = max(self.crossing(start), self.crossing(goal)) + (times(self.theta, swept) >> 1)
-            found = min(swung, times(self.theta, length(start)) + 1), swept
-            self._swings[start, goal] = found
-        return found
+        swept = self.swept(start)
+        # On its arc, which is |τ × w| long, w is no farther from the nearer end than half of that.
+        swung = max(self.crossing(start), self.crossing(goal)) + (times(self.theta, swept) >> 1)
+        return min(swung, times(self.theta, length(start)) + 1), swept
 
+    @remembered
     def swept(self, v: Vector) -> int:
         """|τ × v|."""
-        found = self._swept.get(v)
-        if found is None:
-            found = self._swept[v] = length(cross(self.spin, v))
-        return found
+        return length(cross(self.spin, v))
 
 
 def size(start: Distance, goal: Distance) -> int:

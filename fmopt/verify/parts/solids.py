@@ -39,6 +39,7 @@ from fmopt.verify.arithmetic.rational import (
 )
 from fmopt.verify.reading.document import Body
 from fmopt.verify.reading.reader import Numbers
+from fmopt.verify.remembered import remembered
 
 ROUNDING = ONE >> 150  # more than the arithmetic's own error of a height, and less than SLACK
 DEVIATION = fixed(1e-12)  # m: how far vertices of pieces may be off the planes of the part that they stand for
@@ -138,7 +139,6 @@ class Shape:
         self.radii = tuple(radii.get(n, 0) for n in range(len(stated)))
         self.ball = bool(body.balls) and not body.faces
         self.faces = tuple(self._face(loops) for loops in body.faces)
-        self._regions: dict[int, tuple[tuple[Bound, ...], ...]] = {}
 
     def _face(self, loops: tuple[tuple[int, ...], ...]) -> Face:
         normal = area(self.vertices, loops)
@@ -223,6 +223,7 @@ class Shape:
             planes.append((i, j, Plane(inward, dot(inward, p))))
         return planes
 
+    @remembered
     def regions(self, face: int) -> tuple[tuple[Bound, ...], ...]:
         """Convex parts of a face without its holes, each by the edges before which it lies; all of it if it is convex.
 
@@ -230,9 +231,7 @@ class Shape:
         first or the farthest, and no others that are behind one of these. Where every edge is behind one of them,
         nothing of the outline is inside, so that with the point all of it is in the face.
         """
-        if face not in self._regions:
-            self._regions[face] = tuple(dict.fromkeys(self._convex_parts(face)))
-        return self._regions[face]
+        return tuple(dict.fromkeys(self._convex_parts(face)))
 
     def _convex_parts(self, face: int) -> Iterator[tuple[Bound, ...]]:
         outline = self.faces[face].loops[0]
