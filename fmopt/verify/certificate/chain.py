@@ -275,9 +275,7 @@ class Chain:
 
     def _known(self, move: int, held: Sequence[Touch], R: Matrix) -> Facts:
         key = move, tuple(t.id for t in held)
-        if key not in self._facts:
-            self._facts[key] = Facts(self.assembly, held, R)
-        return self._facts[key]
+        return self._facts.get(key) or self._facts.setdefault(key, Facts(self.assembly, held, R))
 
     def _without_thickness(self, held: Basis) -> ErrorSet:
         """The start set; its old thickness is dropped when every direction that it lies along still gives way."""

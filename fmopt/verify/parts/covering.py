@@ -23,7 +23,7 @@ from functools import cached_property
 from math import gcd, isqrt
 from typing import NamedTuple
 
-from fmopt.verify.arithmetic.exact import area
+from fmopt.verify.arithmetic.exact import area, turned_over
 from fmopt.verify.arithmetic.exact import height as elevation
 from fmopt.verify.arithmetic.lattice import (
     FINENESS,
@@ -171,7 +171,7 @@ class Cell(NamedTuple):
     @property
     def spaces(self) -> tuple[HalfSpace, ...]:
         """Half-spaces that hold nothing else."""
-        return (self.plane, opposite(self.plane), *self.sides)
+        return (self.plane, turned_over(self.plane), *self.sides)
 
     def behind(self, space: HalfSpace) -> Cell | None:
         """The part in a half-space; None where that has no area."""
@@ -208,7 +208,7 @@ class Cell(NamedTuple):
         left = []
         for space in crossing:
             # In turn, each from what the ones before left inside: the pieces do not overlap.
-            outside, inside = cell.behind(opposite(space)), cell.behind(space)
+            outside, inside = cell.behind(turned_over(space)), cell.behind(space)
             # Nothing of it is in the body: it is left whole, whatever was cut off before.
             if inside is None:
                 return [self]
@@ -216,12 +216,6 @@ class Cell(NamedTuple):
                 left.append(outside)
             cell = inside
         return left
-
-
-def opposite(space: HalfSpace) -> HalfSpace:
-    """The half-space in front of a plane."""
-    a, b, c, d = space
-    return (-a, -b, -c, -d)
 
 
 def meeting(p: HalfSpace, q: HalfSpace, r: HalfSpace) -> Place:

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 
-from fmopt.verify.arithmetic.exact import area
+from fmopt.verify.arithmetic.exact import area, inner, outer
 from fmopt.verify.arithmetic.lattice import (
     Bounds,
     Corners,
@@ -168,7 +168,7 @@ class Surface:
         """Tells a shell that is inside out, or that stands where it bounds nothing."""
         for n, shell in enumerate(self.shells):
             # Six times the signed volume: positive where triangles look outward.
-            volume = sum(_determinant(*self.corners(t)) for t in shell)
+            volume = sum(inner(a, outer(b, c)) for a, b, c in map(self.corners, shell))
             work.spend(len(self.triangles))
             others = [t for other in self.shells if other is not shell for t in other]
             around = self._winding(place(self.points[self.triangles[shell[0]][0]]), others) if others else 0
@@ -258,11 +258,6 @@ def _left(u: Point, v: Point, x: int, y: int, w: int) -> int:
     # Ties broken by the infinitesimal move: first by its x, then by its y.
     side = dx * (y - u[1] * w) - dy * (x - u[0] * w) or -dy or dx
     return 1 if side > 0 else -1
-
-
-def _determinant(a: Point, b: Point, c: Point) -> int:
-    """Six times the volume between a triangle and the origin."""
-    return a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
 
 
 def crossed(flat: Mapping[int, Flat], loops: Sequence[Loop], work: Work) -> bool:
