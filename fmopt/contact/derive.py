@@ -111,19 +111,11 @@ class Word:
     def __sub__(self, other: Any) -> Word:
         return Word(f"{self.text} - {_word(other)._in(_PRODUCT)}", _SUM)
 
-    def __rsub__(self, other: Any) -> Word:
-        return _word(other) - self
-
-    def __mul__(self, other: Any) -> Word:
+    def __matmul__(self, other: Any) -> Word:
         return Word(rf"{self._in(_FACTOR)}\,{_word(other)._in(_FACTOR)}", _FACTOR)
-
-    __matmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Word:
         return Word(rf"\frac{{{self.text}}}{{{_word(other).text}}}", _FACTOR)
-
-    def __pow__(self, n: int) -> Word:
-        return Word(rf"{self._in(_ATOM)}^{n}", _FACTOR)
 
     def dotted(self, other: Any) -> Word:
         """Its inner product with another one."""
