@@ -178,8 +178,5 @@ def tilt(plan: Plan, robot: Robot) -> Program:
 
 
 BASELINES: dict[str, Callable[[Plan, Robot], Program]] = {
-    "push": push,
-    "spiral": spiral,
-    "dither": dither,
-    "tilt": tilt,
+    method.__name__: method for method in (push, spiral, dither, tilt)
 }

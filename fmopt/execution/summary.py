@@ -17,10 +17,11 @@ from fmopt.execution.confidence import success_interval
 from fmopt.execution.program import FAILED
 from fmopt.execution.rig import Event, Rig
 from fmopt.execution.rotation import between, from_quaternions, quaternions
+from fmopt.geometry.polyhedron import from_faces
 from fmopt.plan import Body, Plan
 from fmopt.plan.contact_geometry import Contact
 from fmopt.plan.guarded_moves import Move
-from fmopt.spatial.se3 import Pose, cross
+from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 SHARE = 0.2  # of the clearance, that the physics may penetrate and the part overshoot
@@ -183,13 +184,8 @@ class Fit:
 
 def _planes(piece: Body) -> Array:
     """The planes (k, 4) of a convex piece."""
-    vertices = np.array(piece.vertices)
-    loops = [vertices[list(face[0])] for face in piece.faces]
-    # Twice the area vector: no three corners need to be chosen, which might lie in a line.
-    normals = np.array([cross(loop - loop[0], np.roll(loop, -1, axis=0) - loop[0]).sum(axis=0) for loop in loops])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    heights = [float((loop @ normal).mean()) for loop, normal in zip(loops, normals, strict=True)]
-    return np.column_stack([normals, heights])
+    found = from_faces(piece.vertices, piece.faces)
+    return np.column_stack([found.normals, found.offsets])
 
 
 def _off(pieces: Sequence[Array], point: Array) -> float:

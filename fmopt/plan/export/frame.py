@@ -9,6 +9,7 @@ o makes the wrench along each direction of Φ pass through it, up to T: τᵢ �
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import permutations, product
 
 import numpy as np
 
@@ -109,14 +110,12 @@ def _toward_axes(space: Array) -> list[Array]:
 def _ordered(columns: list[Array]) -> Array:
     """The columns in the order and with the signs of the rotation of the least angle."""
     best, least = np.eye(3), np.inf
-    for i, j in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)):
-        for a in (1.0, -1.0):
-            for b in (1.0, -1.0):
-                x, y = a * columns[i], b * columns[j]
-                R = np.column_stack([x, y, np.cross(x, y)])
-                angle = float(np.linalg.norm(log(R)))
-                if angle < least - 1e-9:  # of equals the first, whatever rounding
-                    best, least = R, angle
+    for (one, other), (a, b) in product(permutations(columns, 2), product((1.0, -1.0), repeat=2)):
+        x, y = a * one, b * other
+        R = np.column_stack([x, y, np.cross(x, y)])
+        angle = float(np.linalg.norm(log(R)))
+        if angle < least - 1e-9:  # of equals the first, whatever rounding
+            best, least = R, angle
     # Orthonormal to the last bit, which columns of different spaces are only nearly.
     return exp(log(best))
 
