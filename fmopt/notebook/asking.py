@@ -207,12 +207,8 @@ def problem(
 
 
 def _error_text(error: tuple[Size, Size]) -> str:
-    distance, angle = error
-    parts = (
-        (distance if isinstance(distance, str) else f"{float(distance)!r} m"),
-        (angle if isinstance(angle, str) else f"{float(angle)!r} rad"),
-    )
-    return ", ".join(parts)
+    pairs = zip(error, ("m", "rad"), strict=True)
+    return ", ".join(size if isinstance(size, str) else f"{float(size)!r} {unit}" for size, unit in pairs)
 
 
 def _file(part: Part, stem: Path, unit: str | None) -> tuple[Path, str | None]:

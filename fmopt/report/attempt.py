@@ -6,8 +6,8 @@ One page of HTML and one figure, as a plan has them, and the same facts as data.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -179,16 +179,18 @@ class Failure:
                 "margin": near.margin,
             },
             "advice": list(self.advice),
-            "moves": [
-                {"name": s.name, "start": [*s.start], "goal": [*s.goal], "made": [*s.made], "margin": s.margin}
-                for s in self.steps
-            ],
+            "moves": [asdict(step) for step in self.steps],
         }
 
     @property
     def figures(self) -> Mapping[str, Figure]:
         """The closest attempt, by name; none where no motion could begin."""
-        return {"attempt": attempt_figure(self)} if self.steps else {}
+        if not self.steps:
+            return {}
+        ends = move_ends(self)
+        words = "; ".join(f"{end.name}, {end.plane}, lean {math.degrees(end.lean):.1f}°" for end in ends)
+        alt = f"Sections of {self.moving.name} and {self.fixed.name} through the mating axis: {words}."
+        return {"attempt": Figure("attempt", _TITLE, alt, cut_view.panels_size(ends), partial(_paint, self, ends))}
 
     def page(self) -> str:
         """One page of HTML that holds everything and opens offline."""
@@ -204,16 +206,7 @@ def move_ends(failure: Failure) -> list[End]:
     return [End("start", Pose.from_vector(failure.steps[0].start), ()), *ends]
 
 
-def attempt_figure(failure: Failure) -> Figure:
-    """Sections of both parts at the end of each move of the closest attempt, with the contacts just made."""
-    ends = move_ends(failure)
-    words = "; ".join(f"{end.name}, {end.plane}, lean {math.degrees(end.lean):.1f}°" for end in ends)
-    alt = f"Sections of {failure.moving.name} and {failure.fixed.name} through the mating axis: {words}."
-    return Figure("attempt", _TITLE, alt, cut_view.panels_size(ends), partial(_paint, failure))
-
-
-def _paint(failure: Failure, sheet: Sheet) -> None:
-    ends = move_ends(failure)
+def _paint(failure: Failure, ends: Sequence[End], sheet: Sheet) -> None:
     sheet.set_layout_engine("none")  # `panels` places everything by itself, in inches
     cut_view.panels(failure, ends, sheet, cut_view.panels_size(ends)[1])
 

@@ -23,7 +23,7 @@ from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
 from fmopt.plan import Contact, Numbers, Part, Plan, Segment
 from fmopt.report.bodies import body_of, contact_place, creases, loops_of, pieces_of
-from fmopt.report.moves import Move, margin_claim, move_words, moves, turn_between
+from fmopt.report.moves import margin_claim, move_words, moves, turn_between
 from fmopt.report.presses import press_rows, presses_of
 from fmopt.report.sections import start_of
 from fmopt.spatial.se3 import Pose
@@ -116,7 +116,14 @@ def scene_data(plan: Plan) -> dict[str, Any]:
     data = _data(plan.moving, plan.fixed, [_leg_of(piece, k) for k, move in enumerate(run) for piece in move.segments])
     return {
         **data,
-        "moves": [_caption(plan, move) for move in run],
+        "moves": [
+            {
+                "words": move_words(plan, move),
+                "held": ", ".join(move.state) or "nothing",
+                "margin": margin_claim(plan, move.margin),
+            }
+            for move in run
+        ],
         "contacts": {c.id: _pair(plan, c) for c in plan.contacts},
     }
 
@@ -173,11 +180,6 @@ def _leg(leg: Leg) -> dict[str, Any]:
     }
 
 
-def _caption(plan: Plan, move: Move) -> dict[str, str]:
-    held = ", ".join(move.state) or "nothing"
-    return {"words": move_words(plan, move), "held": held, "margin": margin_claim(plan, move.margin)}
-
-
 def _pair(plan: Plan, contact: Contact) -> list[list[Any]]:
     """The corners of both features of a contact; of a ball its centre, and behind them the way from there to it."""
     pair = [_places(plan.moving, contact.moving), _places(plan.fixed, contact.fixed)]
@@ -198,19 +200,15 @@ def _rounded(points: Any) -> Any:
     return (np.round(1e3 * np.asarray(points, dtype=np.float64), _ROUND) + 0.0).tolist()
 
 
-def _open_quarter(legs: Sequence[Leg]) -> tuple[int, int]:
-    """Signs (x, y) of the quarter to take away: the one that the goal leans away from, so that its walls are seen."""
-    goal = legs[-1].goal if legs else (0.0, 0.0)
-    return (1 if goal[0] <= 0.0 else -1, 1 if goal[1] < 0.0 else -1)
-
-
 def _opening(legs: Sequence[Leg]) -> tuple[tuple[int, int], float]:
     """The quarter to take away, and the azimuth of the first view, rad: across the greatest lean where there is one.
 
     The line of sight is level with the axis about which the part leans, turned by at most 20°, into the quarter so that
     both walls of the cut are seen.
     """
-    quarter = _open_quarter(legs)
+    goal = legs[-1].goal
+    # Signs (x, y): the quarter that the goal leans away from, so that its walls are seen.
+    quarter = (1 if goal[0] <= 0.0 else -1, 1 if goal[1] < 0.0 else -1)
     axes = [Pose.from_vector(pose).R[:, 2] for leg in legs for pose in (leg.start, leg.goal)]
     lean = max((axis[:2] for axis in axes), key=lambda across: float(np.linalg.norm(across)), default=np.zeros(2))
     size = float(np.linalg.norm(lean))
