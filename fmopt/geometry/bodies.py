@@ -25,23 +25,23 @@ def bodies_of(path: Path, unit: str | None) -> tuple[NamedBody, ...]:
     if path.suffix.lower() in (".step", ".stp"):
         from fmopt.geometry.step.step_import import bodies
 
-        return _kept(path, "", lambda: bodies(path))
+        return kept_of(path, "", lambda: bodies(path))
     from fmopt.geometry.mesh.mesh_file import OWN_UNIT
     from fmopt.geometry.mesh.mesh_import import mesh_bodies
 
     own = cast("Unit", "m" if path.suffix.lower()[1:] in OWN_UNIT else unit or "mm")
-    return _kept(path, own, lambda: mesh_bodies(path, own))
+    return kept_of(path, own, lambda: mesh_bodies(path, own))
 
 
 def lie_apart(path: Path) -> bool:
     """Whether a mesh file has several objects that are not one part; errors as of `bodies_of`."""
     from fmopt.geometry.mesh import mesh_import
 
-    return _kept(path, "apart", lambda: mesh_import.lie_apart(path))
+    return kept_of(path, "apart", lambda: mesh_import.lie_apart(path))
 
 
-def _kept(path: Path, how: str, make: Callable[[], T]) -> T:
-    """What is made of a file; of none, or of one that is too large, its reader says what is wrong."""
+def kept_of(path: Path, how: object, make: Callable[[], T]) -> T:
+    """What is made of a file, kept; of none, or of one that is too large, its reader says what is wrong."""
     if not path.is_file() or path.stat().st_size > _MOST_BYTES:
         return make()
     with path.open("rb") as file:

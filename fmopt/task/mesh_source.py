@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
-from fmopt.runtime.store import kept
+from fmopt.geometry.bodies import kept_of
 from fmopt.spatial.values import remembered
 from fmopt.task.sizes import implausible
 from fmopt.task.toml.model_file import STEP, Mesh
@@ -55,7 +54,7 @@ def mesh_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
     try:
         from fmopt.geometry.mesh.mesh_import import extents
 
-        size = " x ".join(f"{width:.6g}" for width in extents(_path(source, mesh)[0]))
+        size = " x ".join(f"{width:.6g}" for width in extents(_path(source, mesh)))
     except (GeometryError, ResourceError, InputError) as error:
         size, advice = f"not known: {error}", f"{advice}; and mend the file"
     message = f"the unit of the mesh is missing; its size in the file's own numbers is {size}"
@@ -71,10 +70,10 @@ def imported(source: Source, mesh: Mesh) -> Imported:
         ResourceError: a STEP file without the extra that reads it.
     """
     place = source.place(("mesh", "file"))
-    path, digest = _path(source, mesh)
+    path = _path(source, mesh)
     body, unit = str(mesh.body or ""), "m" if says_unit(mesh) else mesh.unit or "mm"  # of such files numbers come in m
     try:
-        return kept((digest, path.suffix.lower(), unit, body, mesh.deviation), lambda: _read(path, mesh, body, unit))
+        return kept_of(path, (unit, body, mesh.deviation), lambda: _read(path, mesh, body, unit))
     except SizeError as error:
         key = ("mesh", "file" if mesh.unit is None else "unit")
         raise InputError(implausible(source, key, mesh.unit, error)) from error
@@ -92,11 +91,11 @@ def _read(path: Path, mesh: Mesh, body: str, unit: Unit) -> Imported:
     return load_mesh(path, unit, body)
 
 
-def _path(source: Source, mesh: Mesh) -> tuple[Path, str]:
-    """The file that is named, and its digest; those who read meshes read it themselves."""
+def _path(source: Source, mesh: Mesh) -> Path:
     path = source.path.parent / Path(mesh.file)
-    data = read_bytes(path, source.place(("mesh", "file")), MAX_MESH_BYTES)
-    return path, hashlib.sha256(data).hexdigest()
+    # For what it refuses, at this place: those who read meshes read the file themselves.
+    read_bytes(path, source.place(("mesh", "file")), MAX_MESH_BYTES)
+    return path
 
 
 def assumed(source: Source, part: Part) -> str:
