@@ -138,7 +138,7 @@ def _summary(plan: Plan, verdict: Verdict, folder: Path) -> dict[str, Any]:
         "verdict": plan.verdict,
         "margin" if plan.verdict == "CERTIFIED" else "computed_margin": min(s.margin for s in plan.segments),
         "segments": len(plan.segments),
-        "moves": list(plan.search.moves) if plan.search is not None else [],
+        "moves": list(plan.description.search.moves) if plan.description.search is not None else [],
         "carried_out": None if plan.description.carried_out is None else asdict(plan.description.carried_out),
         "plan": str(folder / "plan.json"),
     }
@@ -201,7 +201,7 @@ def verify(
             verdict = verdict.unless(differences(whole, load(problem)), (REMARK,))
     except independent.PlanError as error:
         raise PlanFormatError(f"{file}: {error}", "give a plan.json that fmopt solve wrote") from error
-    answer({**_findings(verdict), **_margins(read)}, "\n".join(independent.describe(verdict)), as_json, quiet)
+    answer({**_findings(verdict), **_margins(read)}, "\n".join(verdict.lines()), as_json, quiet)
     enough = evidence == "tested" and str(verdict.verdict) == "TESTED"
     raise typer.Exit(0 if enough else EXIT[str(verdict.verdict)])
 
@@ -282,7 +282,6 @@ def schema(
     from fmopt.task.toml.assembly_file import AssemblyFile
     from fmopt.task.toml.model_file import ModelFile
     from fmopt.task.toml.problem_file import ProblemFile
-    from fmopt.task.toml.schema import schema_text
 
     kinds: dict[str, type[Table]] = {
         "problem": ProblemFile,
@@ -294,4 +293,5 @@ def schema(
     found = kinds.get(kind)
     if found is None:
         raise typer.BadParameter(f"{kind!r} is none of {', '.join(kinds)}", param_hint="kind")
-    typer.echo(schema_text(found), nl=False)
+    dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    typer.echo(json.dumps({**dialect, **found.model_json_schema()}, indent=2, ensure_ascii=False))

@@ -5,7 +5,7 @@ remainders, error sets and knowledge of held contacts are written here a second 
 """
 
 from fmopt.verify.check import judge, verify
-from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, TESTED, Finding, Verdict, Witness, describe
+from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, TESTED, Finding, Verdict, Witness
 from fmopt.verify.reading.reader import PlanError, load
 
 __all__ = [
@@ -17,7 +17,6 @@ __all__ = [
     "PlanError",
     "Verdict",
     "Witness",
-    "describe",
     "judge",
     "load",
     "verify",

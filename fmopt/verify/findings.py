@@ -85,8 +85,35 @@ class Verdict:
         return replace(self, verdict=self.verdict if self.verdict == REFUTED else NOT_PROVED, findings=found)
 
     def lines(self) -> list[str]:
-        """The verdict as text for people."""
-        return describe(self)
+        """The verdict as lines of text for people, with what it does not cover."""
+        own = "" if self.stated == self.verdict else f"; the plan's own verdict is {self.stated}"
+        if self.evidence is not None:
+            return [f"verdict: {self.verdict} ({self.segments} presses){own}", *_tested_lines(self, self.evidence)]
+        lines = [f"verdict: {self.verdict} ({self.segments} segments){own}"]
+        if self.margin is not None and self.verdict == CERTIFIED:
+            lines.append(f"least margin: {micrometres(self.margin)}")
+        if (w := self.witness) is not None:
+            lines += [
+                f"collision: segment {w.segment}, moving piece {w.pair[0]} and fixed piece {w.pair[1]} overlap, a "
+                f"common point lies {micrometres(w.depth)} inside both",
+                "at pose (m, rad): " + " ".join(map(repr, w.pose)),
+            ]
+            if any(w.error):
+                lines.append("with error (m, rad): " + " ".join(map(repr, w.error)))
+        begun = "checked" if self.verdict == CERTIFIED else "asked, and not shown"
+        return [
+            *lines,
+            *map(str, self.findings),
+            f"{begun}: that for every error in the stated set the pieces of the parts stay apart up to the touch",
+            "tolerance, and that every contact is made and held inside its facet, under the stated motion model",
+            "not covered: that the pieces of a move share one twist exactly: executions that touch late or early may "
+            f"leave the error set by up to {micrometres(LEFT_ASIDE[0])} and {LEFT_ASIDE[1] * 1e6:.9g} µrad a move",
+            "not covered: friction, compliance, dynamics, and whether the real error lies in the stated set",
+            "not read: the description, with S(t) of the nominal trajectory, contact states, and search costs",
+            "not derived again: the measured clearance",
+            *(f"taken as the planner has it: {text}" for text in self.taken),
+            *(f"not covered, says the plan: {text}" for text in self.not_covered),
+        ]
 
 
 class Notes:
@@ -184,39 +211,3 @@ def _tested_lines(verdict: Verdict, evidence: Evidence) -> list[str]:
 def micrometres(x: float) -> str:
     """A length in µm, with the digits that tell margins apart."""
     return f"{x * 1e6:.9g} µm"
-
-
-def describe(verdict: Verdict) -> list[str]:
-    """The verdict as lines of text, with what it does not cover."""
-    own = "" if verdict.stated == verdict.verdict else f"; the plan's own verdict is {verdict.stated}"
-    if verdict.evidence is not None:
-        return [
-            f"verdict: {verdict.verdict} ({verdict.segments} presses){own}",
-            *_tested_lines(verdict, verdict.evidence),
-        ]
-    lines = [f"verdict: {verdict.verdict} ({verdict.segments} segments){own}"]
-    if verdict.margin is not None and verdict.verdict == CERTIFIED:
-        lines.append(f"least margin: {micrometres(verdict.margin)}")
-    if verdict.witness is not None:
-        w = verdict.witness
-        lines.append(
-            f"collision: segment {w.segment}, moving piece {w.pair[0]} and fixed piece {w.pair[1]} overlap, a common "
-            f"point lies {micrometres(w.depth)} inside both"
-        )
-        lines.append("at pose (m, rad): " + " ".join(repr(x) for x in w.pose))
-        if any(w.error):
-            lines.append("with error (m, rad): " + " ".join(repr(x) for x in w.error))
-    lines += [str(finding) for finding in verdict.findings]
-    begun = "checked" if verdict.verdict == CERTIFIED else "asked, and not shown"
-    lines.append(f"{begun}: that for every error in the stated set the pieces of the parts stay apart up to the touch")
-    lines.append("tolerance, and that every contact is made and held inside its facet, under the stated motion model")
-    lines.append(
-        "not covered: that the pieces of a move share one twist exactly: executions that touch late or "
-        f"early may leave the error set by up to {micrometres(LEFT_ASIDE[0])} and {LEFT_ASIDE[1] * 1e6:.9g} µrad a move"
-    )
-    lines.append("not covered: friction, compliance, dynamics, and whether the real error lies in the stated set")
-    lines.append("not read: the description, with S(t) of the nominal trajectory, contact states, and search costs")
-    lines.append("not derived again: the measured clearance")
-    lines += [f"taken as the planner has it: {text}" for text in verdict.taken]
-    lines += [f"not covered, says the plan: {text}" for text in verdict.not_covered]
-    return lines

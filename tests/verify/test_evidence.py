@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from fmopt.verify import describe, verify
+from fmopt.verify import verify
 from tests.shared.commands import ended
 from tests.shared.plans.press_plan import press_plan_document, restated
 
@@ -56,7 +56,7 @@ LIES: list[tuple[Callable[[Document], Any], bool, str]] = [
 def test_the_honest_one_is_tested_and_nothing_more() -> None:
     verdict = verify(press_plan_document())
     assert (str(verdict.verdict), verdict.findings, verdict.margin) == ("TESTED", (), None)
-    words = "\n".join(describe(verdict))
+    words = "\n".join(verdict.lines())
     assert words.startswith("verdict: TESTED (14 presses)\nevidence: 10 of 10 draws seat")
     assert "63 of 64 vertices" in words
     assert "nothing is proved of presses" in words
