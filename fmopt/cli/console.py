@@ -166,7 +166,7 @@ def _solved_words(plan: Plan, findings: Sequence[str]) -> Iterator[str]:
     yield from (ends_words(plan), jamming_words(plan), tolerated_words(plan))
     yield "; ".join(": ".join((row[0], row[2])) for row in rates(plan)[:4])
     yield " ".join(recovery_words(plan))
-    yield from () if plan.diagnostics is None else plan.diagnostics.imported
+    yield from () if plan.description.diagnostics is None else plan.description.diagnostics.imported
     yield "not covered: " + "; ".join(plan.not_covered)
 
 

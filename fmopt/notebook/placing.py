@@ -97,7 +97,7 @@ def motion_of(plan: Plan, problem: Problem) -> CertifiedMotion:
     posed = Posed.of(problem)
     run = tuple(_moves(plan, posed.assembly.moving.polyhedron, posed.assembly.fixed.polyhedron))
     placed = certified(posed.assembly, run, posed.start, posed.tolerance, FINE)
-    said = plan.search
+    said = plan.description.search
     found = Searched(0.0, (), 0.0, 0.0, 0)
     if said is not None:
         found = Searched(said.heading, said.moves, said.cost, said.lower_bound, said.states_expanded)

@@ -45,8 +45,7 @@ from fmopt.verify.reading.reader import (
 )
 
 if TYPE_CHECKING:
-    from fmopt.plan.description import CriticalPoint, Description, Nominal, PositionForce, Search
-    from fmopt.plan.diagnostics import Diagnostics
+    from fmopt.plan.description import Description
     from fmopt.plan.error_sets import ErrorSet
     from fmopt.plan.evidence import Evidence
     from fmopt.plan.press import PressPlan
@@ -74,31 +73,6 @@ class Plan(proof.Plan):
     description: Description = field(kw_only=True)
     press_plan: PressPlan | None = field(default=None, kw_only=True)
     trials: Evidence | None = field(default=None, kw_only=True)
-
-    @property
-    def search(self) -> Search | None:
-        """How the sequence of moves was found."""
-        return self.description.search
-
-    @property
-    def nominal(self) -> Nominal | None:
-        """The nominal trajectory, with S(t)."""
-        return self.description.nominal
-
-    @property
-    def position_force(self) -> tuple[PositionForce, ...]:
-        """Rows of Pₐ(t) and Fₐ(t) along the nominal trajectory."""
-        return self.description.position_force
-
-    @property
-    def critical_points(self) -> tuple[CriticalPoint, ...]:
-        """Poses near which contact states were looked for."""
-        return self.description.critical_points
-
-    @property
-    def diagnostics(self) -> Diagnostics | None:
-        """How the plan was found."""
-        return self.description.diagnostics
 
     @cached_property
     def error_sets(self) -> tuple[ErrorSet, ...]:

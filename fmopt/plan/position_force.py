@@ -14,16 +14,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.plan import Plan, Segment
+from fmopt.plan import Plan
 from fmopt.plan.contact_geometry import Contact, contacts
 from fmopt.plan.guarded_moves import length
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
+
+if TYPE_CHECKING:
+    from fmopt.plan.description import Nominal
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 _REACTION = {0: 0.0, 1: -1.0, -1: 1.0, 2: 1.0}
@@ -179,14 +182,16 @@ def stretches(plan: Plan) -> tuple[Stretch, ...]:
     Raises:
         PlanFormatError: a contact of the plan has no normal.
     """
-    if plan.nominal is None:
+    if plan.description.nominal is None:
         return ()
     known, found, now = contacts(plan), list[Stretch](), 0.0
     for move, run in groupby(plan.segments, key=lambda segment: segment.move):
         pieces = list(run)
         first, last = pieces[0], pieces[-1]
         start, goal = np.array(first.start), np.array(last.goal)
-        end = now + sum(_duration(piece, plan.rho) for piece in pieces)
+        ends = ((Pose.from_vector(piece.start), Pose.from_vector(piece.goal)) for piece in pieces)
+        lasting = (length(*both, plan.rho) / piece.hybrid.speed for both, piece in zip(ends, pieces, strict=True))
+        end = now + sum(lasting)
         found.append(_stretch(plan, known, last.state, move, (now, end), (start, goal)))
         now = end
     final = plan.segments[-1]
@@ -202,7 +207,8 @@ def _stretch(
     times: tuple[float, float],
     poses: tuple[Array, Array],
 ) -> Stretch:
-    pose = Pose.from_vector(poses[1])
+    nominal, pose = plan.description.nominal, Pose.from_vector(poses[1])
+    assert nominal is not None
     scale = np.array([1.0, 1.0, 1.0, *[1.0 / plan.rho] * 3])
     wrenches = {name: scale * known[name].wrench(pose) for name in held if not known[name].level(pose)}
     s, by = [], []
@@ -213,13 +219,12 @@ def _stretch(
         by.append(tuple(against))
     fa = omega(s, contact_forces(plan.specification, plan.rho))
     pa = [gamma(s, at) for at in poses]
-    return Stretch(move, *times, tuple(s), pa[0], pa[1], fa, tuple(by), _nominal(plan, float(poses[1][2])))
+    return Stretch(move, *times, tuple(s), pa[0], pa[1], fa, tuple(by), _nominal(nominal, float(poses[1][2])))
 
 
-def _nominal(plan: Plan, depth: float) -> tuple[int, ...]:
+def _nominal(nominal: Nominal, depth: float) -> tuple[int, ...]:
     """S of the nominal trajectory when it first comes as deep (z, m)."""
-    assert plan.nominal is not None
-    times, heights = np.array(plan.nominal.times), np.array(plan.nominal.nodes)[:, 2]
+    times, heights = np.array(nominal.times), np.array(nominal.nodes)[:, 2]
     below = np.flatnonzero(heights <= depth + _DEPTH)
     k = int(below[0]) if len(below) else len(times) - 1
     at = float(times[k])
@@ -228,10 +233,5 @@ def _nominal(plan: Plan, depth: float) -> tuple[int, ...]:
         share = (heights[k - 1] - max(depth, heights[k])) / (heights[k - 1] - heights[k])
         at = float(times[k - 1] + share * (times[k] - times[k - 1]))
     # Here in s: at the border of two intervals rounding decides, and the first one counts.
-    inside = [interval for interval in plan.nominal.intervals if interval.start - _DEPTH <= at <= interval.end + _DEPTH]
+    inside = [interval for interval in nominal.intervals if interval.start - _DEPTH <= at <= interval.end + _DEPTH]
     return inside[0].s if inside else (0,) * 6
-
-
-def _duration(piece: Segment, rho: float) -> float:
-    """How long a piece is commanded, s."""
-    return length(Pose.from_vector(piece.start), Pose.from_vector(piece.goal), rho) / piece.hybrid.speed

@@ -30,7 +30,7 @@ _WIDE = math.radians(90.0)  # a range beyond that on both sides is not worth a w
 def force_table(plan: Plan) -> str:
     """S(t) and Fa(t) by interval."""
     rows = []
-    for item in plan.position_force:
+    for item in plan.description.position_force:
         bound = [f"{axis} {STOPS[s]}" for axis, s in zip(AXES, item.s, strict=True) if s]
         either = [AXES[axis] for axis in item.either_sign]
         force = combination(item.fa, "N", "N·m") + (f"; {', '.join(either)} of either sign" if either else "")

@@ -59,14 +59,15 @@ def figures(plan: Plan) -> dict[str, str]:
 
 def catalogue(plan: Plan) -> dict[str, Figure]:
     """The figures that the plan has the data for, not yet drawn, by name, in the order of a report."""
-    course = None if plan.nominal is None else trajectory_view.Course(plan.nominal, plan.position_force)
+    said = plan.description
+    course = None if said.nominal is None else trajectory_view.Course(said.nominal, said.position_force)
     if plan.press_plan is not None:
         return {} if course is None else {"trajectory": _of("trajectory", trajectory_view, course)}
     chosen = [_of("cut", cut_view, plan)]
     for number, graph in enumerate(graph_view.graphs(plan), start=1):
         chosen.append(_of("states" if number == 1 else f"states-{number}", graph_view, graph))
     chosen += [_of("margin", margin_view, plan), _of("tube", tube_view, plan)]
-    planar = None if plan.diagnostics is None else plan.diagnostics.planar
+    planar = None if plan.description.diagnostics is None else plan.description.diagnostics.planar
     others: tuple[tuple[str, Any, Any], ...] = (
         ("budget", budget_view, budget_view.shares(plan)),
         ("sets", planar_view, planar and planar.sets),

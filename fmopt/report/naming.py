@@ -12,6 +12,7 @@ import numpy as np
 from fmopt.plan import Body, Contact, Part, Plan
 from fmopt.plan.diagnostics import UnplannedContact
 from fmopt.plan.position_force import AXES
+from fmopt.spatial.se3 import cross
 from fmopt.spatial.values import Array
 
 _SAME = 1e-9  # m
@@ -139,18 +140,13 @@ def _fixed_words(points: Array) -> str:
         return "corner"
     if len(points) == 2:
         return "rim edge" if np.all(np.abs(points[:, 2]) <= _SAME) else "edge"
-    normal = _loop_normal(points)
+    normal = cross(points, np.roll(points, -1, axis=0)).sum(axis=0)  # Newell's sum
+    normal = normal / np.linalg.norm(normal)
     if abs(normal[2]) <= 1e-6:
         return "wall"
     if normal[2] >= 1.0 - 1e-6:
         return "floor" if points[0, 2] < -_SAME else "top face"
     return "sloped face" if abs(normal[2]) < 1.0 - 1e-6 else "face"
-
-
-def _loop_normal(points: Array) -> Array:
-    """Unit normal of a loop, by Newell's sum."""
-    total = np.sum(np.cross(points, np.roll(points, -1, axis=0)), axis=0)
-    return np.asarray(total / np.linalg.norm(total))
 
 
 def _place(points: Array) -> str:

@@ -108,7 +108,7 @@ def _shown(plan: Plan, figures: Mapping[str, str]) -> dict[str, str]:
 
 def possible_contacts(plan: Plan) -> str:
     """The chapter of a planar plan; nothing for a plan in space."""
-    found = None if plan.diagnostics is None else plan.diagnostics.planar
+    found = None if plan.description.diagnostics is None else plan.description.diagnostics.planar
     if found is None:
         return ""
     words = (

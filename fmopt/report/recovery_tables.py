@@ -86,7 +86,7 @@ def recovery_chapter(plan: Plan) -> str:
 
 def _rows(plan: Plan, move: MoveRecovery) -> list[tuple[str, ...]]:
     number = str(move.move + 1)
-    found = () if plan.diagnostics is None else plan.diagnostics.unplanned
+    found = () if plan.description.diagnostics is None else plan.description.diagnostics.unplanned
     mine = [one for one in found if one.move == move.move]
     if not mine:
         return [(number, "none found", "–", "–", "–", "–")]
@@ -130,7 +130,7 @@ def tolerated_words(plan: Plan) -> str:
 
 
 def _tolerated(plan: Plan) -> ErrorTolerance | None:
-    return None if plan.diagnostics is None else plan.diagnostics.tolerated
+    return None if plan.description.diagnostics is None else plan.description.diagnostics.tolerated
 
 
 def _end_words(plan: Plan, end: ToleranceEnd | None) -> str:

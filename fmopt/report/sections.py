@@ -18,12 +18,12 @@ def asked(plan: Plan) -> str:
     """Parts, clearances, start errors, goal."""
     parts = [_part_row(side, part) for side, part in plan.parts.items()]
     text = table("Parts", ("part", "name", "extent, mm", "faces", "convex pieces"), parts, "...nn")
-    if plan.diagnostics is not None and plan.diagnostics.imported:
-        text += "<p>Of the parts that came as meshes:</p>\n" + bullets(plan.diagnostics.imported)
+    found = plan.description.diagnostics
+    if found is not None and found.imported:
+        text += "<p>Of the parts that came as meshes:</p>\n" + bullets(found.imported)
     text += table("The task", ("", ""), _task_rows(plan))
-    if plan.diagnostics is not None and plan.diagnostics.notes:
-        text += "<p>What the plan leaves out, on which its certificate does not rest:</p>\n"
-        text += bullets(plan.diagnostics.notes)
+    if found is not None and found.notes:
+        text += "<p>What the plan leaves out, on which its certificate does not rest:</p>\n" + bullets(found.notes)
     return text
 
 
@@ -37,11 +37,11 @@ def asked_words(plan: Plan) -> str:
 
 def clearance_words(plan: Plan, kind: str) -> str:
     """The declared or measured clearance on each side along x and y; where a plan has only the least, that one."""
-    if kind == "measured" and plan.diagnostics is None:
-        return f"{millimetres(plan.fixed.measured_clearance)} mm where it is least"
     value: tuple[float | None, ...] = plan.fixed.declared_clearance or ()
-    if kind == "measured" and plan.diagnostics is not None:
-        value = plan.diagnostics.measured_clearance
+    if kind == "measured":
+        if plan.description.diagnostics is None:
+            return f"{millimetres(plan.fixed.measured_clearance)} mm where it is least"
+        value = plan.description.diagnostics.measured_clearance
     stated = [(v, axis) for v, axis in zip(value, AXES, strict=False) if v]
     return ", ".join(f"{millimetres(v)} mm along {axis}" for v, axis in stated)
 
@@ -64,7 +64,7 @@ def _task_rows(plan: Plan) -> list[tuple[str, str]]:
     rows.append(("start error, half-widths", box_words(box)))
     if max(box[:2]) > (part.measured_clearance or min(part.declared_clearance or (0.0,))):
         rows.append(("what follows", "the start error is larger than the clearance: contacts have to shrink it"))
-    reduced = None if plan.diagnostics is None else plan.diagnostics.reduced
+    reduced = None if plan.description.diagnostics is None else plan.description.diagnostics.reduced
     if reduced is not None:
         stated = box_words(reduced.stated_start_box)
         rows.append(("start error that the problem states", f"{stated}: the plan is for {reduced.share:.0%} of it"))
@@ -124,7 +124,7 @@ def unguarded_words(plan: Plan) -> str:
 
 def why(plan: Plan) -> str:
     """What the search says of the sequence."""
-    search, chain = plan.search, states(plan)
+    search, chain = plan.description.search, states(plan)
     ends = f"from {chain[0][1]} freedoms to {chain[-1][1]}"
     text = f"<p>The motion goes through {len(chain)} contact states, {ends}.</p>\n"
     if search is None or not search.states_expanded:
@@ -171,7 +171,7 @@ _VERDICTS = {
 def critical_table(plan: Plan) -> str:
     """The critical points and what was found there."""
     rows = []
-    for point in plan.critical_points:
+    for point in plan.description.critical_points:
         counts = sorted(point.states_by_dimension.items(), reverse=True)
         by_dimension = ", ".join(f"{n} of dimension {d}" for d, n in counts if n)
         sure = str(point.states_by_verdict.get("confirmed", 0))

@@ -166,10 +166,10 @@ def test_what_only_describes_a_motion_costs_no_plan(monkeypatch: pytest.MonkeyPa
         monkeypatch.setattr(pipeline, name, lost)
     made = pipeline.synthesise(problem)
     assert made.proved
-    assert made.plan.nominal is None
-    assert made.plan.position_force == made.plan.critical_points == ()
-    assert made.plan.diagnostics is not None
-    assert made.plan.diagnostics.notes == (
+    assert made.plan.description.nominal is None
+    assert made.plan.description.position_force == made.plan.description.critical_points == ()
+    assert made.plan.description.diagnostics is not None
+    assert made.plan.description.diagnostics.notes == (
         "how much error it tolerates is left out: no way is seen",
         "the nominal trajectory is left out: no way is seen",
         "its way through contact states is left out: no way is seen",

@@ -78,7 +78,7 @@ def spoilt(value: Any, change: Callable[[str, str], str], key: str = "") -> Any:
 def plan(square_peg_plan: dict[str, Any]) -> Plan:
     """A short plan: the first moves of the square peg."""
     whole = read(square_peg_plan)
-    short = altered(whole.description, position_force=whole.position_force[:3])
+    short = altered(whole.description, position_force=whole.description.position_force[:3])
     return replace(whole, segments=whole.segments[:6], description=short)
 
 

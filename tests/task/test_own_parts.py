@@ -67,7 +67,7 @@ def test_a_foreign_mesh_and_a_step_file_become_a_certified_plan(folder: Path) ->
     plan = fmopt.solve(problem)
     assert plan.verdict == "CERTIFIED"
     assert plan.verify(problem).verdict == "CERTIFIED"
-    notes = plan.stated.diagnostics.imported
+    notes = plan.stated.description.diagnostics.imported
     assert len(notes) == 2
     assert all(note.startswith("found: [features.") and f"<li>{note}</li>" in asked(plan.stated) for note in notes)
 

@@ -54,7 +54,7 @@ def samples(plan: Plan, rate: float) -> Samples:
     Raises:
         PlanFormatError: the plan holds no such trajectory, or the rate is no rate for it.
     """
-    rows = plan.position_force
+    rows = plan.description.position_force
     if not rows:
         raise PlanFormatError("the plan holds no position/force trajectory", "solve the problem again")
     first, last = rows[0].start, rows[-1].end

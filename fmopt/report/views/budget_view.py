@@ -33,7 +33,7 @@ _FILLS = (  # face, hatch: told apart in black and white, too
 
 def shares(plan: Plan) -> Shares:
     """Sources with what each adds to the half-widths (6,), m and rad; those that add nothing are left out."""
-    listed = () if plan.diagnostics is None else plan.diagnostics.budget
+    listed = () if plan.description.diagnostics is None else plan.description.diagnostics.budget
     return [
         (f"{item.source} ({item.symbol})" if item.symbol else item.source, np.array(item.box, dtype=np.float64))
         for item in listed

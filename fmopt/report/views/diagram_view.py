@@ -36,7 +36,7 @@ _SIDES = ((5, -2, "left", "top"), (-5, -2, "right", "top"), (5, 2, "left", "bott
 
 def diagrams(plan: Plan) -> tuple[Diagram, ...]:
     """The diagrams that the plan holds, at most one a plane; of a planar problem those with material of operand 2."""
-    found = plan.diagnostics
+    found = plan.description.diagnostics
     if found is None:
         return ()
     return found.diagrams if found.planar is None else tuple(item for item in found.diagrams if item.fixed)

@@ -52,7 +52,7 @@ def graphs(plan: Plan) -> tuple[StateGraph, ...]:
             sons=graph.sons,
             chosen=graph.chosen,
         )
-        for graph in (() if plan.diagnostics is None else plan.diagnostics.graphs)
+        for graph in (() if plan.description.diagnostics is None else plan.description.diagnostics.graphs)
         if graph.chosen
     ]
     return tuple(found) or (_chain(plan),)

@@ -104,8 +104,8 @@ def test_figures_are_drawn_in_the_colours_of_the_circles() -> None:
 def described(planar: Planar) -> Plan:
     """A plan that is described by the account."""
     found = cube(diagnostics=diagnostics())
-    assert found.diagnostics is not None
-    return replace(found, description=Description(diagnostics=replace(found.diagnostics, planar=planar)))
+    assert found.description.diagnostics is not None
+    return replace(found, description=Description(diagnostics=replace(found.description.diagnostics, planar=planar)))
 
 
 def told(aside: float = 2e-3, stopped_from: float = 1.0) -> Planar:

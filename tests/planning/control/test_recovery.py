@@ -282,8 +282,8 @@ def test_people_are_told_what_to_do(square_peg_plan: Plan) -> None:
     assert lifted == "When a move fails the part can be lifted straight out of the hole in moves 1 to 7."
     assert again == "Tried again from 8 starts aside, the plan holds for start errors of x ±0.9 mm, y ±0.9 mm."
     page = recovery_chapter(plan)
-    assert plan.diagnostics is not None
-    firsts = plan.diagnostics.unplanned
+    assert plan.description.diagnostics is not None
+    firsts = plan.description.diagnostics.unplanned
     assert page.count(" touches ") == len(firsts) > 5
     assert all(f"{first.factor:.3g}" in page for first in firsts)
     moves = tuple(replace(move, back_off=k not in (2, 6)) for k, move in enumerate(said.moves))

@@ -137,10 +137,10 @@ def test_people_read_it(solved: tuple[Problem, CertifiedMotion], found: ErrorTol
     assert {row[0] for row in rates(plan)} >= {"clearance on each side", "error x", "velocity error, rotation"}
     assert all("more: " in row[2] for row in rates(plan))
     assert "What each tolerance costs" in tolerance_chapter(plan)
-    assert plan.diagnostics is not None
-    assert plan.diagnostics.tolerated is not None
-    none = replace(plan.diagnostics.tolerated, factor=0.0, start_box=(0.0,) * 6)
-    described = replace(plan.description, diagnostics=replace(plan.diagnostics, tolerated=none))
+    assert plan.description.diagnostics is not None
+    assert plan.description.diagnostics.tolerated is not None
+    none = replace(plan.description.diagnostics.tolerated, factor=0.0, start_box=(0.0,) * 6)
+    described = replace(plan.description, diagnostics=replace(plan.description.diagnostics, tolerated=none))
     words = tolerated_words(replace(plan, description=described))
     assert words.startswith("This motion has no positive margin, however small the start errors. What ends it is move ")
     without = replace(plan, description=Description())
