@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 from fmopt.verify.arithmetic.rational import (
     ONE,
@@ -41,16 +40,10 @@ from fmopt.verify.arithmetic.rational import (
 from fmopt.verify.findings import Notes, micrometres
 from fmopt.verify.parts.rows import pose
 from fmopt.verify.parts.solids import DEVIATION, Shape
-from fmopt.verify.reading.document import MoveRecovery, Plan, Segment
+from fmopt.verify.reading.document import Lift, MoveRecovery, Plan, Segment
 from fmopt.verify.reading.reader import Numbers
 
 _UPRIGHT = ONE >> 20  # faces lean over by less than this where they may count as vertical
-
-
-class _Lift(NamedTuple):
-    above: int
-    clear: int
-    turn: float
 
 
 def check_recovery(plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None:
@@ -58,8 +51,7 @@ def check_recovery(plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None
     recovery = plan.recovery
     if recovery is None:
         return
-    lifted = recovery.lift
-    lift = None if lifted is None else _Lift(fixed(lifted.above), fixed(lifted.clear), lifted.turn)
+    lift = recovery.lift
     try:
         _check_moves(recovery.moves, plan, parts[0], lift, notes)
         if lift is not None:
@@ -88,14 +80,14 @@ def underside(shape: Shape) -> int:
     return max(heights, default=min(v[2] for v in shape.vertices))
 
 
-def _check_lift(lift: _Lift, part: Shape, notes: Notes) -> None:
-    highest = underside(part)
-    if lift.above < highest:
-        short = number(highest - lift.above)
+def _check_lift(lift: Lift, part: Shape, notes: Notes) -> None:
+    below = underside(part) - fixed(lift.above)
+    if below > 0:
+        short = number(below)
         notes.add("recovery.lift.above", f"a face of the fixed part looks down {micrometres(short)} above it", short)
 
 
-def _check_moves(entries: Sequence[MoveRecovery], plan: Plan, part: Shape, lift: _Lift | None, notes: Notes) -> None:
+def _check_moves(entries: Sequence[MoveRecovery], plan: Plan, part: Shape, lift: Lift | None, notes: Notes) -> None:
     """That each move backs off only where the part stays above what it could be lifted into."""
     pieces: dict[int, list[Segment]] = {}
     for segment in plan.segments:
@@ -112,7 +104,7 @@ def _check_moves(entries: Sequence[MoveRecovery], plan: Plan, part: Shape, lift:
         if entry.room is None:
             notes.add(what, "does not say how much room it has")
             continue
-        room = min(lowest(part, s, plan.rho) for s in pieces[entry.move]) - lift.above - SLACK
+        room = min(lowest(part, s, plan.rho) for s in pieces[entry.move]) - fixed(lift.above) - SLACK
         if fixed(entry.room) > room:
             notes.add(what, f"{micrometres(entry.room)} of room are stated, only {micrometres(number(room))} follow")
         if entry.back_off != (entry.room > 0.0):
@@ -155,7 +147,7 @@ def _sunk(w: Vector, reach: int, down: int, tilts: Vector) -> int:
     return down + times(tilts[0], abs(w[1])) + times(tilts[1], abs(w[0])) + (times(reach, dot(tilts, tilts)) >> 1) + 4
 
 
-def _check_carrying(lift: _Lift, plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None:
+def _check_carrying(lift: Lift, plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None:
     """That the part is above the fixed part as it is turned back, shifted and lowered to a start pose."""
     shape, top = parts[0], max(v[2] for v in parts[1].vertices)
     first = pose(plan.segments[0].start)
@@ -171,11 +163,11 @@ def _check_carrying(lift: _Lift, plan: Plan, parts: tuple[Shape, Shape], notes: 
     bow = times(shape.radius, times(theta, theta)) >> 3
     tilts = vector(angles)
     errors = fixed(plan.start_box[2]) + times(shape.radius, tilts[0] + tilts[1])
-    room = lift.clear - bow - errors - (times(shape.radius, dot(tilts, tilts)) >> 1) - SLACK - top
+    room = fixed(lift.clear) - bow - errors - (times(shape.radius, dot(tilts, tilts)) >> 1) - SLACK - top
     if room <= 0:
         notes.add("recovery.lift.clear", f"is short by {micrometres(number(-room))}", number(-room))
     heights = [first.apply(v)[2] - radius for v, radius in zip(shape.vertices, shape.radii, strict=True)]
-    if min(heights) > lift.clear:
+    if min(heights) > fixed(lift.clear):
         notes.add("recovery.lift.clear", "is below the start")
     sunk = [
         _sunk(first.turned(v), reach, fixed(plan.start_box[2]), tilts)
