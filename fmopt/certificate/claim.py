@@ -12,7 +12,7 @@ from fmopt.certificate.facet_margin import Bounds, bounds
 from fmopt.certificate.form import made_lever
 from fmopt.certificate.piece_pairs import Facing, facing
 from fmopt.certificate.propagation import Advance, Piece, Tolerance, advance
-from fmopt.certificate.remainder import AtEnd, Course, Ends, Heights
+from fmopt.certificate.remainder import AtEnd, Course, Ends
 from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
@@ -156,7 +156,8 @@ def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> l
         # At the end of the move new contacts hold as well, and facets are those of the goal state.
         if piece.last and making:
             only = course.piece(n)
-            contacts, rows, at = (*held, *making), _with_made(assembly, piece, only), 0
+            contacts, at = (*held, *making), 0
+            rows = only.over(contact_forms(assembly, contacts, piece.goal_contacts))
             made = _made(assembly, piece, only)
             margins += made.table.margins(made.lower)
         roles = ("held" if k < len(held) else "made" for k in range(len(contacts)))
@@ -201,11 +202,6 @@ def _own(assembly: Assembly, piece: Piece) -> frozenset[PrimitiveContact]:
     """Where parts are off their form the contacts of the basis, which have to touch themselves."""
     made = () if piece.made is None else (piece.made,)
     return frozenset((*(c.contact for c in piece.basis), *made)) if assembly.form else frozenset()
-
-
-def _with_made(assembly: Assembly, piece: Piece, course: Course) -> Heights:
-    """Rows of all contacts held at the goal of a piece."""
-    return course.over(contact_forms(assembly, (*piece.held, *piece.making), piece.goal_contacts))
 
 
 def _before(assembly: Assembly, piece: Piece, ends: Ends, course: Course, rho: float) -> float:

@@ -195,7 +195,7 @@ def _in_face(
             (
                 rows.above(body[contact.moving[0]], rim.inward, rim.offset),
                 rim.swallowed,
-                _slips(assembly, contact, together, rim, rows) if rim.whole else _never,
+                _slips(assembly, contact, together, rim, rows) if rim.whole else lambda lower, room: False,
             )
             for rim in region
         ]
@@ -219,11 +219,6 @@ def _in_face(
         return most
 
     return judge
-
-
-def _never(lower: Lower, room: float) -> bool:
-    """That nothing takes over."""
-    return False
 
 
 def _slips(

@@ -261,7 +261,9 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
         if known[name].within(pose) and abs(gap) > CLOSED * fit.clearance:
             found.append(f"{_spoken(move.number)}: {name} open")
     corners = [known[name] for name in move.goal_state if known[name].kind == "vertex-face"]
-    flat = [one for n, one in enumerate(corners) if any(_same_face(one, other) for other in corners[:n])]
+    flat = [
+        one for n, one in enumerate(corners) if any(np.array_equal(one.fixed, other.fixed) for other in corners[:n])
+    ]
     sensed = rig.contacts[body]  # columns as `FIELDS`: found, force, distance, position
     pressing = sensed[(sensed[:, 0] > 0.0) & (np.linalg.norm(sensed[:, 1:4], axis=1) > _PRESSES)]
     for row in pressing:
@@ -271,11 +273,6 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
             found.append(f"{_spoken(move.number)}: a contact that is not planned")
             break
     return found
-
-
-def _same_face(one: Contact, other: Contact) -> bool:
-    """Whether two contacts of vertices are with the same fixed face."""
-    return np.array_equal(one.fixed, other.fixed)
 
 
 def watch(logs: Sequence[Log], rig: Rig, left: Container[int] = ()) -> None:

@@ -178,7 +178,7 @@ def resized(problem: Problem, asked: str) -> Problem:
         InputError: no dimension of the hole changes the clearance, or none gives the wanted one.
     """
     side = "moving" if problem.task.exchanged else "fixed"  # where the file has the hole
-    wanted = _wanted(problem)
+    wanted = np.array((problem.declared_clearance or (0.0, 0.0))[: 1 if problem.plane is not None else 2])
     sizes = _dimensions(problem, side)
     for _ in range(_STEPS):
         base = _play(problem)
@@ -199,11 +199,6 @@ def resized(problem: Problem, asked: str) -> Problem:
     message = f"no dimensions of {getattr(problem, side).name!r} give {asked} on each side, it measures {found}"
     advice = "set the dimensions themselves by path, or give the parts as models with parameters"
     raise InputError(Fault("with_", 1, 1, "clearance", "no-dimension", message, advice))
-
-
-def _wanted(problem: Problem) -> Array:
-    x, y = problem.declared_clearance or (0.0, 0.0)
-    return np.array([x] if problem.plane is not None else [x, y])
 
 
 def _play(problem: Problem) -> Array:
