@@ -260,7 +260,7 @@ def _irredundant(bodies: Sequence[Polyhedron], whole: float, needed: Sequence[in
     if len(bodies) < 2:
         return tuple(bodies)
     union = (_prisms(bodies) if len(bodies) > _MANY else None) or _Union(bodies)
-    kept, covered = [*needed], union.with_all(needed)
+    covered, kept = union.with_all(needed), [*needed]
     queue = [(-bodies[i].volume, i, 0) for i in sorted({*range(len(bodies))} - {*needed})]
     heapify(queue)
     while queue and covered < (1.0 - _NOISE) * whole:

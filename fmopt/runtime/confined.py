@@ -21,8 +21,6 @@ from fmopt.runtime.child_process import Child
 MEMORY = 4 << 30  # bytes of address space
 PROCESSOR_SECONDS = 60
 SECONDS = 300.0  # by the clock; the process has less of the processor
-_OUTSIDE = {signal.SIGKILL, signal.SIGTERM, signal.SIGHUP}  # what others send
-_WORK = "fmopt.runtime.confined:work"
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ def read(path: Path, reader: Reader, *arguments: str) -> Any:
 
 def _read(reader: Reader, *arguments: str) -> Any:
     with tempfile.TemporaryFile() as said:
-        child, gone = Child(_WORK, reader.entry, *arguments, said=said), False
+        child, gone = Child(f"{__name__}:work", reader.entry, *arguments, said=said), False
         try:
             if not child.connection.poll(SECONDS):
                 raise GeometryError(f"{reader.name} has not read it in {SECONDS:g} s", reader.simpler)
@@ -107,7 +105,7 @@ def _ending(reader: Reader, code: int, said: bytes) -> FmoptError:
         last = said[-2000:].decode(errors="replace").strip().split("\n")[-1]
         return FmoptError(f"the process that reads it ended with exit code {code}: {last}")
     name = signal.Signals(-code).name
-    if -code in _OUTSIDE:
+    if -code in (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP):  # what others send
         return ResourceError(f"the process that reads it was ended by {name}", "free memory, and try again")
     if -code == signal.SIGXCPU:
         return GeometryError(f"{reader.name} comes to no end with it", reader.simpler)

@@ -22,10 +22,8 @@ FOLDER = "FMOPT_STORE"  # environment variable that names another folder, or non
 _MOST_BYTES = 500_000_000
 _PACKAGE = Path(__file__).parents[1]
 _VALUES = ("fmopt.geometry.", "fmopt.spatial.")
-_ARRAYS = {
-    ("numpy._core.multiarray", "_reconstruct"), ("numpy._core.multiarray", "scalar"), ("numpy", "ndarray"),
-    ("numpy", "dtype"),
-}  # fmt: skip
+_ARRAYS = {("numpy", "ndarray"), ("numpy", "dtype")}
+_ARRAYS |= {("numpy._core.multiarray", name) for name in ("_reconstruct", "scalar")}
 _LIBRARIES = ("numpy", "scipy", "shapely", "manifold3d", "trimesh", "cadquery-ocp", "cadquery-ocp-novtk")
 
 T = TypeVar("T")

@@ -29,7 +29,7 @@ from fmopt.spatial.values import Array
 DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
 _MILLIMETRE = 1e-3
 _HEAL = "heal the solid where it was made, leave out what does not mate, or " + COARSER
-_LATEST: dict[tuple[Path, int, int, float], list[dict[str, Any]]] = {}  # all bodies of the file that was read last
+_LATEST: dict[tuple[Path, int, float], list[dict[str, Any]]] = {}  # all bodies of the file that was read last
 _KERNEL = confined.Reader("the CAD kernel", "fmopt.geometry.step.kernel:read", SIMPLER, AGAIN)
 
 
@@ -80,8 +80,7 @@ def _read(path: Path, deviation: float, body: str) -> list[dict[str, Any]]:
         raise ResourceError(f"cannot read {path}: there is no such file", "check the path")
     if find_spec("OCP") is None:
         raise _no_kernel(path, None)
-    status = path.stat()
-    latest = path, status.st_mtime_ns, status.st_size, deviation
+    latest = path, path.stat().st_mtime_ns, deviation
     if body == "" and len(known := _LATEST.get(latest, ())) == 1:
         return list(known)
     answer = confined.read(path, _KERNEL, repr(deviation / _MILLIMETRE), body)
