@@ -167,11 +167,11 @@ class PressTask:
 
         if radius(self.outline) > (1.0 + _ROUND) * self.outline.exterior.distance(axis):
             return False
-        levels = [*self._levels(self.moving), *(z + self.depth for z in self._levels(self.fixed)), self.depth]
-        engaged = sorted(z for z in levels if -_LEVEL < z < self.depth + _LEVEL)
-        heights = [z for a, b in pairwise(engaged) if b - a > 3.0 * _LEVEL for z in (a + _LEVEL, b - _LEVEL)]
-        sections = ((self._outline(z), self._opening(z - self.depth)) for z in heights)
-        return all(radius(own) < opening.exterior.distance(axis) for own, opening in sections)
+        top = min(self.depth, self._levels(self.moving)[-1])
+        levels = sorted((*self._levels(self.moving), *(z + self.depth for z in self._levels(self.fixed)), top))
+        engaged = [ends for ends in pairwise(levels) if -_LEVEL < ends[0] < ends[1] - 3.0 * _LEVEL and ends[1] <= top]
+        heights = (z for low, high in engaged for z in (low + _LEVEL, high - _LEVEL))
+        return all(radius(self._outline(z)) < self._opening(z - self.depth).exterior.distance(axis) for z in heights)
 
     @cached_property
     def filled(self) -> bool:

@@ -105,8 +105,8 @@ def test_what_has_no_time_for_its_trials_says_how_much_they_take(tmp_path: Path)
 def test_a_ring_turns_freely_and_is_tried_without_its_bore_unless_something_comes_into_it(tmp_path: Path) -> None:
     ring, seat = bearing()
     post = fuse(pocket((40, 40, 15), 7, cylinder(11.02, 8, (0, 0, -7))), cylinder(3, 7, (0, 0, -8)))
+    assert press_task(problem_of(battery_cell, tmp_path / "cell")).round
     for fixed, filled in ((seat, True), (post, False)):
         task = press_task(problem_of(lambda fixed=fixed: (ring, fixed), tmp_path / str(filled)))
         assert task.round
-        assert task.filled is filled
         assert (len(task.bodies.moving) == 1) is filled
