@@ -154,7 +154,7 @@ def test_the_stages_one_by_one_see_what_solve_sees(problem: fmopt.Problem, squar
     errors = fmopt.stages.start_errors(problem)
     assert errors.support(np.eye(6)) == pytest.approx(problem.start_box, rel=1e-12)
     drawn = fmopt.show(errors)
-    assert "x 0.3 mm" in drawn.alt
+    assert "x ±0.3 mm" in drawn.alt
     graph = fmopt.show(fmopt.stages.contact_graph(problem, nominal.critical[1].pose))
     assert graph.title == "243 contact states by dimension"
 
