@@ -267,10 +267,8 @@ def check(
     problem = load(file)
     clearance = tried(problem)
     drawn = [] if out is None else [draw_found(problem, out)]
-    if as_json:
-        typer.echo(json.dumps({**facts(problem, clearance), "written": [str(path) for path in drawn]}))
-    elif not quiet:
-        say("\n".join([explain(problem, clearance), *(f"wrote {path}" for path in drawn)]))
+    words = "\n".join([explain(problem, clearance), *(f"wrote {path}" for path in drawn)])
+    answer({**facts(problem, clearance), "written": [str(path) for path in drawn]}, words, as_json, quiet)
 
 
 @app.command(epilog="Example: fmopt schema problem > problem.schema.json")

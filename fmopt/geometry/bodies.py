@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from fmopt.geometry.mesh.mesh_import import NamedBody, Unit
 
 T = TypeVar("T")
-_MOST_BYTES = 100_000_000
+MAX_MESH_BYTES = 100_000_000
 
 
 def bodies_of(path: Path, unit: str | None) -> tuple[NamedBody, ...]:
@@ -42,7 +42,7 @@ def lie_apart(path: Path) -> bool:
 
 def kept_of(path: Path, how: object, make: Callable[[], T]) -> T:
     """What is made of a file, kept; of none, or of one that is too large, its reader says what is wrong."""
-    if not path.is_file() or path.stat().st_size > _MOST_BYTES:
+    if not path.is_file() or path.stat().st_size > MAX_MESH_BYTES:
         return make()
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()

@@ -41,6 +41,7 @@ from fmopt.geometry.polyhedron import (
     manifold_of,
     placed,
 )
+from fmopt.geometry.upright_prisms import upright_axes
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, remembered
@@ -54,7 +55,6 @@ ROUNDING = 1e-12  # m: vertices this close to a plane lie on it, coordinates thi
 _SLIVER = 1e-9  # of the volume of the piece that was cut
 _NOISE = 1e-13  # relative, of volumes
 _MANY = 16  # bodies, from which prisms are united by their sections
-_UPRIGHT = 1e-9  # of unit normals
 _DECIMALS = 12  # of levels in m
 _MERIDIANS = 32  # of the polyhedra that stand for balls where those are only shown
 
@@ -268,7 +268,8 @@ def _irredundant(bodies: Sequence[Polyhedron], whole: float, needed: Sequence[in
         gain, i, age = heappop(queue)
         if age == len(kept):
             union.add(i)
-            covered, kept = covered - gain, [*kept, i]
+            kept.append(i)
+            covered -= gain
         elif (gain := union.gain(i)) > _SLIVER * bodies[i].volume:
             heappush(queue, (-gain, i, len(kept)))
     return tuple(bodies[i] for i in sorted(kept))
@@ -326,22 +327,19 @@ class _Sections(_Union):
 
     def gain(self, i: int) -> float:
         """The volume that another body would add, m³."""
-        section = self._sections[i]
-        return float(sum(self._heights[k] * section.difference(self._filled[k]).area for k in self._slabs[i]))
+        return float(sum(self._heights[k] * self._sections[i].difference(self._filled[k]).area for k in self._slabs[i]))
 
 
 def _prisms(bodies: Sequence[Polyhedron]) -> _Sections | None:
     """Bodies by their sections, if all of them are prisms along one axis of coordinates."""
     from shapely import Polygon
 
-    for axis in range(3):
-        along = [np.abs(body.normals[:, axis]) for body in bodies]
-        if all(np.all((one < _UPRIGHT) | (one > 1.0 - _UPRIGHT)) for one in along):
-            across = [k for k in range(3) if k != axis]
-            floors = [next(face.loops[0] for face in body.faces if face.normal[axis] < -0.5) for body in bodies]
-            sections = [Polygon(body.vertices[list(f)][:, across]) for body, f in zip(bodies, floors, strict=True)]
-            heights = [body.vertices[:, axis].round(_DECIMALS) for body in bodies]
-            return _Sections(sections, np.array([(one.min(), one.max()) for one in heights]))
+    for axis in upright_axes(np.vstack([body.normals for body in bodies])):
+        across = [k for k in range(3) if k != axis]
+        floors = [next(face.loops[0] for face in body.faces if face.normal[axis] < -0.5) for body in bodies]
+        sections = [Polygon(body.vertices[list(f)][:, across]) for body, f in zip(bodies, floors, strict=True)]
+        heights = [body.vertices[:, axis].round(_DECIMALS) for body in bodies]
+        return _Sections(sections, np.array([(one.min(), one.max()) for one in heights]))
     return None
 
 

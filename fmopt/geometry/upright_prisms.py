@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from shapely import Polygon
     from shapely.geometry.base import BaseGeometry
 
+    from fmopt.spatial.values import Array
+
 _UPRIGHT = 1e-9  # rad: walls lean less
 
 _Point = tuple[float, float]
@@ -46,12 +48,16 @@ def upright_prisms(body: Polyhedron, thin: float = 0.0) -> Prisms | None:
     Its corners above each other or on one level agree to the bit. What it lacks no thicker than `thin` (m) it has.
     """
     found = []
-    for axis in range(3):
-        along = np.abs(body.normals[:, axis])
-        if np.all((along <= _UPRIGHT) | (along >= 1.0 - _UPRIGHT)):
-            with suppress(GeometryError):  # a body with such a section comes apart along another axis, or by cuts
-                found.append(_as_prisms(body, axis, thin))
+    for axis in upright_axes(body.normals):
+        with suppress(GeometryError):  # a body with such a section comes apart along another axis, or by cuts
+            found.append(_as_prisms(body, axis, thin))
     return min(found, key=lambda prisms: len(prisms.tools), default=None)
+
+
+def upright_axes(normals: Array) -> list[int]:
+    """The axes of coordinates that faces with unit normals (n, 3) are all level with, or upright on."""
+    along = np.abs(normals)
+    return np.flatnonzero(np.all((along <= _UPRIGHT) | (along >= 1.0 - _UPRIGHT), axis=0)).tolist()
 
 
 def _as_prisms(body: Polyhedron, axis: int, thin: float) -> Prisms:

@@ -18,6 +18,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TypeVar
 
+from fmopt.errors import ResourceError
+from fmopt.runtime.output import save
+
 FOLDER = "FMOPT_STORE"  # environment variable that names another folder, or none where it is empty
 _MOST_BYTES = 500_000_000
 _PACKAGE = Path(__file__).parents[1]
@@ -35,27 +38,22 @@ def kept(depends: object, make: Callable[[], T]) -> T:
     Args:
         depends: all that it depends on besides this package and its libraries, as a value that can be pickled.
     """
-    name = hashlib.sha256(_state() + pickle.dumps(depends, protocol=5)).hexdigest()
     folder = _folder()
     if folder is None:
         return make()
-    path = folder / name
+    path = folder / hashlib.sha256(_state() + pickle.dumps(depends, protocol=5)).hexdigest()
     try:
         data = path.read_bytes()
-        digest, content = data[:32], data[32:]
-        if hashlib.sha256(content).digest() == digest:
+        if hashlib.sha256(data[32:]).digest() == data[:32]:
             os.utime(path)  # the entries that were not asked for the longest go first
-            found: T = _Reader(io.BytesIO(content)).load()
+            found: T = _Reader(io.BytesIO(data[32:])).load()
             return found
     except (OSError, pickle.UnpicklingError):  # of no entry, or of one that something else wrote
         pass
     made = make()
     content = pickle.dumps(made, protocol=4)  # of the next one arrays name more than these
-    with suppress(OSError):  # without room on the disk it is made anew
-        folder.mkdir(parents=True, exist_ok=True)
-        partial = folder / f"{name}.{os.getpid()}"
-        partial.write_bytes(hashlib.sha256(content).digest() + content)
-        partial.replace(path)
+    with suppress(ResourceError, OSError):  # without room on the disk it is made anew
+        save(hashlib.sha256(content).digest() + content, path)
         _tidy(folder)
     return made
 

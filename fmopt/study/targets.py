@@ -13,8 +13,9 @@ from types import MappingProxyType
 from typing import Any, Literal, get_args, get_origin
 
 from fmopt.errors import Fault
+from fmopt.geometry.bodies import MAX_MESH_BYTES
 from fmopt.study.running.batch import Assigned
-from fmopt.task.mesh_source import MAX_MESH_BYTES, MESHES
+from fmopt.task.mesh_source import MESHES
 from fmopt.task.model import parameter_values
 from fmopt.task.toml.problem_file import ProblemFile, spelled_out
 from fmopt.task.toml.source import Key, Source, read, read_bytes

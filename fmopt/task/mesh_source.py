@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
-from fmopt.geometry.bodies import kept_of
+from fmopt.geometry.bodies import MAX_MESH_BYTES, kept_of
 from fmopt.spatial.values import remembered
 from fmopt.task.sizes import implausible
 from fmopt.task.toml.model_file import STEP, Mesh
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from fmopt.geometry.mesh.mesh_import import Imported, Unit
     from fmopt.geometry.part import Part
 
-MAX_MESH_BYTES = 100_000_000
 OWN_UNIT = (*STEP, ".3mf", ".glb")  # files that say the unit of their numbers
 MESHES = (".stl", ".obj", ".ply", *OWN_UNIT)
 

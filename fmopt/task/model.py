@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fmopt.errors import Fault, InputError, SizeError
+from fmopt.geometry.bodies import MAX_MESH_BYTES
 from fmopt.geometry.section import require_plausible
 from fmopt.task.mesh_source import (
-    MAX_MESH_BYTES,
     MESHES,
     OWN_UNIT,
     assumed,

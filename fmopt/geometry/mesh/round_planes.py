@@ -204,6 +204,6 @@ def met(moving: Part, fixed: Part, depth: float, beside: float) -> tuple[Part, P
 
 def _charged(part: Part, where: Callable[[Array], bool]) -> Part:
     """A part with the chord error of some facets; as stated, or of the file's surfaces, where it has any of them."""
-    whole, own = (chord_error(part.polyhedron, which) for which in (lambda corners: True, where))
-    told = not math.isclose(whole, part.chord_error, rel_tol=_ALIKE)
-    return replace(part, chord_error=(part.chord_error if told else own) if own else 0.0)
+    own = chord_error(part.polyhedron, where)
+    told = own > 0.0 and not math.isclose(chord_error(part.polyhedron), part.chord_error, rel_tol=_ALIKE)
+    return replace(part, chord_error=part.chord_error if told else own)
