@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from fmopt.errors import FmoptError, InputError
 from fmopt.geometry.part import Part
@@ -13,6 +13,7 @@ from fmopt.task.model import load_model
 from fmopt.task.solid_tree import build_part
 from fmopt.task.toml.source import Place
 
+T = TypeVar("T")
 UNITS = '[units]\nlength = "mm"\nangle = "deg"\n'
 
 
@@ -30,6 +31,23 @@ class Case:
     followed: Callable[[Path], float | tuple[float, ...]]
     gives: float | tuple[float, ...]
     slow: bool = False
+
+
+def filed(
+    name: str, advice: str, read: Callable[[Path, T], float], wrong: T, *right: T, gives: Any, slow: bool = False
+) -> Case:
+    """A case of what is read in a folder: as it was wrong, and in each way that the advice leaves to choose from."""
+
+    def followed(folder: Path) -> float | tuple[float, ...]:
+        found = tuple(read(folder, one) for one in right)
+        return found if len(found) > 1 else found[0]
+
+    return Case(name, advice, lambda folder: read(folder, wrong), followed, gives, slow)
+
+
+def compared(name: str, advice: str, read: Callable[[T], float], wrong: T, *right: T, gives: Any) -> Case:
+    """The same, of what needs no folder."""
+    return filed(name, advice, lambda _, one: read(one), wrong, *right, gives=gives)
 
 
 def advice_of(error: FmoptError) -> str:

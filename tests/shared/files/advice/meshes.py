@@ -13,7 +13,7 @@ from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_file import OWN_UNIT
 from fmopt.geometry.mesh.mesh_import import load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part
-from tests.shared.files.advice.case import Case, modelled, volume
+from tests.shared.files.advice.case import Case, filed, modelled, volume
 from tests.shared.files.mesh_damage import Mesh, subdivided
 from tests.shared.files.mesh_files import at, glb, plate, ply_text, stl_text, three_mf, triangles_of
 from tests.shared.files.step_files import write_step
@@ -35,6 +35,14 @@ def read(folder: Path, content: bytes | str, name: str = "part.stl", unit: str =
     path = folder / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return volume(load_mesh(path, "m" if unit == "m" else "mm"))
+
+
+def of_obj(folder: Path, text: str) -> float:
+    return read(folder, text, "a.obj")
+
+
+def in_unit(folder: Path, unit: str) -> float:
+    return read(folder, stl_text(*ROD), unit=unit)
 
 
 def meshed(name: str, mesh: Mesh, features: Sequence[Feature] = ()) -> Part:
@@ -89,7 +97,8 @@ def every_format(folder: Path) -> tuple[float, ...]:
     return *found, volume(modelled(folder, '[mesh]\nfile = "rod.step"'))
 
 
-CUBE = triangles_of(Box((0.008, 0.008, 0.008)))
+SOLID_CUBE = Box((0.008, 0.008, 0.008))
+CUBE = triangles_of(SOLID_CUBE)
 BESIDE = np.array([16.0, 0.0, 8.0])
 HOLES = tuple(
     Placed(Cylinder(0.006, 0.03, 128), at(0.02 * i, 0.04 * j, -0.01)) for i in range(-4, 5) for j in (-2, 0, 2)
@@ -139,20 +148,15 @@ def in_metres(folder: Path, mesh: Mesh, decimals: int) -> float:
 ROUND, ROUNDER = (0.03 * 0.5 * n * 0.006**2 * math.sin(2.0 * math.pi / n) for n in (64, 200))
 
 CASES = (
-    Case(
-        "cut short",
-        "export it again",
-        lambda f: read(f, stl_text(*ROD)[:-9]),
-        lambda f: read(f, stl_text(*ROD)),
-        ROD_SIZE,
-    ),
+    filed("cut short", "export it again", read, stl_text(*ROD)[:-9], stl_text(*ROD), gives=ROD_SIZE),
     Case("too many triangles", COARSER, lambda f: from_mesh(f, fine(ROD, 7)), lambda f: from_mesh(f, ROD), ROD_SIZE),
-    Case(
+    filed(
         "lines only",
         "export the solid, not a drawing or a point cloud",
-        lambda f: read(f, "v 0 0 0\nv 9 0 0\nl 1 2\n", "a.obj"),
-        lambda f: read(f, obj_text(*ROD), "a.obj"),
-        ROD_SIZE,
+        of_obj,
+        "v 0 0 0\nv 9 0 0\nl 1 2\n",
+        obj_text(*ROD),
+        gives=ROD_SIZE,
     ),
     Case(
         "no mesh format",
@@ -168,13 +172,7 @@ CASES = (
         lambda f: read(f, stl_text(*ROD), "rod.stl"),
         ROD_SIZE,
     ),
-    Case(
-        "another unit",
-        "check the unit of its numbers",
-        lambda f: read(f, stl_text(*ROD), unit="m"),
-        lambda f: read(f, stl_text(*ROD), unit="mm"),
-        ROD_SIZE,
-    ),
+    filed("another unit", "check the unit of its numbers", in_unit, "m", "mm", gives=ROD_SIZE),
     Case(
         "metres with three decimals",
         "export the mesh again, in mm or with more digits",
@@ -189,16 +187,14 @@ CASES = (
         "bodies that cross",
         "unite the bodies in the program that made the mesh, and export it again",
         lambda f: from_mesh(f, both(CUBE, moved(2.0, 2.0, 2.0))),
-        lambda f: from_solid(
-            f, Union((Box((0.008, 0.008, 0.008)), Placed(Box((0.008, 0.008, 0.008)), at(0.002, 0.002, 0.002))))
-        ),
+        lambda f: from_solid(f, Union((SOLID_CUBE, Placed(SOLID_CUBE, at(0.002, 0.002, 0.002))))),
         2 * 0.008**3 - 0.006**3,
     ),
     Case(
         "a body in another",
         "unite them in the program that made the mesh",
         lambda f: from_mesh(f, both(CUBE, lambda points: 0.5 * points + (0.0, 0.0, 2.0))),
-        lambda f: from_solid(f, Union((Box((0.008, 0.008, 0.008)), Placed(Box((0.004, 0.004, 0.004)), at(z=0.002))))),
+        lambda f: from_solid(f, Union((SOLID_CUBE, Placed(Box((0.004, 0.004, 0.004)), at(z=0.002))))),
         0.008**3,
     ),
     Case(
@@ -208,13 +204,7 @@ CASES = (
         lambda f: volume(mesh_polyhedron(1e-3 * level_gaps(False)[0], level_gaps(False)[1])),
         2 * 0.008**3,
     ),
-    Case(
-        "fans of thousands",
-        "export the mesh coarser",
-        lambda f: from_mesh(f, many_sided(2100)),
-        lambda f: from_mesh(f, many_sided(64)),
-        ROUND,
-    ),
+    filed("fans of thousands", "export the mesh coarser", from_mesh, many_sided(2100), many_sided(64), gives=ROUND),
     Case(
         "too many faces",
         "give curved surfaces fewer facets, by a coarser export or by lower 'sides'",
@@ -222,27 +212,23 @@ CASES = (
         lambda f: from_solid(f, Difference(PERFORATED, FEWER)),
         0.2 * 0.2 * 0.01 - 27 * 0.01 * 3.0 * 0.006**2,
     ),
-    Case("a lost corner", REPAIR, lambda f: from_mesh(f, (ROD[0], ROD[1][4:])), lambda f: from_mesh(f, ROD), ROD_SIZE),
-    Case(
-        "an edge of no thickness",
-        REPAIR,
-        lambda f: from_mesh(f, shared_edge(0.0)),
-        lambda f: from_mesh(f, shared_edge(0.5)),
-        2 * 0.008**3,
-    ),
-    Case(
+    filed("a lost corner", REPAIR, from_mesh, (ROD[0], ROD[1][4:]), ROD, gives=ROD_SIZE),
+    filed("an edge of no thickness", REPAIR, from_mesh, shared_edge(0.0), shared_edge(0.5), gives=2 * 0.008**3),
+    filed(
         "all in one point",
         "export the mesh again: its points must be spread over its surface",
-        lambda f: from_mesh(f, heap()),
-        lambda f: from_mesh(f, ROD),
-        ROD_SIZE,
+        from_mesh,
+        heap(),
+        ROD,
+        gives=ROD_SIZE,
     ),
-    Case(
+    filed(
         "a mesh of no thickness",
         "export the mesh again: it bounds no solid there",
-        lambda f: from_mesh(f, (ROD[0] * (1.0, 1.0, 3e-7), ROD[1])),
-        lambda f: from_mesh(f, ROD),
-        ROD_SIZE,
+        from_mesh,
+        (ROD[0] * (1.0, 1.0, 3e-7), ROD[1]),
+        ROD,
+        gives=ROD_SIZE,
     ),
     Case(
         "a gap in a mating face",

@@ -19,13 +19,14 @@ from fmopt.geometry.part import Part, mesh_part, part_of, rebased, with_balls
 from fmopt.geometry.python_objects import imported_of
 from fmopt.geometry.step.step_import import load_step
 from fmopt.spatial.se3 import Pose
-from tests.shared.files.advice.case import Case, volume
+from tests.shared.files.advice.case import Case, compared, volume
 from tests.shared.files.advice.step import SIZE, block, exported
 from tests.shared.files.mesh_files import at
 from tests.shared.files.step_files import write_step
 from tests.shared.files.step_parts import box, cut, cylinder
 
 OUTLINE = [(0.0, 0.0), (12.0, 0.0), (12.0, 8.0), (0.0, 8.0)]
+PRISM = (OUTLINE, 30.0)
 INNER = [(2.0, 2.0), (10.0, 2.0), (10.0, 6.0), (2.0, 6.0)]
 UNITS: tuple[Unit, ...] = ("m", "dm", "cm", "mm", "um", "in")
 PER_METRE = (1.0, 10.0, 100.0, 1e3, 1e6, 1.0 / 0.0254)
@@ -77,7 +78,7 @@ def first(compound: Any) -> Any:
     return next(inside(compound, "SOLID"))
 
 
-def in_every_unit() -> tuple[float, ...]:
+def in_every_unit(_: Path) -> tuple[float, ...]:
     """The volume of the prism with its numbers in each unit."""
     scales = [1e-3 * per for per in PER_METRE]
     prisms = [([(x * s, y * s) for x, y in OUTLINE], 30.0 * s) for s in scales]
@@ -128,8 +129,14 @@ def round_step(folder: Path, aside: float = 0.0) -> float:
     return room(moving, rebased(fixed, HOLE.frame))
 
 
+def ball_radius(ball: tuple[list[float], float]) -> float:
+    """The radius of a ball of a peg."""
+    return with_balls(peg(), [ball]).balls[0].radii[0]
+
+
 FRAMES = "check the feature's frame: z points out of a hole, and back into the part from a peg's leading end"
 ASIDE = 0.035
+CORNER = [0.01, 0.01, 0.0]
 BALL = ([0.0, 0.0, -0.01], 0.004)
 
 CASES = (
@@ -137,29 +144,15 @@ CASES = (
         "no part at all",
         python_objects._ADVICE,
         lambda f: taken(5),
-        lambda f: (exported(), taken(of_trimesh()), taken(of_manifold()), taken((OUTLINE, 30.0))),
+        lambda f: (exported(), taken(of_trimesh()), taken(of_manifold()), taken(PRISM)),
         (SIZE,) * 4,
     ),
+    compared("an outline of numbers", python_objects._ADVICE, taken, ([1, 2, 3], 5.0), PRISM, gives=SIZE),
     Case(
-        "an outline of numbers",
-        python_objects._ADVICE,
-        lambda f: taken(([1, 2, 3], 5.0)),
-        lambda f: taken((OUTLINE, 30.0)),
-        SIZE,
+        "no unit", "give unit = one of m, dm, cm, mm, um, in", lambda f: taken(PRISM, None), in_every_unit, (SIZE,) * 6
     ),
-    Case(
-        "no unit",
-        "give unit = one of m, dm, cm, mm, um, in",
-        lambda f: taken((OUTLINE, 30.0), None),
-        lambda f: in_every_unit(),
-        (SIZE,) * 6,
-    ),
-    Case(
-        "nothing built",
-        "give it once it is built",
-        lambda f: taken(workplane(False)),
-        lambda f: taken(workplane(True)),
-        SIZE,
+    compared(
+        "nothing built", "give it once it is built", lambda built: taken(workplane(built)), False, True, gives=SIZE
     ),
     Case("two solids", "give one of its solids", lambda f: taken(two()), lambda f: taken(first(two())), SIZE),
     Case("a shape of nothing", "give one solid", lambda f: taken(nothing()), lambda f: exported(), SIZE),
@@ -174,21 +167,16 @@ CASES = (
         ),
         (SIZE, SIZE, SIZE),
     ),
-    Case(
+    compared(
         "a cross-section",
         "give a Manifold",
-        lambda f: taken(manifold3d.CrossSection.square((12.0, 8.0))),
-        lambda f: taken(of_manifold()),
-        SIZE,
+        taken,
+        manifold3d.CrossSection.square((12.0, 8.0)),
+        of_manifold(),
+        gives=SIZE,
     ),
-    Case(
-        "a manifold of nothing",
-        "give a solid",
-        lambda f: taken(manifold3d.Manifold()),
-        lambda f: taken(of_manifold()),
-        SIZE,
-    ),
-    Case("no height", "make it positive", lambda f: taken((OUTLINE, 0.0)), lambda f: taken((OUTLINE, 30.0)), SIZE),
+    compared("a manifold of nothing", "give a solid", taken, manifold3d.Manifold(), of_manifold(), gives=SIZE),
+    compared("no height", "make it positive", taken, (OUTLINE, 0.0), PRISM, gives=SIZE),
     Case(
         "loops that cross",
         "list the corners of loops that do not cross, the outer one first, then its holes",
@@ -196,26 +184,19 @@ CASES = (
         lambda f: taken(([OUTLINE, INNER], 30.0)),
         (12 * 8 - 8 * 4) * 30e-9,
     ),
-    Case(
-        "no length",
-        "make it positive",
-        lambda f: Feature("tip", "solid", at(), 0.0),
-        lambda f: Feature("tip", "solid", at(), 0.1).length,
-        0.1,
+    compared(
+        "no length", "make it positive", lambda size: Feature("tip", "solid", at(), size).length, 0.0, 0.1, gives=0.1
     ),
-    Case(
+    compared(
         "a peg that is through",
         "drop `through`",
-        lambda f: Feature("tip", "solid", at(), 0.1, through=True),
-        lambda f: Feature("tip", "solid", at(), 0.1).length,
-        0.1,
+        lambda given: Feature("tip", "solid", at(), 0.1, through=given).length,
+        True,
+        False,
+        gives=0.1,
     ),
-    Case(
-        "another name",
-        "its features: hole",
-        lambda f: hole().feature("slot"),
-        lambda f: hole().feature("hole").length,
-        0.03,
+    compared(
+        "another name", "its features: hole", lambda name: hole().feature(name).length, "slot", "hole", gives=0.03
     ),
     Case(
         "too thick",
@@ -259,18 +240,13 @@ CASES = (
         lambda f: room(peg(), hole()),
         1e-4,
     ),
-    Case(
-        "a ball of no size",
-        "give it a positive one",
-        lambda f: with_balls(peg(), [(BALL[0], 0.0)]),
-        lambda f: with_balls(peg(), [BALL]).balls[0].radii[0],
-        0.004,
-    ),
-    Case(
+    compared("a ball of no size", "give it a positive one", ball_radius, (BALL[0], 0.0), BALL, gives=0.004),
+    compared(
         "a ball at a corner",
         "move it a little",
-        lambda f: with_balls(peg(), [([0.01, 0.01, 0.0], 0.004)]),
-        lambda f: with_balls(peg(), [([0.01, 0.01, -1e-6], 0.004)]).balls[0].radii[0],
-        0.004,
+        ball_radius,
+        (CORNER, 0.004),
+        ([0.01, 0.01, -1e-6], 0.004),
+        gives=0.004,
     ),
 )

@@ -11,7 +11,7 @@ from fmopt.geometry.outline_solids import stack
 from fmopt.geometry.part import convex, width
 from fmopt.geometry.plane.curve import Segment
 from fmopt.geometry.plane.region import Region
-from tests.shared.files.advice.case import Case
+from tests.shared.files.advice.case import Case, compared
 from tests.shared.files.advice.solids import ARROW, CORNERS, SIZE, SQUARE, TRIANGLE, Outline, made
 
 LEFT = "list the corners of a convex polygon counter-clockwise, x to the right and z up; cut others into several"
@@ -22,6 +22,11 @@ WALLS += "height where it steps"
 def raised(outline: Outline, height: float = 0.01) -> float:
     """The volume of a prism over any outline."""
     return made(stack([(0.0, outline), (height, outline)]))
+
+
+def upright(heights: tuple[float, ...]) -> float:
+    """The volume of a stack of squares."""
+    return made(stack([(z, SQUARE) for z in heights]))
 
 
 def shrunk(outline: Outline, times: float) -> Outline:
@@ -68,20 +73,8 @@ def halves() -> Solid:
 
 
 CASES = (
-    Case(
-        "sections downwards",
-        "list them upwards",
-        lambda f: stack([(0.01, SQUARE), (0.0, SQUARE)]),
-        lambda f: made(stack([(0.0, SQUARE), (0.01, SQUARE)])),
-        SIZE,
-    ),
-    Case(
-        "sections at one height",
-        "give sections at two heights",
-        lambda f: stack([(0.0, SQUARE), (0.0, SQUARE)]),
-        lambda f: raised(SQUARE),
-        SIZE,
-    ),
+    compared("sections downwards", "list them upwards", upright, (0.01, 0.0), (0.0, 0.01), gives=SIZE),
+    compared("sections at one height", "give sections at two heights", upright, (0.0, 0.0), (0.0, 0.01), gives=SIZE),
     Case(
         "walls that turn",
         WALLS,
@@ -106,28 +99,24 @@ CASES = (
         lambda f: (made(stack([SHOULDERS[0], LEVEL, SHOULDERS[1]])), made(halves())),
         (1.44e-6, 1.44e-6),
     ),
-    Case("an outline of two corners", CORNERS, lambda f: raised(SQUARE[:2]), lambda f: raised(SQUARE), SIZE),
-    Case(
+    compared("an outline of two corners", CORNERS, raised, SQUARE[:2], SQUARE, gives=SIZE),
+    compared(
         "an outline that crosses itself",
         "list the corners in order around it",
-        lambda f: raised((SQUARE[0], SQUARE[2], SQUARE[1], SQUARE[3])),
-        lambda f: raised(SQUARE),
-        SIZE,
+        raised,
+        (*SQUARE[::2], *SQUARE[1::2]),
+        SQUARE,
+        gives=SIZE,
     ),
-    Case(
+    compared(
         "an outline the wrong way round",
         "list its corners counter-clockwise, seen from above",
-        lambda f: raised(SQUARE[::-1]),
-        lambda f: raised(SQUARE),
-        SIZE,
+        raised,
+        SQUARE[::-1],
+        SQUARE,
+        gives=SIZE,
     ),
-    Case(
-        "a profile of two corners",
-        "give at least three",
-        lambda f: profile(SQUARE[:2]),
-        lambda f: profile(SQUARE),
-        1e-4,
-    ),
+    compared("a profile of two corners", "give at least three", profile, SQUARE[:2], SQUARE, gives=1e-4),
     Case(
         "a profile that is not convex",
         LEFT,

@@ -25,7 +25,7 @@ from fmopt.geometry.csg import (
 )
 from fmopt.geometry.exact_coordinates import exact_vertices
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, from_faces, from_triangles, triangulated
-from tests.shared.files.advice.case import Case, volume
+from tests.shared.files.advice.case import Case, compared, volume
 from tests.shared.files.mesh_files import at
 
 Outline = tuple[tuple[float, float], ...]
@@ -35,9 +35,13 @@ TRIANGLE: Outline = ((0.0, 0.0), (0.01, 0.0), (0.0, 0.01))
 ARROW: Outline = ((0.0, 0.0), (0.02, 0.0), (0.005, 0.005), (0.0, 0.02))
 SQUARE: Outline = ((0.0, 0.0), (0.01, 0.0), (0.01, 0.01), (0.0, 0.01))
 FLAT = ((0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.01, 0.01, 0.0))
+TOP = (0.0, 0.0, 0.01)
 LENGTHS, CORNERS = "make every length positive", "give at least three finite ones"
 CONVEX = "list the corners of a convex polygon counter-clockwise; build others as Union or Difference"
 FEWER = "give curved surfaces fewer facets, by a coarser export or by lower 'sides'"
+OVERLAP = "let the operands overlap there or leave a gap"
+THICKNESS = "turn the faces round or give it thickness"
+PLANE = "give the part faces that are plane, with at most three at a corner"
 SOLID = "give four or more that are not flat"
 
 
@@ -45,6 +49,21 @@ def made(solid: Solid) -> float:
     """The volume of a solid; its convex pieces are there as well."""
     assert pieces(solid)
     return volume(polyhedron(solid))
+
+
+def less(width: float) -> Solid:
+    """The cube, a tool of this width taken away."""
+    return Difference(CUBE, (Box((width, width, 0.02)),))
+
+
+def prism(outline: Outline) -> float:
+    """The volume of a prism of 10 mm."""
+    return made(Prism(outline, 0.01))
+
+
+def hull(points: Sequence[tuple[float, float, float]]) -> float:
+    """The volume of a convex hull."""
+    return made(Hull(tuple(points)))
 
 
 def cube_faces() -> tuple[np.ndarray, list[tuple[tuple[int, ...], ...]]]:
@@ -94,11 +113,6 @@ def together(shift: float, tall: float = 0.01) -> Union:
     return Union((CUBE, Placed(Box((0.01, 0.01, tall)), at(shift, shift))))
 
 
-def convex_faces(sides: int) -> tuple[object, ...]:
-    """The faces of a cylinder."""
-    return polyhedron(Cylinder(0.01, 0.02, sides)).faces
-
-
 def rods(sides: int) -> Solid:
     """Four rods beside each other."""
     return Union(tuple(Placed(Cylinder(0.01, 0.02, sides), at(0.03 * i)) for i in range(4)))
@@ -119,77 +133,58 @@ def common(shift: float) -> float:
 
 
 CASES = (
-    Case(
-        "all taken away",
-        "make the tools smaller",
-        lambda f: made(Difference(CUBE, (Box((0.02, 0.02, 0.02)),))),
-        lambda f: made(Difference(CUBE, (Box((0.005, 0.005, 0.02)),))),
-        0.75 * SIZE,
+    compared(
+        "all taken away", "make the tools smaller", lambda width: made(less(width)), 0.02, 0.005, gives=0.75 * SIZE
     ),
-    Case(
-        "no piece left",
-        "make the tools smaller",
-        lambda f: pieces(Difference(CUBE, (Box((0.02, 0.02, 0.02)),))),
-        lambda f: len(pieces(Difference(CUBE, (Box((0.005, 0.005, 0.02)),)))),
-        4,
+    compared("no piece left", "make the tools smaller", lambda width: len(pieces(less(width))), 0.02, 0.005, gives=4),
+    compared(
+        "edge on edge", OVERLAP, made, *map(together, (0.01, 0.009, 0.011)), gives=(2.0 * SIZE - 1e-8, 2.0 * SIZE)
     ),
-    Case(
-        "edge on edge",
-        "let the operands overlap there or leave a gap",
-        lambda f: made(together(0.01)),
-        lambda f: (made(together(0.009)), made(together(0.011))),
-        (2.0 * SIZE - 0.001**2 * 0.01, 2.0 * SIZE),
-    ),
-    Case(
+    compared(
         "a length that is none",
         "give lengths in metres",
-        lambda f: Box((0.01, 0.01, math.nan)),
-        lambda f: made(Box((0.01, 0.01, 0.01))),
-        SIZE,
+        lambda z: made(Box((0.01, 0.01, z))),
+        math.nan,
+        0.01,
+        gives=SIZE,
     ),
     Case("a length of nothing", LENGTHS, lambda f: Box((0.01, 0.0, 0.01)), lambda f: made(CUBE), SIZE),
-    Case(
+    compared(
         "a cone of two points",
         LENGTHS,
-        lambda f: Cone(0.0, 0.0, 0.01),
-        lambda f: made(Cone(0.01, 0.0, 0.03, 64)),
-        math.pi * 0.01**3 * 0.9984,
+        lambda r: made(Cone(r, 0.0, 0.03, 64)),
+        0.0,
+        0.01,
+        gives=math.pi * 0.9984 * SIZE,
     ),
-    Case(
+    compared(
         "two sides",
         "use 3 to 1998",
-        lambda f: Cylinder(0.01, 0.02, 2),
-        lambda f: tuple(len(convex_faces(sides)) for sides in (3, 1998)),
-        (5, 2000),
+        lambda n: len(polyhedron(Cylinder(0.01, 0.02, n)).faces),
+        2,
+        3,
+        1998,
+        gives=(5, 2000),
     ),
-    Case(
+    compared(
         "a thousand meridians",
         "use 3 to 62",
-        lambda f: Sphere(0.01, 1000),
-        lambda f: (made(Sphere(0.01, 4)), volume(polyhedron(Sphere(0.01, 62)))),
-        (4.0 / 3.0 * 0.01**3, 4.1709e-6),
+        lambda n: made(Sphere(0.01, n)),
+        1000,
+        4,
+        62,
+        gives=(4.0 / 3.0 * SIZE, 4.1709e-6),
     ),
-    Case(
+    compared(
         "many sides together",
         FEWER,
-        lambda f: volume(polyhedron(rods(1200))),
-        lambda f: volume(polyhedron(rods(60))),
-        4.0 * 30.0 * math.sin(math.pi / 30.0) * 0.01**2 * 0.02,
+        lambda n: volume(polyhedron(rods(n))),
+        1200,
+        60,
+        gives=4.0 * 30.0 * math.sin(math.pi / 30.0) * 2.0 * SIZE,
     ),
-    Case(
-        "a corner that is none",
-        CORNERS,
-        lambda f: Prism((*TRIANGLE[:2], (math.inf, 0.0)), 0.01),
-        lambda f: made(Prism(TRIANGLE, 0.01)),
-        0.5 * SIZE,
-    ),
-    Case(
-        "a prism the wrong way round",
-        CONVEX,
-        lambda f: Prism(TRIANGLE[::-1], 0.01),
-        lambda f: made(Prism(TRIANGLE, 0.01)),
-        0.5 * SIZE,
-    ),
+    compared("a corner that is none", CORNERS, prism, (*TRIANGLE[:2], (math.inf, 0.0)), TRIANGLE, gives=0.5 * SIZE),
+    compared("a prism the wrong way round", CONVEX, prism, TRIANGLE[::-1], TRIANGLE, gives=0.5 * SIZE),
     Case(
         "a prism that is not convex",
         CONVEX,
@@ -200,73 +195,32 @@ CASES = (
         ),
         (1e-6, 1e-6),
     ),
-    Case(
+    compared(
         "a top too long",
         "set top_x between 0 and size x",
-        lambda f: Wedge((0.01, 0.01, 0.01), 0.02),
-        lambda f: tuple(made(Wedge((0.01, 0.01, 0.01), top)) for top in (0.0, 0.01)),
-        (0.5 * SIZE, SIZE),
+        lambda top: made(Wedge((0.01, 0.01, 0.01), top)),
+        0.02,
+        0.0,
+        0.01,
+        gives=(0.5 * SIZE, SIZE),
     ),
-    Case(
-        "three points", SOLID, lambda f: Hull(FLAT[:3]), lambda f: made(Hull((*FLAT[:3], (0.0, 0.0, 0.01)))), SIZE / 6.0
-    ),
-    Case("flat points", SOLID, lambda f: made(Hull(FLAT)), lambda f: made(Hull((*FLAT, (0.0, 0.0, 0.01)))), SIZE / 3.0),
+    compared("three points", SOLID, hull, FLAT[:3], (*FLAT[:3], TOP), gives=SIZE / 6.0),
+    compared("flat points", SOLID, hull, FLAT, (*FLAT, TOP), gives=SIZE / 3.0),
     Case("no parts", "name at least one part", lambda f: Union(()), lambda f: made(Union((CUBE,))), SIZE),
-    Case(
+    compared(
         "a long chamfer",
         "shorten it",
-        lambda f: chamfered_box((0.01, 0.01, 0.01), 0.005),
-        lambda f: made(chamfered_box((0.01, 0.01, 0.01), 0.001)),
-        SIZE * (1.0 - 2.0 * 0.1**2),
+        lambda c: made(chamfered_box((0.01, 0.01, 0.01), c)),
+        0.005,
+        0.001,
+        gives=0.98 * SIZE,
     ),
-    Case(
-        "a box without a face",
-        "close the surface and orient all faces outward",
-        lambda f: of_faces(1),
-        lambda f: of_faces(),
-        SIZE,
-    ),
-    Case(
-        "a surface turned round",
-        "turn the faces round or give it thickness",
-        lambda f: of_faces(turn=True),
-        lambda f: of_faces(),
-        SIZE,
-    ),
-    Case("a sheet", "turn the faces round or give it thickness", lambda f: sheet(0.0), lambda f: sheet(0.01), SIZE),
-    Case(
-        "a face of no area",
-        "drop it or merge its vertices",
-        lambda f: cut_corner(True),
-        lambda f: cut_corner(False),
-        36.0,
-    ),
-    Case(
-        "triangles turned round",
-        "reverse the corners of every triangle",
-        lambda f: of_triangles(turn=True),
-        lambda f: of_triangles(),
-        SIZE,
-    ),
-    Case(
-        "no triangles",
-        "check that the operands overlap as meant",
-        lambda f: common(0.02),
-        lambda f: common(0.005),
-        0.25 * SIZE,
-    ),
-    Case(
-        "next to no thickness",
-        "make no solid thinner than 1e-9 of its size",
-        lambda f: thin(0.9e-9),
-        lambda f: thin(2e-9),
-        2e-15,
-    ),
-    Case(
-        "a bent face",
-        "give the part faces that are plane, with at most three at a corner",
-        lambda f: exact_vertices(bent(1e-9)),
-        lambda f: len(exact_vertices(bent(0.0))),
-        0,
-    ),
+    compared("a box without a face", "close the surface and orient all faces outward", of_faces, 1, 0, gives=SIZE),
+    compared("a surface turned round", THICKNESS, lambda turn: of_faces(turn=turn), True, False, gives=SIZE),
+    compared("a sheet", THICKNESS, sheet, 0.0, 0.01, gives=SIZE),
+    compared("a face of no area", "drop it or merge its vertices", cut_corner, True, False, gives=36.0),
+    compared("triangles turned round", "reverse the corners of every triangle", of_triangles, True, False, gives=SIZE),
+    compared("no triangles", "check that the operands overlap as meant", common, 0.02, 0.005, gives=0.25 * SIZE),
+    compared("next to no thickness", "make no solid thinner than 1e-9 of its size", thin, 0.9e-9, 2e-9, gives=2e-15),
+    compared("a bent face", PLANE, lambda by: len(exact_vertices(bent(by))), 1e-9, 0.0, gives=0),
 )

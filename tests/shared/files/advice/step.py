@@ -70,6 +70,11 @@ def as_stl(folder: Path) -> float:
     return volume(load_mesh(folder / "part.stl", "mm"))
 
 
+def either(folder: Path) -> tuple[float, float]:
+    """The volume of the block from a STEP file, and from an STL file."""
+    return exported(), as_stl(folder)
+
+
 def in_schema(folder: Path, name: str) -> float:
     """The volume of the block from a STEP file by a schema."""
     from OCP.Interface import Interface_Static
@@ -180,15 +185,9 @@ CASES = (
         (SIZE, SIZE, SIZE),
         slow=True,
     ),
-    Case("no unit of lengths", AGAIN, without_unit, lambda f: (exported(), as_stl(f)), (SIZE, SIZE)),
+    Case("no unit of lengths", AGAIN, without_unit, either, (SIZE, SIZE)),
     Case("no such STEP file", "check the path", lambda f: load_step(f / "prat.step"), lambda f: exported(), SIZE),
-    Case(
-        "no kernel",
-        "install fmopt[step], or export the part as STL",
-        without_kernel,
-        lambda f: (exported(), as_stl(f)),
-        (SIZE, SIZE),
-    ),
+    Case("no kernel", "install fmopt[step], or export the part as STL", without_kernel, either, (SIZE, SIZE)),
     Case(
         "several bodies",
         'say which by body = "plate", under [mesh], [moving] or [fixed], where the file is named; or export one part '
