@@ -6,8 +6,6 @@ from tests.shared.files.advice.case import Case
 from tests.shared.files.advice.edits import edited, model
 from tests.shared.files.advice.models import BAR, ON_IT, PROFILE, WHOLE, of_stl
 
-ROD_END = 'unit = "mm"\n[features.peg]\nkind = "solid"\n'
-
 
 def hole(at: str, more: str = "length = 30", solids: str = WHOLE) -> str:
     """A block with the feature of its pocket stated."""
@@ -19,6 +17,12 @@ def peg(at: str, more: str = "") -> str:
     return f'{BAR}[features.peg]\nkind = "solid"\nat = {at}\nlength = 50\n{more}'
 
 
+def rod_end(at: str) -> str:
+    """The unit of a mesh, and the feature of its end."""
+    return f'unit = "mm"\n[features.peg]\nkind = "solid"\nat = {at}\nlength = 30'
+
+
+CHECK = "check the feature's frame"
 OWN = '[solids.slit]\nshape = "box"\nsize = [5, 5, 40]\nat = [25, 0, 10]'
 CUTS = """[solids.whole]
 shape = "box"
@@ -73,19 +77,13 @@ def of_solids(name: str) -> str:
 CASES: tuple[Case, ...] = (
     edited(
         "in the material",
-        "check the feature's frame, or model its shape as a solid of its own",
+        f"{CHECK}, or model its shape as a solid of its own",
         model,
         hole("at = [25, 0, 40]"),
         hole("at = [0, 0, 40]"),
         hole("at = [25, 0, 40]", f"length = 30\n{OWN}", WHOLE.replace('["pocket"]', '["pocket", "slit"]')),
     ),
-    edited(
-        "beside a mesh",
-        "check the feature's frame",
-        of_stl,
-        f"{ROD_END}at = [30, 0, 0]\nlength = 30",
-        f"{ROD_END}at = [0, 0, 0]\nlength = 30",
-    ),
+    edited("beside a mesh", CHECK, of_stl, rod_end("[30, 0, 0]"), rod_end("[0, 0, 0]")),
     edited("a peg through", "remove 'through'", model, peg("[0, 0, 0]", "through = true"), peg("[0, 0, 0]")),
     edited("made of nothing", "solids: block, whole, pocket", model, of_solids("slit"), of_solids("pocket")),
     edited("made of a name misspelt", "did you mean 'pocket'?", model, of_solids("pockt"), of_solids("pocket")),

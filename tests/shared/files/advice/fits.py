@@ -93,17 +93,14 @@ TWO = BLOCK.replace("60, 60, 40", "200, 60, 40").replace('["pocket"]', '["pocket
 BARE_BLOCK = BLOCK[: BLOCK.index("[features")]
 PEG_TOO = '[features.p]\nkind = "solid"\nat = [15, 0, 0]\nlength = 40\n'
 BARE = 'set unit = "m" where the file is named, under [moving], [fixed] or [mesh], or by --unit m, if that is meant'
+FITTING = ("2 mm", "mm", "wide")
 CENTIMETRES = "[uncertainty.start]\nposition = 2\nangle = 1"
+WHOLE = f"{MATED}{START}"
 CHECK = "check the units of the model files, [mesh] unit among them, and which features are to mate; "
+EITHER = f"{CHECK}or correct [clearance]"
 CASES: tuple[Case, ...] = (
-    edited(
-        "a feature misspelt",
-        "did you mean 'hole'?",
-        problem,
-        MATED.replace('"hole"', '"hle"') + START,
-        f"{MATED}{START}",
-    ),
-    edited("no such feature", "features: hole", problem, MATED.replace('"hole"', '"slot"') + START, f"{MATED}{START}"),
+    edited("a feature misspelt", "did you mean 'hole'?", problem, WHOLE.replace('"hole"', '"hle"'), WHOLE),
+    edited("no such feature", "features: hole", problem, WHOLE.replace('"hole"', '"slot"'), WHOLE),
     edited(
         "no such feature of a part that states none",
         f"leave 'feature' out, to have it found with the other part; or {DESCRIBE}",
@@ -113,28 +110,9 @@ CASES: tuple[Case, ...] = (
         (BLOCK.replace("[features.hole]", "[features.slot]"), "slot"),
     ),
     edited("a peg each", DESCRIBE, plain, (f"{BARE_BLOCK}{PEG_TOO}", ""), (BLOCK, "")),
-    edited(
-        "two pegs",
-        NAMED,
-        files,
-        {"problem.toml": MATED.replace("block", "peg").replace("hole", "peg") + START},
-        {"problem.toml": f"{MATED}{START}"},
-    ),
-    edited(
-        "another clearance",
-        f"{CHECK}or correct [clearance]",
-        declared,
-        ("0.1 mm", "mm", "wide"),
-        ("0.1 mm", "mm", "hole"),
-        ("2 mm", "mm", "wide"),
-    ),
-    edited(
-        "another unit of the parts",
-        f"{CHECK}or correct [clearance]",
-        declared,
-        ("0.1 mm", "cm", "wide"),
-        ("2 mm", "mm", "wide"),
-    ),
+    edited("two pegs", NAMED, problem, WHOLE.replace("block", "peg").replace("hole", "peg"), WHOLE),
+    edited("another clearance", EITHER, declared, ("0.1 mm", "mm", "wide"), ("0.1 mm", "mm", "hole"), FITTING),
+    edited("another unit of the parts", EITHER, declared, ("0.1 mm", "cm", "wide"), FITTING),
     edited("facets off their planes", "export the mesh with more digits, its plane faces plane", meshes, 0.01, 0.0),
     edited("a feature elsewhere", "check where the feature is", far_off, 5000, 0),
     edited("metres for millimetres", BARE, bare, "", "moving", "mesh", "--unit"),

@@ -24,13 +24,23 @@ from tests.shared.files.step_parts import box
 ROD = triangles_of(Box((0.012, 0.008, 0.03)))
 WHOLE = BLOCK[: BLOCK.index("[features")]
 BAR = PEG[: PEG.index("[features")]
+ADD_FEATURES = "add [features.NAME] with kind, at and length: where the part mates"
+IN_PLANE = "write at = [x, 0, z] without turn, z out of the mouth"
+OTHER_UNIT = "give it the unit of the model's parameter"
+PLAIN = 'write it as text, such as "2"'
+IN_MM = 'set length = "mm" if that is meant'
+ADD_UNIT = "add 'unit' to [mesh]: m, cm, mm, um or in"
+EXPORT_AGAIN = "its file says its unit itself: export it again, in the size that is meant"
 SHAPES = "give [solids] and part, or [mesh], or [profile]"
 PROFILE = "[profile]\npolygons = [[[-10, 0], [10, 0], [10, 50], [-10, 50]]]\n"
 TWO = "[profile]\npolygons = [[[-10, 0], [0, 0], [0, 50], [-10, 50]], [[0, 0], [10, 0], [10, 50], [0, 50]]]\n"
 ON_IT = '[features.peg]\nkind = "solid"\nat = [0, 0, 0]\nlength = 50\n'
+OUTLINED = f"{PROFILE}{ON_IT}"
+IN_IT = ON_IT.replace("peg", "hole").replace("solid", "hollow")
 BALL = "[balls.tip]\nat = [0, 0, 0]\nradius = 8\n"
 IN_UM = '[units]\nlength = "um"\nangle = "deg"\n'
-LARGE = PEG.replace("[20, 20, 50]", "[20e3, 20e3, 50e3]").replace("length = 50", "length = 50e3")
+LARGE = PEG.replace("[20, 20, 50]", "[20e3, 20e3, 50e3]").replace("length = 50", "length = 50e3") + IN_UM
+MORE = f'{BLOCK}[solids.more]\nshape = "box"\nsize = [9, 9, 9]\nat = [20, 20, 35]\n'
 BLOB = f'{BLOCK}[solids.tip]\nshape = "sphere"\nradius = 8\n[solids.all]\nshape = "union"\nof = ["block", "tip"]\n'
 TWINS = """part = "block"
 [solids.block]
@@ -113,6 +123,13 @@ def doubled(times: int) -> str:
     return said
 
 
+def wide(parameter: str) -> str:
+    """The table of a moving part whose model has parameters, one of them given."""
+    return f'model = "wide.toml"\nparameters.{parameter}'
+
+
+BARE_PEG, BARE_STEP = 'model = "peg.toml"', 'model = "rod.step"'
+FITTING = wide('width = "19 mm"')
 ABOUT_SOLIDS = (
     edited("no part", "name the solid that the part is", model, PEG.replace('part = "peg"\n', ""), PEG),
     edited("a solid misspelt", "did you mean 'peg'?", model, PEG.replace('part = "peg"', 'part = "pegg"'), PEG),
@@ -128,32 +145,16 @@ ABOUT_SOLIDS = (
         "a solid too many",
         "name it in a union or difference, or remove it",
         model,
-        f'{BLOCK}[solids.more]\nshape = "box"\nsize = [9, 9, 9]\nat = [20, 20, 35]\n',
-        f'{BLOCK}[solids.more]\nshape = "box"\nsize = [9, 9, 9]\nat = [20, 20, 35]\n'.replace(
-            'cket"]', 'cket", "more"]'
-        ),
+        MORE,
+        MORE.replace('cket"]', 'cket", "more"]'),
         BLOCK,
     ),
-    edited(
-        "too many instances",
-        "use at most 1000",
-        model,
-        doubled(10),
-        doubled(5),
-    ),
-    edited("no shape at all", SHAPES, model, ON_IT, PEG, f"{PROFILE}{ON_IT}"),
-    edited("two shapes", SHAPES, model, f"{PEG}{PROFILE}", PEG, f"{PROFILE}{ON_IT}"),
-    edited("a part of a profile", "remove 'part'", model, f'part = "peg"\n{PROFILE}{ON_IT}', f"{PROFILE}{ON_IT}"),
-    edited(
-        "an endless part", "check its numbers", raw_model, f"{LARGE}{IN_UM}".replace("50e3", "50e6"), f"{LARGE}{IN_UM}"
-    ),
-    edited(
-        "another unit of solids",
-        'set length = "mm" if that is meant',
-        raw_model,
-        f'{PEG}[units]\nlength = "m"\nangle = "deg"',
-        f'{PEG}[units]\nlength = "mm"\nangle = "deg"',
-    ),
+    edited("too many instances", "use at most 1000", model, doubled(10), doubled(5)),
+    edited("no shape at all", SHAPES, model, ON_IT, PEG, OUTLINED),
+    edited("two shapes", SHAPES, model, f"{PEG}{PROFILE}", PEG, OUTLINED),
+    edited("a part of a profile", "remove 'part'", model, f'part = "peg"\n{PROFILE}{ON_IT}', OUTLINED),
+    edited("an endless part", "check its numbers", raw_model, LARGE.replace("50e3", "50e6"), LARGE),
+    edited("another unit of solids", IN_MM, raw_model, f"{PEG}{UNITS.replace('mm', 'm')}", f"{PEG}{UNITS}"),
     edited("balls alone", "give [solids] and part as the only shape", model, f"{PROFILE}{ON_IT}{BALL}", f"{PEG}{BALL}"),
     edited(
         "a ball in a wall",
@@ -165,69 +166,25 @@ ABOUT_SOLIDS = (
     ),
 )
 ABOUT_PROFILES = (
-    edited(
-        "a profile without features",
-        "add [features.NAME] with kind, at and length: where the part mates",
-        model,
-        PROFILE,
-        f"{PROFILE}{ON_IT}",
-    ),
-    edited(
-        "no length",
-        "add 'length' to the feature",
-        model,
-        f"{PROFILE}{ON_IT}".replace("length = 50\n", ""),
-        f"{PROFILE}{ON_IT}",
-    ),
-    edited(
-        "no place",
-        "add 'at' to the feature",
-        model,
-        f"{PROFILE}{ON_IT}".replace("at = [0, 0, 0]\n", ""),
-        f"{PROFILE}{ON_IT}",
-    ),
-    edited(
-        "two kinds",
-        "keep one kind",
-        model,
-        f"{PROFILE}{ON_IT}{ON_IT.replace('peg', 'hole').replace('solid', 'hollow')}",
-        f"{PROFILE}{ON_IT}",
-    ),
-    edited(
-        "two polygons", "what moves in a plane is to be one convex polygon", model, f"{TWO}{ON_IT}", f"{PROFILE}{ON_IT}"
-    ),
-    edited(
-        "out of the plane",
-        "write at = [x, 0, z] without turn, z out of the mouth",
-        model,
-        f"{PROFILE}{ON_IT}".replace("at = [0, 0, 0]", "at = [0, 1, 0]"),
-        f"{PROFILE}{ON_IT}",
-    ),
+    edited("a profile without features", ADD_FEATURES, model, PROFILE, OUTLINED),
+    edited("no length", "add 'length' to the feature", model, OUTLINED.replace("length = 50\n", ""), OUTLINED),
+    edited("no place", "add 'at' to the feature", model, OUTLINED.replace("at = [0, 0, 0]\n", ""), OUTLINED),
+    edited("two kinds", "keep one kind", model, f"{OUTLINED}{IN_IT}", OUTLINED),
+    edited("two polygons", "what moves in a plane is to be one convex polygon", model, f"{TWO}{ON_IT}", OUTLINED),
+    edited("out of the plane", IN_PLANE, model, OUTLINED.replace("at = [0, 0, 0]", "at = [0, 1, 0]"), OUTLINED),
 )
 ABOUT_MESHES = (
     edited(
-        "no unit",
-        "add 'unit' to [mesh]: m, cm, mm, um or in",
-        in_unit,
-        ("", 1.0),
-        *((unit, scale) for unit, scale in (("m", 1e-3), ("cm", 0.1), ("mm", 1.0), ("um", 1e3), ("in", 1.0 / 25.4))),
+        "no unit", ADD_UNIT, in_unit, ("", 1.0), ("m", 1e-3), ("cm", 0.1), ("mm", 1.0), ("um", 1e3), ("in", 1.0 / 25.4)
     ),
-    edited(
-        "no unit of a broken file",
-        "add 'unit' to [mesh]: m, cm, mm, um or in; and mend the file",
-        broken,
-        ("", False),
-        ('unit = "mm"', True),
-    ),
+    edited("no unit of a broken file", f"{ADD_UNIT}; and mend the file", broken, ("", False), ('unit = "mm"', True)),
     edited("another unit", 'set unit = "mm" if that is meant', of_stl, 'unit = "m"', 'unit = "mm"'),
-    edited(
-        "another size", "its file says its unit itself: export it again, in the size that is meant", of_glb, 1e3, 1.0
-    ),
+    edited("another size", EXPORT_AGAIN, of_glb, 1e3, 1.0),
     edited("a unit of a STEP file", "remove 'unit'", of_step, 'unit = "mm"', ""),
     edited(
         "no deviation", "give a deviation such as 0.01 mm", of_step, "deviation = 0", 'deviation = "0.01 mm"', slow=True
     ),
-    edited("a unit of a model", "leave 'unit' out", asked, 'model = "peg.toml"\nunit = "mm"', 'model = "peg.toml"'),
+    edited("a unit of a model", "leave 'unit' out", asked, f'{BARE_PEG}\nunit = "mm"', BARE_PEG),
     edited(
         "a unit above the model",
         "leave 'unit' out, or put it under [mesh] of the model file",
@@ -244,56 +201,21 @@ ABOUT_MESHES = (
         slow=True,
     ),
     edited(
-        "a unit of a STEP file itself",
-        "leave 'unit' out",
-        asked,
-        'model = "rod.step"\nunit = "mm"',
-        'model = "rod.step"',
-        slow=True,
+        "a unit of a STEP file itself", "leave 'unit' out", asked, f'{BARE_STEP}\nunit = "mm"', BARE_STEP, slow=True
     ),
     edited(
         "parameters of a mesh",
         "name a model file, or leave it out",
         asked,
         'model = "rod.stl"\nparameters.width = "19 mm"',
-        'model = "wide.toml"\nparameters.width = "19 mm"',
+        FITTING,
         'model = "rod.stl"',
     ),
-    edited(
-        "another kind of parameter",
-        "give it the unit of the model's parameter",
-        asked,
-        'model = "wide.toml"\nparameters.width = "19 deg"',
-        'model = "wide.toml"\nparameters.width = "19 mm"',
-    ),
-    edited(
-        "a parameter misspelt",
-        "did you mean 'width'?",
-        asked,
-        'model = "wide.toml"\nparameters.widht = "19 mm"',
-        'model = "wide.toml"\nparameters.width = "19 mm"',
-    ),
-    edited(
-        "a length for a plain number",
-        'write it as text, such as "2"',
-        asked,
-        'model = "wide.toml"\nparameters.count = "2 mm"',
-        'model = "wide.toml"\nparameters.count = "2"',
-    ),
-    edited(
-        "no such parameter",
-        "its parameters: width, count",
-        asked,
-        'model = "wide.toml"\nparameters.xyz = "19 mm"',
-        'model = "wide.toml"\nparameters.width = "19 mm"',
-    ),
-    edited(
-        "no parameters",
-        "its parameters: none",
-        asked,
-        'model = "peg.toml"\nparameters.xyz = "19 mm"',
-        'model = "peg.toml"',
-    ),
+    edited("another kind of parameter", OTHER_UNIT, asked, wide('width = "19 deg"'), FITTING),
+    edited("a parameter misspelt", "did you mean 'width'?", asked, wide('widht = "19 mm"'), FITTING),
+    edited("a length for a plain number", PLAIN, asked, wide('count = "2 mm"'), wide('count = "2"')),
+    edited("no such parameter", "its parameters: width, count", asked, wide('xyz = "19 mm"'), FITTING),
+    edited("no parameters", "its parameters: none", asked, f'{BARE_PEG}\nparameters.xyz = "19 mm"', BARE_PEG),
     edited(
         "a problem for a model",
         "name a model file, which describes one part by [solids], [mesh] or [profile] and its [features]",

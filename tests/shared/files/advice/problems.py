@@ -30,6 +30,15 @@ EITHER = 'give either [uncertainty.start], or [uncertainty] start = "1 mm, 1 deg
 BOX = '[uncertainty.start]\nposition = "1 mm"\nangle = "1 deg"\n'
 ROBOT = '[uncertainty.sources]\nrobot = { position = "0.1 mm" }\ngrasp = { height = "20 mm" }\n'
 BALL_PEG = f"{PEG}[balls.tip]\nat = [0, 0, 0]\nradius = 8\n{UNITS}"
+DESCRIBE_IT = "the knowledge base answers such tasks; describe it in an assembly file"
+PAIRS = "write 'cylindrical', 'prismatic' or 'revolute'"
+APPARENT = "add 'apparent_mass' to [specification], or drop 'impact_force' and 'contact_stiffness'"
+ADD_Z = "add 'z' to [uncertainty.start], or 'position' for all three axes"
+WIDE = "give three points at the corners of a wide triangle"
+POSITION, ANGLE, KNOWN = 'position = "0.1 mm"', 'angle = "0.1 deg"', 'known = "0.1 mm"'
+NO_HAND = "give [uncertainty.start]: errors of the peg's leading face against the hole"
+NO_BALL = "give [uncertainty.start]: errors of the ball's lowest point against the hole"
+SWAPPED = 'moving = "block.toml"\nfixed = "peg.toml"\n'
 PLACED = 'placed = [{ robot = { position = "0.1 mm" } }]'
 NAMED = "name the peg of one part and the hole of the other"
 ONE_OF = "give one of position (with angle), known, observed; or placed alone, from an exact place"
@@ -58,10 +67,15 @@ def flat_problem(folder: Path, text: str) -> Any:
     return files(folder, {**PLANE, "problem.toml": text})
 
 
+def level(*names: str) -> str:
+    """A problem whose start error is stated for these components, and about y."""
+    return box(*names).replace("angle", "ry")
+
+
 def flat(folder: Path, names: tuple[str, ...]) -> Any:
     """A problem, some of whose parts are profiles."""
-    said = f'{SHORT}[uncertainty.start]\nx = "0.1 mm"\nz = "0.1 mm"\nry = "0.1 deg"\n'
-    return files(folder, {**{name: PLANE[name] for name in names}, "problem.toml": said if names else WHOLE})
+    said = level("x", "z") if names else WHOLE
+    return files(folder, {**{name: PLANE[name] for name in names}, "problem.toml": said})
 
 
 def lain(keys: str) -> str:
@@ -109,14 +123,24 @@ def box(*names: str) -> str:
     return f'{SHORT}[uncertainty.start]\nangle = "0.1 deg"\n{lines}'
 
 
+def to(depth: str) -> str:
+    """A problem with a depth to go to."""
+    return f"{MATED}{START}[goal]\ndepth = {depth}"
+
+
 def robot(angle: float) -> str:
     """A problem with a robot that turns its part by so many degrees, twice."""
-    return ROBOT.replace('"0.1 mm" }', f'"0.1 mm", angle = "{angle} deg" }}')
+    return SHORT + ROBOT.replace('"0.1 mm" }', f'"0.1 mm", angle = "{angle} deg" }}')
 
 
 def forces(end: float, push: float = 20.0) -> str:
     """A problem with forces in N that end a move and hold a contact."""
     return f'{WHOLE}[specification]\ntermination_force = "{end} N"\ncontact_force = "{push} N"\n'
+
+
+def lower(newtons: int) -> str:
+    """The advice where a move would end by more than it may push with."""
+    return f"lower it to well below {newtons} N, or raise contact_force"
 
 
 def impact(*lines: str) -> str:
@@ -130,7 +154,10 @@ def large(folder: Path, mm: float) -> Any:
     return files(folder, {**tall, "problem.toml": SHORT + ROBOT.replace('"0.1 mm"', f'"{mm} mm"')})
 
 
-LAIN = ('position = "0.1 mm"\nangle = "0.1 deg"', 'known = "0.1 mm"', POINTS.format(20, 20), PLACED)
+PUSH, END = 'contact_force = "1 N"', 'termination_force = "0.2 N"'
+IMPACT = ('impact_force = "30 N"', 'contact_stiffness = "20 N/mm"')
+TURN = 28.6478897  # deg
+LAIN = (f"{POSITION}\n{ANGLE}", KNOWN, POINTS.format(20, 20), PLACED)
 TABLE = """part = "table"
 [solids.table]
 shape = "box"
@@ -151,79 +178,25 @@ CASES: tuple[Case, ...] = (
         "problem.toml",
         "both parts",
     ),
-    edited(
-        "too deep",
-        'lower it, or write "full"',
-        problem,
-        f'{MATED}{START}[goal]\ndepth = "31 mm"',
-        f'{MATED}{START}[goal]\ndepth = "30 mm"',
-        f'{MATED}{START}[goal]\ndepth = "full"',
-    ),
-    edited(
-        "no error",
-        EITHER,
-        problem,
-        SHORT,
-        f"{SHORT}{BOX}",
-        f'{SHORT}[uncertainty]\nstart = "1 mm, 1 deg"',
-        f"{SHORT}{ROBOT}",
-    ),
+    edited("too deep", 'lower it, or write "full"', problem, to('"31 mm"'), to('"30 mm"'), to('"full"')),
+    edited("no error", EITHER, problem, SHORT, f"{SHORT}{BOX}", f"{SHORT}{START}", f"{SHORT}{ROBOT}"),
     edited("two errors", EITHER, problem, f"{SHORT}{BOX}{ROBOT}", f"{SHORT}{BOX}", f"{SHORT}{ROBOT}"),
-    edited(
-        "sources of a ball",
-        "give [uncertainty.start]: errors of the ball's lowest point against the hole",
-        balled,
-        f"{SHORT}{ROBOT}",
-        f"{SHORT}{BOX}",
-    ),
-    edited(
-        "sources of a hole in the hand",
-        "give [uncertainty.start]: errors of the peg's leading face against the hole",
-        problem,
-        f'moving = "block.toml"\nfixed = "peg.toml"\n{ROBOT}',
-        f'moving = "block.toml"\nfixed = "peg.toml"\n{BOX}',
-    ),
+    edited("sources of a ball", NO_BALL, balled, f"{SHORT}{ROBOT}", f"{SHORT}{BOX}"),
+    edited("sources of a hole in the hand", NO_HAND, problem, f"{SWAPPED}{ROBOT}", f"{SWAPPED}{BOX}"),
     edited(
         "one profile", "give both models a [profile], or none", flat, ("block.toml",), ("peg.toml", "block.toml"), ()
     ),
-    edited(
-        "out of the plane",
-        "leave it out",
-        flat_problem,
-        f'{SHORT}[uncertainty.start]\nx = "0.1 mm"\ny = "0.1 mm"\nz = "0.1 mm"\nry = "0.1 deg"',
-        f'{SHORT}[uncertainty.start]\nx = "0.1 mm"\nz = "0.1 mm"\nry = "0.1 deg"',
-    ),
-    edited(
-        "no error along z",
-        "add 'z' to [uncertainty.start], or 'position' for all three axes",
-        problem,
-        box("x", "y"),
-        box("x", "y", "z"),
-        box("position"),
-    ),
-    edited("stated twice", ONE_OF, problem, lain('position = "0.1 mm"\nknown = "0.1 mm"'), *map(lain, LAIN)),
+    edited("out of the plane", "leave it out", flat_problem, level("x", "y", "z"), level("x", "z")),
+    edited("no error along z", ADD_Z, problem, box("x", "y"), box("x", "y", "z"), box("position")),
+    edited("stated twice", ONE_OF, problem, lain(f"{POSITION}\n{KNOWN}"), *map(lain, LAIN)),
     edited(
         "an angle alone",
         "add 'position', or drop it",
         problem,
-        lain(f'angle = "0.1 deg"\n{PLACED}'),
-        lain(f'position = "0.1 mm"\nangle = "0.1 deg"\n{PLACED}'),
-        lain(PLACED),
+        *map(lain, (f"{ANGLE}\n{PLACED}", f"{POSITION}\n{ANGLE}\n{PLACED}", PLACED)),
     ),
-    edited(
-        "an angle beside what is known",
-        "drop it",
-        problem,
-        lain('known = "0.1 mm"\nangle = "0.1 deg"'),
-        lain('known = "0.1 mm"'),
-    ),
-    edited(
-        "points on a line",
-        "give three points at the corners of a wide triangle",
-        problem,
-        lain(POINTS.format(1, 0)),
-        lain(POINTS.format(20, 20)),
-    ),
+    edited("an angle beside what is known", "drop it", problem, lain(f"{KNOWN}\n{ANGLE}"), lain(KNOWN)),
+    edited("points on a line", WIDE, problem, lain(POINTS.format(1, 0)), lain(POINTS.format(20, 20))),
     edited(
         "an error beyond the parts",
         'check [units], or write the unit beside the number, as in "0.4 mm"',
@@ -232,54 +205,15 @@ CASES: tuple[Case, ...] = (
         f'[units]\nlength = "mm"\nangle = "deg"\n{LONG}[uncertainty.start]\nposition = 12\nangle = 1',
         f'[units]\nlength = "cm"\nangle = "deg"\n{LONG}[uncertainty.start]\nposition = "0.4 mm"\nangle = 1',
     ),
+    edited("wild sources", f"keep all together at most {TURN} deg", problem, robot(15), robot(0.5 * TURN)),
+    edited("an end beyond the push", lower(20), problem, forces(30), forces(2), forces(30, 300)),
     edited(
-        "wild sources",
-        "keep all together at most 28.6478897 deg",
-        problem,
-        SHORT + robot(15),
-        SHORT + robot(14.32394485),
+        "a push below the end", lower(1), problem, impact(PUSH), impact(PUSH, END), impact('contact_force = "20 N"')
     ),
-    edited(
-        "an end beyond the push",
-        "lower it to well below 20 N, or raise contact_force",
-        problem,
-        forces(30),
-        forces(2),
-        forces(30, 300),
-    ),
-    edited(
-        "a push below the end",
-        "lower it to well below 1 N, or raise contact_force",
-        problem,
-        impact('contact_force = "1 N"'),
-        impact('contact_force = "1 N"', 'termination_force = "0.2 N"'),
-        impact('contact_force = "20 N"'),
-    ),
-    edited(
-        "half an impact",
-        "add 'apparent_mass' to [specification], or drop 'impact_force' and 'contact_stiffness'",
-        problem,
-        impact('impact_force = "30 N"', 'contact_stiffness = "20 N/mm"'),
-        impact('impact_force = "30 N"', 'contact_stiffness = "20 N/mm"', 'apparent_mass = "5 kg"'),
-        impact(),
-    ),
+    edited("half an impact", APPARENT, problem, impact(*IMPACT), impact(*IMPACT, 'apparent_mass = "5 kg"'), impact()),
     edited("far off with large parts", "keep them at most 500 mm", large, 300, 249),
-    edited(
-        "no insertion",
-        "the knowledge base answers such tasks; describe it in an assembly file",
-        answered,
-        "not planar",
-        "planar",
-    ),
-    edited(
-        "a pair misspelt",
-        "write 'cylindrical', 'prismatic' or 'revolute'",
-        answered,
-        "prism",
-        "cylindrical",
-        "prismatic",
-        "revolute",
-    ),
+    edited("no insertion", DESCRIBE_IT, answered, "not planar", "planar"),
+    edited("a pair misspelt", PAIRS, answered, "prism", "cylindrical", "prismatic", "revolute"),
     edited("no such file", "correct the path", any_file, "prolbem.toml", "problem.toml"),
     edited(
         "an assembly",

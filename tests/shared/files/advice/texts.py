@@ -53,7 +53,7 @@ goal = ["free", "free", "free", "free", "free", "free"]
 specification = {{ speed = "20 mm/s", contact_force = 20, torque_limit = 1 }}
 """
 NO_UNIT = 'write text with its unit, such as "2 mm", or add length = "mm" under [units]'
-TURN, BACK = "keep it at most ", "keep it at least "
+TURN, BACK, UNIT = "keep it at most ", "keep it at least ", ", and check the unit"
 DEFINE = "define it under [parameters], above its first use"
 START_ERROR = 'write a distance and an angle with their units, such as "1 mm, 1 deg": how far off the part may start'
 SHAPES = "write one of 'box', 'cylinder', 'cone', 'sphere', 'prism', 'stack', 'wedge', 'hull', 'union', 'difference'"
@@ -63,6 +63,11 @@ SYNTAX = "see https://toml.io for the syntax; numbers take a decimal point, word
 QUANTITY = 'write a number, or text such as "2 mm"'
 LONE = 'write a number, or one with its unit: "2 mm", "0.3 deg"'
 GRAMMAR = "write numbers with units, names of parameters, + - * / and parentheses"
+NO_PLAN = "name a problem or model file; a plan goes to fmopt verify"
+A_UNIT = "write a unit such as mm, um, deg or N"
+WIDTH, W, TWICE = "width = 50\n", "w = 25\n", 'h = "2 * w"\n'
+NAMED_TASK = f'title = "a peg"\n{TASK}'
+OPERAND = 'write "object.feature"'
 DEEP = "x = " + 25 * "[" + 25 * "]"
 
 
@@ -76,9 +81,19 @@ def sized(z: str, parameters: str = "w = 50\n") -> str:
     return f"{box(f'20, 20, {z}')}[parameters]\n{parameters}"
 
 
+def stacked(height: str) -> str:
+    """A model of a stack, the height of its upper section as told."""
+    return f'{BODY}shape = "stack"\nsections = [{{ at = 0, {SQUARE} }}, {{ {height}{SQUARE} }}]'
+
+
 def rod(sides: int, more: str = "") -> str:
     """A cylinder of so many sides."""
     return f'part = "rod"\n[solids.rod]\nshape = "cylinder"\nradius = 10\nheight = 30\nsides = {sides}\n{more}{PIN}'
+
+
+def sagged(most: str) -> str:
+    """A cylinder of as many sides as its sagitta asks for."""
+    return rod(20).replace("sides = 20", f"sagitta = {most}")
 
 
 def ball(sides: int) -> str:
@@ -167,21 +182,9 @@ ABOUT_FILES = (
     edited("no decimal point", SYNTAX, model, box("20, 20, 50."), box("20, 20, 50.0")),
     edited("no quotation marks", SYNTAX, problem, WHOLE.replace('"peg.toml"', "peg.toml"), WHOLE),
     edited("a long number", "shorten the number", problem, f"{HEIGHT}{'1' * 5000}", f'{HEIGHT}"1 mm"'),
-    edited(
-        "a mesh for a problem",
-        NAME_PROBLEM,
-        loaded,
-        {"peg.stl": "solid"},
-        {"problem.toml": WHOLE},
-    ),
+    edited("a mesh for a problem", NAME_PROBLEM, loaded, {"peg.stl": "solid"}, {"problem.toml": WHOLE}),
     edited("a robot", "export the part as STEP or STL, and name that file", named, "peg.urdf", "peg.stl"),
-    edited(
-        "a plan",
-        "name a problem or model file; a plan goes to fmopt verify",
-        loaded,
-        {"plan.json": "{}"},
-        {"problem.toml": WHOLE},
-    ),
+    edited("a plan", NO_PLAN, loaded, {"plan.json": "{}"}, {"problem.toml": WHOLE}),
     edited(
         "an empty file",
         "copy a shipped problem or model and change it",
@@ -196,27 +199,19 @@ ABOUT_KEYS = (
         "no such key",
         "known keys here: at, turn, shape, size, chamfer",
         model,
-        f"{box('20, 20, 50')}width = 20",
-        *(f"{box('20, 20, 50')}{key}" for key in ("at = [0, 0, 0]", "turn = [0, 0, 0]", "chamfer = 1")),
+        *(f"{box('20, 20, 50')}{key}" for key in ("width = 20", "at = [0, 0, 0]", "turn = [0, 0, 0]", "chamfer = 1")),
     ),
     edited("no size", "add 'size' to [solids.peg]", model, f'{BODY}shape = "box"', f"{BODY}{CUBOID}"),
-    edited(
-        "no height of a section",
-        "add 'at' to solids.peg.sections[1]",
-        model,
-        f'{BODY}shape = "stack"\nsections = [{{ at = 0, {SQUARE} }}, {{ {SQUARE} }}]',
-        f'{BODY}shape = "stack"\nsections = [{{ at = 0, {SQUARE} }}, {{ at = 50, {SQUARE} }}]',
-    ),
+    edited("no height of a section", "add 'at' to solids.peg.sections[1]", model, stacked(""), stacked("at = 50, ")),
     edited("one part", "add 'fixed' above the first table, or as a table", problem, ALONE, WHOLE, f"{ALONE}{FIXED}"),
-    edited("no title", "add 'title' above the first table", assembly, TASK, f'title = "a peg"\n{TASK}'),
+    edited("no title", "add 'title' above the first table", assembly, TASK, NAMED_TASK),
     edited("two numbers", "see the schema for how many it takes", three, box("20, 20"), box("20, 20, 50")),
     edited("no corners", "see the schema for how many it takes", three, f"{HULL}[]", f"{HULL}{CORNERS}"),
     edited(
         "a choice misspelt",
         "write 'sound' or 'dakin1993'",
         problem,
-        f'{WHOLE}[settings]\nmethod = "round"',
-        *(f"{WHOLE}[settings]\nmethod = '{one}'" for one in ("sound", "dakin1993")),
+        *(f"{WHOLE}[settings]\nmethod = '{one}'" for one in ("round", "sound", "dakin1993")),
     ),
     edited("a shape misspelt", SHAPES, model, f'{BODY}shape = "bock"\n{SIZE}', f"{BODY}{CUBOID}"),
     edited("no shape", 'write shape = "box", for example', model, f"{BODY}{SIZE}", f"{BODY}{CUBOID}"),
@@ -229,9 +224,7 @@ ABOUT_KEYS = (
         "a long name",
         "use up to 64 letters, digits, _ and -, starting with a letter",
         model,
-        f"name = '{'x' * 70}'\n{PEG}",
-        f"name = '{'x' * 64}'\n{PEG}",
-        f"name = 'a-peg_2'\n{PEG}",
+        *(f"name = '{name}'\n{PEG}" for name in ("x" * 70, "x" * 64, "a-peg_2")),
     ),
     edited(
         "a parameter with a dash",
@@ -240,38 +233,18 @@ ABOUT_KEYS = (
         f'{PEG}[parameters]\n"a-b" = 1',
         f"{PEG}[parameters]\na_b2 = 1",
     ),
-    edited(
-        "a title of two lines",
-        TITLE,
-        problem,
-        f'title = "a\\nb"\n{WHOLE}',
-        f"title = '{'a b, ' * 40}'\n{WHOLE}",
-    ),
-    edited(
-        "an object for a feature",
-        'write "object.feature"',
-        assembly,
-        f'title = "a peg"\n{TASK}'.replace("peg.peg", "peg"),
-        f'title = "a peg"\n{TASK}',
-    ),
+    edited("a title of two lines", TITLE, problem, f'title = "a\\nb"\n{WHOLE}', f"title = '{'a b, ' * 40}'\n{WHOLE}"),
+    edited("an object for a feature", OPERAND, assembly, NAMED_TASK.replace("peg.peg", "peg"), NAMED_TASK),
     edited(
         "no object",
-        'write "object.feature", or the name of an object',
+        f"{OPERAND}, or the name of an object",
         assembly,
-        f'title = "a peg"\n{TASK}{LINK}one = "the peg"',
-        f'title = "a peg"\n{TASK}{LINK}one = "rest.peg"',
-        f'title = "a peg"\n{TASK}{LINK}one = "rest"',
+        *(f'{NAMED_TASK}{LINK}one = "{one}"' for one in ("the peg", "rest.peg", "rest")),
     ),
     edited("few sides", "it should be greater than or equal to 3", model, rod(2), rod(3)),
     edited("many sides", "it should be less than or equal to 1998", model, rod(3000), rod(1998), slow=True),
     edited("sides twice", "give one of them", model, rod(20, "sagitta = 0.1\n"), rod(20)),
-    edited(
-        "sides without end",
-        "give one for which 1998 sides do",
-        model,
-        rod(20).replace("sides = 20", "sagitta = 1e-6"),
-        rod(20).replace("sides = 20", "sagitta = 0.01"),
-    ),
+    edited("sides without end", "give one for which 1998 sides do", model, *map(sagged, ("1e-6", "0.01"))),
     edited("many meridians", "it should be less than or equal to 62", model, ball(100), ball(62), slow=True),
     edited("no file", "it should have at least 1 character", problem, f'moving = ""\n{ALONE[20:]}{FIXED}', WHOLE),
 )
@@ -279,23 +252,15 @@ ABOUT_NUMBERS = (
     edited("below zero", "make it positive", problem, f'{HEIGHT}"-1 mm"', f'{HEIGHT}"1 mm"'),
     edited("nothing", "make it positive", problem, f"{HEIGHT}0", f'{HEIGHT}"1 mm"'),
     edited("an error below zero", "make it zero or positive", problem, error("-1 mm"), error("0 mm"), error("1 mm")),
-    edited("too high", "keep it at most 4000 mm, and check the unit", problem, f'{HEIGHT}"9 m"', f'{HEIGHT}"4000 mm"'),
+    edited("too high", f"{TURN}4000 mm{UNIT}", problem, f'{HEIGHT}"9 m"', f'{HEIGHT}"4000 mm"'),
+    edited("too low", f"{BACK}1e-06 mm{UNIT}", problem, f'{HEIGHT}"1 pm"', f'{HEIGHT}"1e-06 mm"'),
+    edited("too far off", f"{TURN}500 mm{UNIT}", problem, error("1 m"), error("50 mm")),
     edited(
-        "too low", "keep it at least 1e-06 mm, and check the unit", problem, f'{HEIGHT}"1 pm"', f'{HEIGHT}"1e-06 mm"'
+        "too askew", f"{TURN}28.6478897 deg{UNIT}", problem, error("1 mm", "40 deg"), error("1 mm", "28.6478897 deg")
     ),
-    edited("too far off", "keep it at most 500 mm, and check the unit", problem, error("1 m"), error("50 mm")),
-    edited(
-        "too askew",
-        "keep it at most 28.6478897 deg, and check the unit",
-        problem,
-        error("1 mm", "40 deg"),
-        error("1 mm", "28.6478897 deg"),
-    ),
-    edited("turned twice", f"{TURN}360 deg, and check the unit", problem, turned("400 deg"), turned("360 deg")),
-    edited("turned back", f"{BACK}-360 deg, and check the unit", problem, turned("-361 deg"), turned("-360 deg")),
-    edited(
-        "a length without unit", NO_UNIT, problem, f"{HEIGHT}1", f'{HEIGHT}"2 mm"', f'{HEIGHT}1\n[units]\nlength = "mm"'
-    ),
+    edited("turned twice", f"{TURN}360 deg{UNIT}", problem, turned("400 deg"), turned("360 deg")),
+    edited("turned back", f"{BACK}-360 deg{UNIT}", problem, turned("-361 deg"), turned("-360 deg")),
+    edited("a length without unit", NO_UNIT, problem, f"{HEIGHT}1", f'{HEIGHT}"2 mm"', f"{HEIGHT}1\n{UNITS}"),
     edited(
         "a speed without unit",
         'write text with its unit, such as "20 mm/s", or add speed = "m/s" under [units]',
@@ -307,31 +272,11 @@ ABOUT_NUMBERS = (
     edited("no number", QUANTITY, problem, f"{HEIGHT}true", f'{HEIGHT}"2 mm"'),
     edited("an angle for a length", QUANTITY, problem, f'{HEIGHT}"1 deg"', f'{HEIGHT}"2 mm"'),
     edited("a lever without size", QUANTITY, problem, f"{LEVER}true", f'{LEVER}"2 mm"'),
-    edited(
-        "a mass for a parameter",
-        QUANTITY,
-        model,
-        sized("50", 'w = "1 kg"'),
-        sized("50", 'w = "2 mm"'),
-        sized("50", "w = 2"),
-    ),
+    edited("a mass for a parameter", QUANTITY, model, *(sized("50", f"w = {w}") for w in ('"1 kg"', '"2 mm"', 2))),
     edited("no end", "write a finite number", problem, f"{HEIGHT}inf", f'{HEIGHT}"1 mm"'),
     edited("half a unit", 'write a unit such as "N*m" or "mm/s"', problem, speed("20 mm/"), speed("20 mm/s")),
-    edited(
-        "no unit of anything",
-        "write a unit such as mm, um, deg or N",
-        problem,
-        f'{HEIGHT}"1 mmm"',
-        f'{HEIGHT}"1 mm"',
-        f'{HEIGHT}"1 um"',
-    ),
-    edited(
-        "a unit with an offset",
-        "write a unit such as mm, um, deg or N",
-        problem,
-        f'{HEIGHT}"1 degC"',
-        f'{HEIGHT}"1 mm"',
-    ),
+    edited("no unit of anything", A_UNIT, problem, f'{HEIGHT}"1 mmm"', f'{HEIGHT}"1 mm"', f'{HEIGHT}"1 um"'),
+    edited("a unit with an offset", A_UNIT, problem, f'{HEIGHT}"1 degC"', f'{HEIGHT}"1 mm"'),
     edited("a comma", "write a decimal point, 0.2", problem, f'{HEIGHT}"0,2 mm"', f'{HEIGHT}"0.2 mm"'),
     edited("a sum in a problem", LONE, problem, f'{HEIGHT}"2 mm + 1 mm"', f'{HEIGHT}"2 mm"'),
     edited("a sign in a problem", LONE, problem, f'{HEIGHT}"2 mm!"', f'{HEIGHT}"2 mm"'),
@@ -344,17 +289,9 @@ ABOUT_NUMBERS = (
     edited("a long text", "use at most 200", model, sized(f'"w{" " * 200}"'), sized(f'"w{" " * 199}"')),
     edited("a division by zero", "divide by something else", model, sized('"w / (w - w)"'), sized('"w / 2"')),
     edited("a sum of kinds", "give every number in a sum its unit", model, sized('"w + 1"'), sized('"w + 1 mm"')),
-    edited(
-        "a parameter misspelt",
-        "did you mean 'width'?",
-        model,
-        sized('"widht"', "width = 50\n"),
-        sized('"width"', "width = 50\n"),
-    ),
+    edited("a parameter misspelt", "did you mean 'width'?", model, sized('"widht"', WIDTH), sized('"width"', WIDTH)),
     edited("no parameter", DEFINE, model, sized('"height"'), sized('"height"', "height = 50\n")),
-    edited(
-        "used too early", DEFINE, model, sized('"h"', 'h = "2 * w"\nw = 25\n'), sized('"h"', 'w = 25\nh = "2 * w"\n')
-    ),
+    edited("used too early", DEFINE, model, sized('"h"', f"{TWICE}{W}"), sized('"h"', f"{W}{TWICE}")),
     edited("half an error", START_ERROR, spelled, "1 mm", "1 mm, 1 deg"),
     edited("two lengths", START_ERROR, spelled, "1 mm, 1 mm", "1 mm, 1 deg"),
     edited("a mass of an error", START_ERROR, spelled, "1 mm, 1 kg", "1 mm, 1 deg"),

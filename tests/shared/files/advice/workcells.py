@@ -20,9 +20,9 @@ from fmopt.task.object_model.workcell import Ref, Workcell
 from tests.shared.files.advice.case import UNITS, Case
 from tests.shared.files.advice.edits import BLOCK, PAIR, PEG, SHORT, START, assembled, assembly, edited, files, written
 from tests.shared.files.advice.models import TWINS
-from tests.shared.files.advice.texts import LINK, TASK
+from tests.shared.files.advice.texts import LINK
+from tests.shared.files.advice.texts import NAMED_TASK as GIVEN
 
-GIVEN = f'title = "a peg"\n{TASK}'
 FREE = '["free", "free", "free", "free", "free", "free"]'
 BIT = Box((0.01, 0.01, 0.02))
 REST = '[objects.rest]\nmodel = "peg.toml"\nat = [0, 0, 500]\n'
@@ -33,6 +33,11 @@ NAMED = "name the peg of one object and the hole of the other"
 def to(goal: str, pair: str = "prismatic") -> str:
     """The assembly with a goal, in mm and deg, and the pair that is made there."""
     return GIVEN.replace(FREE, goal).replace('"prismatic"', f'"{pair}"')
+
+
+def down(z: int | str) -> str:
+    """The assembly with this height for a goal, in mm."""
+    return to(f"[0, 0, {z}, 0, 0, 0]")
 
 
 def screwed(folder: Path, turn: str) -> Any:
@@ -138,6 +143,11 @@ HELD = '[links.held]\nkind = "attached"\none = "bit"\nother = "peg"\n'
 JOINED = f'{LINK}one = "rest"\n[links.grip]\nkind = "attached"\none = "rest"\nother = "peg"\n'
 OTHER = '[objects.other]\nmodel = "block.toml"\nat = [500, 0, 0]\n'
 SECOND = '[features.other]\nkind = "hollow"\nat = [15, 0, 40]\nlength = 30\n'
+DEEP = "give p_z between 0 and -30 mm, or leave it free"
+OUTSIDE = "start outside, and check the frames of both objects"
+THIN = "seat it less deep, or make the peg thinner or the hole wider"
+AWAY = "move that object away, or connect it to the one that it is on"
+SHAFT = ["bit", "cap", ",bit"]
 CASES: tuple[Case, ...] = (
     edited("no such object", "its objects: peg, block", assembly, GIVEN.replace('"peg.peg"', '"pin.peg"'), GIVEN),
     edited("no such feature", "its features: whole, hole", assembly, GIVEN.replace("block.hole", "block.slot"), GIVEN),
@@ -155,54 +165,17 @@ CASES: tuple[Case, ...] = (
     ),
     edited("a link to itself", "remove it", assembly, f'{GIVEN}{LINK}one = "block"', f"{GIVEN}"),
     edited("linked twice", "remove it", assembly, f'{GIVEN}{LINK}one = "rest"\n{AGAIN}', f'{GIVEN}{LINK}one = "rest"'),
-    edited(
-        "inside at the start",
-        "start outside, and check the frames of both objects",
-        assembly,
-        GIVEN.replace("[0, 0, 100]", "[15, 0, 20]"),
-        GIVEN,
-    ),
-    edited(
-        "too thick",
-        "seat it less deep, or make the peg thinner or the hole wider",
-        thick,
-        (21, 20.2, 30),
-        (20, 20.2, 30),
-        (21, 22, 30),
-    ),
-    edited(
-        "another object there",
-        "move that object away, or connect it to the one that it is on",
-        hung,
-        ON,
-        f"{BIT_AT}at = [500, 0, 76]",
-        ON + HELD,
-    ),
+    edited("inside at the start", OUTSIDE, assembly, GIVEN.replace("[0, 0, 100]", "[15, 0, 20]"), GIVEN),
+    edited("too thick", THIN, thick, (21, 20.2, 30), (20, 20.2, 30), (21, 22, 30)),
+    edited("another object there", AWAY, hung, ON, f"{BIT_AT}at = [500, 0, 76]", ON + HELD),
     edited(
         "beside the axis",
         "set it to 0, or leave it free",
         assembly,
-        to('[1, 0, "free", 0, 0, 0]'),
-        to('[0, 0, "free", 0, 0, 0]'),
-        to('["free", 0, "free", 0, 0, 0]'),
+        *(to(f'[{x}, 0, "free", 0, 0, 0]') for x in (1, 0, '"free"')),
     ),
-    edited(
-        "too deep",
-        "give p_z between 0 and -30 mm, or leave it free",
-        assembly,
-        to("[0, 0, -31, 0, 0, 0]"),
-        to("[0, 0, -30, 0, 0, 0]"),
-        to("[0, 0, -15, 0, 0, 0]"),
-        to('[0, 0, "free", 0, 0, 0]'),
-    ),
-    edited(
-        "outside",
-        "give p_z between 0 and -30 mm, or leave it free",
-        assembly,
-        to("[0, 0, 1, 0, 0, 0]"),
-        to("[0, 0, -30, 0, 0, 0]"),
-        to('[0, 0, "free", 0, 0, 0]'),
-    ),
+    edited("too deep", DEEP, assembly, *map(down, (-31, -30, -15, '"free"'))),
+    edited("outside", DEEP, assembly, *map(down, (1, -30, '"free"'))),
     edited("a free screw", "give the angle that goes with the depth", screwed, '"free"', "0"),
     edited("turned over", "give a number instead of free", overturned, '"free"', "0"),
     edited("a round peg turned over", "give a number instead of free", upside_down, "", "[goal]\nturn = 0"),
@@ -212,13 +185,7 @@ CASES: tuple[Case, ...] = (
     edited("a peg through", "drop `through`", through, True, False),
     edited("two of a name", "rename one", tree, ["bit", "bit"], ["bit", "bit_2"]),
     edited("objects of a name", "rename one", cell, ["bit", "bit"], ["bit", "bit_2"]),
-    edited(
-        "an order of others",
-        "list the features of the object, each once",
-        tree,
-        ["bit", "cap", ",bit"],
-        ["bit", "cap", ",bit", ",cap"],
-    ),
+    edited("an order of others", "list the features of the object, each once", tree, SHAFT, [*SHAFT, ",cap"]),
     edited("a hole first", "put a feature prefixed + first", tree, ["-hole", "bit"], ["bit", "-hole"]),
     edited("holes alone", "prefix at least one feature with +", solid, "--", "+-"),
     edited("an old answer", "ask again", asked_again, False, True),
