@@ -5,14 +5,7 @@ import pytest
 
 from fmopt.certificate.error_set import UNCOUPLED
 from fmopt.certificate.remainder import Curvature, Extent
-from fmopt.certificate.rows import (
-    Forms,
-    Rows,
-    edges_apart,
-    points_above,
-    records,
-    stacked,
-)
+from fmopt.certificate.rows import Forms, Rows, edges_apart, points_above, records, stacked
 from fmopt.certificate.tube import left
 from fmopt.contact import definitions
 from fmopt.contact.algebra import Body, Definition, Matrix, Scalar, Vector, dot, row

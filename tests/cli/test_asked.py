@@ -146,14 +146,7 @@ def test_the_pair_that_fits_is_found_among_several_holes(tmp_path: Path) -> None
     assert alike.measured.per_side == pytest.approx(1e-4, abs=1e-9)
 
 
-NOT_ERRORS = [
-    "",
-    "1 deg",
-    "1, 1",
-    "1 mm 1 deg",
-    "-1 mm, 1 deg",
-    "1 mm, 90 deg",
-]
+NOT_ERRORS = ["", "1 deg", "1, 1", "1 mm 1 deg", "-1 mm, 1 deg", "1 mm, 90 deg"]
 
 
 @pytest.mark.parametrize("text", NOT_ERRORS)

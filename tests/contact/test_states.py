@@ -105,9 +105,7 @@ def test_no_state_is_left_undecided(engaged: tuple[str, ContactGraph, tuple[Conf
     assert Counter(c.verdict for c in found) == {Verdict.CONFIRMED: len(found) - split, Verdict.SPLIT: split}
 
 
-def test_confirmed_poses_touch_without_overlap(
-    engaged: tuple[str, ContactGraph, tuple[Confirmation, ...]],
-) -> None:
+def test_confirmed_poses_touch_without_overlap(engaged: tuple[str, ContactGraph, tuple[Confirmation, ...]]) -> None:
     """The gap by separating axes knows nothing of contacts."""
     _, graph, found = engaged
     for state, confirmation in zip(graph.states, found, strict=True):

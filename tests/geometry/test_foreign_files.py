@@ -47,10 +47,7 @@ QUADS += "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"
 WHOLE: dict[str, tuple[str, bytes]] = {
     "latin-1 comment": ("a.obj", b"# gr\xfc\xdfe \xb2\n" + OBJ.encode()),
     "latin-1 names": ("a.obj", OBJ.replace("o part", "o d\xe9coup\xe9").encode("latin-1")),
-    "mixed line ends": (
-        "a.obj",
-        mixed(OBJ.encode()),
-    ),
+    "mixed line ends": ("a.obj", mixed(OBJ.encode())),
     "normals and textures": ("a.obj", OBJ.replace("\nf ", "\nf  ").replace(" 1 ", " 1/1/1 ").encode()),
     "back from the last": (
         "a.obj",
@@ -99,24 +96,9 @@ BROKEN: tuple[tuple[str, str, bytes, str], ...] = (
     ("nothing", "a.obj", b"# nothing\n", "holds no triangles"),
     ("a long line", "a.obj", b"v " + b"1 " * 200_000, "line 1: the line has 400002 bytes"),
     ("not whole", "a.stl", STL.encode()[: STL.index("endsolid")], "ends without 'endsolid'"),
-    (
-        "a lost line",
-        "a.stl",
-        STL.replace("endloop\n", "", 1).encode(),
-        "line 7: 'endfacet' stands where 'endloop'",
-    ),
-    (
-        "two coordinates",
-        "a.stl",
-        b"solid\nfacet normal 0 0 1\nouter loop\nvertex 1 2\n",
-        "line 4: a vertex has 2",
-    ),
-    (
-        "count that lies",
-        "a.stl",
-        binary_stl(POINTS, TRIANGLES)[:-50],
-        "the header says 12 triangles, and the file",
-    ),
+    ("a lost line", "a.stl", STL.replace("endloop\n", "", 1).encode(), "line 7: 'endfacet' stands where 'endloop'"),
+    ("two coordinates", "a.stl", b"solid\nfacet normal 0 0 1\nouter loop\nvertex 1 2\n", "line 4: a vertex has 2"),
+    ("count that lies", "a.stl", binary_stl(POINTS, TRIANGLES)[:-50], "the header says 12 triangles, and the file"),
     ("too short", "a.stl", b"\x00" * 50, "nor long enough"),
     ("no header", "a.ply", b"ply\n" + b"x" * 300_000, "no header from 'ply' to 'end_header'"),
     ("no format", "a.ply", PLY.replace("format ascii 1.0\n", "").encode(), "names no format"),

@@ -462,7 +462,7 @@ def test_the_yaml_has_the_keys_of_controller_and_request(square_peg_plan: dict[s
         request = entry["set_force_mode"]
         selected = [request.pop(f"selection_vector_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")]
         assert set(request) == {
-            *("task_frame", "wrench", "type", "speed_limits", "deviation_limits", "damping_factor", "gain_scaling"),
+            *("task_frame", "wrench", "type", "speed_limits", "deviation_limits", "damping_factor", "gain_scaling")
         }
         assert sum(selected) == len(move.force_axes)
         assert [value == 0.0 for value in entry["stiffness"].values()] == selected

@@ -2,13 +2,7 @@
 
 import numpy as np
 
-from fmopt.certificate.rows import (
-    Forms,
-    directions_along,
-    edges_apart,
-    faces_above,
-    points_above,
-)
+from fmopt.certificate.rows import Forms, directions_along, edges_apart, faces_above, points_above
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array
 

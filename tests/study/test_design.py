@@ -300,15 +300,9 @@ def test_mistakes_are_caught_with_their_place(written: Writer, name: str) -> Non
 
 
 HEADS = {
-    "quantity": (
-        {"compute": '["margin"]'},
-        "3:12: unknown-quantity: compute[0]: there is no quantity 'margin'",
-    ),
+    "quantity": ({"compute": '["margin"]'}, "3:12: unknown-quantity: compute[0]: there is no quantity 'margin'"),
     "twice": ({"compute": '["plan", "plan"]'}, "'plan' is asked for twice"),
-    "a study": (
-        {"problem": f'"{ROOT}/problems/studies/square_peg_bias.toml"'},
-        "2:11: file-kind: problem: ",
-    ),
+    "a study": ({"problem": f'"{ROOT}/problems/studies/square_peg_bias.toml"'}, "2:11: file-kind: problem: "),
     "no problem": ({"problem": '"nowhere.toml"'}, "2:11: file-missing: problem: "),
     "plan kept": ({"compute": '["clearance"]\nkeep = ["plan"]'}, "plans are to be kept but none is computed"),
 }

@@ -73,12 +73,7 @@ VALUES = [
         "20.5 N on the contact that ends a move exceed the contact force; lower it to well below 20 N",
     ),
     ("friction = 0.3", "friction = «-0.3»", "negative", "-0.3 is negative"),
-    (
-        "\nx = 0.3",
-        "\nx = «400»",
-        "out-of-range",
-        "the start error along x is 400 mm; check [units], or write the unit",
-    ),
+    ("\nx = 0.3", "\nx = «400»", "out-of-range", "the start error along x is 400 mm; check [units], or write the unit"),
     ("torque_limit = 1", 'torque_limit = «"5 N"»', "wrong-unit", "is a force, not a torque"),
     ("translation = 0.01", "translation = «1.5»", "out-of-range", "1.5 is too large; keep it at most 1"),
     ('method = "sound"', 'method = «"loud"»', "unknown-choice", "'loud' is none of the choices; write 'sound' or"),

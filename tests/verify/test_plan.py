@@ -189,12 +189,7 @@ def test_deep_nesting_is_refused(plan: Plan) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ('{"a": -Infinity}', "-Infinity"),
-        ("[1]", "must be a JSON object"),
-        ("{", "no JSON"),
-    ],
+    ("text", "message"), [('{"a": -Infinity}', "-Infinity"), ("[1]", "must be a JSON object"), ("{", "no JSON")]
 )
 def test_files_that_are_no_plans(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "plan.json"

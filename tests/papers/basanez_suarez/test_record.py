@@ -9,15 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from fmopt.papers.basanez_suarez.account import (
-    Nominal,
-    Stretch,
-    account,
-    contact_sets,
-    in_plane,
-    reach_of,
-    surface,
-)
+from fmopt.papers.basanez_suarez.account import Nominal, Stretch, account, contact_sets, in_plane, reach_of, surface
 from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
 from fmopt.papers.basanez_suarez.contact import CU, Kind, Range
 from fmopt.papers.basanez_suarez.profile import Profile

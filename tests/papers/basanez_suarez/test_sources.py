@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 
 from fmopt.errors import GeometryError
-from fmopt.papers.basanez_suarez.sources import (
-    Configuration,
-    Deviation,
-    Grasped,
-    ObservedPoints,
-    deviations,
-    edge_turn,
-)
+from fmopt.papers.basanez_suarez.sources import Configuration, Deviation, Grasped, ObservedPoints, deviations, edge_turn
 from fmopt.task.sources import Deviation as StatedDeviation
 from fmopt.task.sources import Sources, budget, total
 from tests.shared.planar_sampling import disc

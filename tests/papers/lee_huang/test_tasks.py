@@ -162,11 +162,7 @@ def test_the_hollow_part_in_the_hand_is_solved(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        (
-            "height = 1",
-            "height = 1\nat = [20, 0, -5]",
-            "at the start square_peg.peg is inside the solid",
-        ),
+        ("height = 1", "height = 1\nat = [20, 0, -5]", "at the start square_peg.peg is inside the solid"),
         ("height = 1", "height = 1\nat = [0, 0, 30]\nturn = [10, 0, 0]", None),
     ],
 )

@@ -74,12 +74,7 @@ def test_mirror_images_take_turns_where_the_part_is_not_its_own(tmp_path: Path) 
     assert {wall for _, wall in obtuse} == {0, 1}
     assert len(obtuse) == len(set(obtuse)) == 2 * 4
     shapes = likely_shapes(
-        problem.moving,
-        problem.fixed,
-        measured_clearance(problem),
-        problem.start_box,
-        1e-3,
-        problem.settings.max_tilt,
+        problem.moving, problem.fixed, measured_clearance(problem), problem.start_box, 1e-3, problem.settings.max_tilt
     )
     seen = [shape for shape in islice(shapes, 6 * len(found)) if shape.touch and shape.depth < 1e-3]
     assert {shape.about_y > shape.about_x for shape in seen} == {True, False}

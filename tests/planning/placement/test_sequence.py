@@ -13,14 +13,7 @@ from fmopt.planning.moves.moves import Care, Reached, in_a_row, onto_surfaces
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.pipeline import certified_motion
 from fmopt.planning.placement.error_derivatives import sensitivities
-from fmopt.planning.placement.sequence_program import (
-    Aim,
-    Placed,
-    Refinement,
-    certified,
-    refine,
-    state_rows,
-)
+from fmopt.planning.placement.sequence_program import Aim, Placed, Refinement, certified, refine, state_rows
 from fmopt.planning.placement.sequence_rows import SequenceRows, sequence_rows
 from fmopt.planning.posed import FINE, FIRM, STEADY
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion

@@ -181,10 +181,7 @@ def test_a_search_cut_short_says_how_far_it_came() -> None:
 
 @pytest.mark.parametrize(
     ("binding", "words"),
-    [
-        ("pieces 0/3", "the distance of piece 0 of the moving part from piece 3 of the fixed one"),
-        ("e1-e10", "e1-e10"),
-    ],
+    [("pieces 0/3", "the distance of piece 0 of the moving part from piece 3 of the fixed one"), ("e1-e10", "e1-e10")],
 )
 def test_what_is_short_on_the_way_is_said(binding: str, words: str) -> None:
     task, rounds = asked(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20)

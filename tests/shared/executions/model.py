@@ -167,12 +167,7 @@ def first_zero(f: Callable[[Array], Array], count: int, farthest: float) -> Arra
 
 
 def execute(
-    plan: Plan,
-    count: int,
-    seed: int,
-    steps: int = 8,
-    watch: Watch = lambda *_: None,
-    sources: Sources | None = None,
+    plan: Plan, count: int, seed: int, steps: int = 8, watch: Watch = lambda *_: None, sources: Sources | None = None
 ) -> Ledger:
     """Runs executions of a plan and checks everything that it promises on the way.
 

@@ -22,13 +22,7 @@ from tests.shared.lies.lie import CONSTRUCTION, PROBLEM, Document, Lie
 from tests.shared.lies.restate import restated
 from tests.shared.plans.table_plan import sealed
 
-LIES: tuple[Lie, ...] = (
-    *lies_solids.LIES,
-    *lies_edge.LIES,
-    *lies_motion.LIES,
-    *lies_problem.LIES,
-    *lies_said.LIES,
-)
+LIES: tuple[Lie, ...] = (*lies_solids.LIES, *lies_edge.LIES, *lies_motion.LIES, *lies_problem.LIES, *lies_said.LIES)
 Differences = Callable[[Document], Sequence[str]]
 _MOTION = ("parts", "contacts", "segments", "uncertainty", "touch_tolerance")  # what executions look at
 

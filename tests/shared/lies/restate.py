@@ -123,10 +123,7 @@ def _settled(chain: Chain, segment: Segment, said: Document) -> tuple[Chain, Sta
         if all(abs(x - y) <= 1e-15 for x, y in zip((*tube.box, *tube.angles), half, strict=True)):
             break
         box, angles = (half[0], half[1], half[2]), (half[3], half[4], half[5])
-        segment = replace(
-            segment,
-            tube=replace(tube, box=box, angles=angles, theta=math.hypot(*angles)),
-        )
+        segment = replace(segment, tube=replace(tube, box=box, angles=angles, theta=math.hypot(*angles)))
     return trial, stage
 
 

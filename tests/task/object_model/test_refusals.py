@@ -12,19 +12,7 @@ from fmopt.geometry.csg import Box
 from fmopt.task.object_model.command import APART, CLEAR, KINDS, STALE, START, Specification, Task, answer, completed
 from fmopt.task.object_model.goal import FREE, INSERTED, ON_AXIS, SETTLED, Goal
 from fmopt.task.object_model.workcell import EXIST, Link, LinkKind, LowerPair, Ref, Workcell
-from tests.shared.parts.workcells import (
-    IN_BUSH,
-    SIDES,
-    above,
-    at,
-    bush,
-    cell,
-    feature,
-    peg,
-    plate,
-    task,
-    thing,
-)
+from tests.shared.parts.workcells import IN_BUSH, SIDES, above, at, bush, cell, feature, peg, plate, task, thing
 
 
 def refused(base: Workcell, wanted: Task) -> TaskError:
@@ -102,10 +90,7 @@ def test_a_peg_too_thick_interferes() -> None:
 
 
 def test_operands_joined_by_other_links() -> None:
-    links = (
-        Link("attached", Ref("peg"), Ref("plate")),
-        Link("attached", Ref("plate"), Ref("bush")),
-    )
+    links = (Link("attached", Ref("peg"), Ref("plate")), Link("attached", Ref("plate"), Ref("bush")))
     error = refused(cell(bush(at(0)), peg(at(0, 0, 0.06)), plate(at(1)), links=links), IN_BUSH)
     assert (error.rule, error.feature) == (APART, "peg.shaft")
 

@@ -15,18 +15,7 @@ from fmopt.geometry.mating_features import DESCRIBE
 from fmopt.planning.pipeline import tried
 from fmopt.task.explain import facts
 from tests.shared.files.advice.case import UNITS, Case
-from tests.shared.files.advice.edits import (
-    BLOCK,
-    LONG,
-    PAIR,
-    PEG,
-    START,
-    edited,
-    files,
-    fitted,
-    problem,
-    written,
-)
+from tests.shared.files.advice.edits import BLOCK, LONG, PAIR, PEG, START, edited, files, fitted, problem, written
 from tests.shared.files.advice.problems import MATED, NAMED
 from tests.shared.files.mesh_damage import subdivided
 from tests.shared.files.mesh_files import plate, rounded, stl_text, triangles_of
@@ -145,9 +134,5 @@ WARNED: tuple[tuple[str, Mapping[str, str], Mapping[str, str]], ...] = (
         {"problem.toml": f'[units]\nlength = "cm"\nangle = "deg"\n{LONG}{CENTIMETRES}'},
         {"problem.toml": f'[units]\nlength = "mm"\nangle = "deg"\n{LONG}{CENTIMETRES}'},
     ),
-    (
-        "which is the clearance and more; give finer facets",
-        round_peg(18),
-        round_peg(96),
-    ),
+    ("which is the clearance and more; give finer facets", round_peg(18), round_peg(96)),
 )

@@ -7,16 +7,7 @@ from typing import Any
 
 from fmopt.geometry.csg import Box
 from tests.shared.files.advice.case import UNITS, Case
-from tests.shared.files.advice.edits import (
-    BLOCK,
-    PEG,
-    START,
-    edited,
-    files,
-    model,
-    raw_model,
-    written,
-)
+from tests.shared.files.advice.edits import BLOCK, PEG, START, edited, files, model, raw_model, written
 from tests.shared.files.mesh_files import glb, stl_text, triangles_of
 from tests.shared.files.step_files import write_step
 from tests.shared.files.step_parts import box

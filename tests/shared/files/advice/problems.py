@@ -10,18 +10,7 @@ from typer.testing import CliRunner
 import fmopt
 from fmopt.cli import app
 from tests.shared.files.advice.case import UNITS, Case
-from tests.shared.files.advice.edits import (
-    LONG,
-    PAIR,
-    PEG,
-    SHORT,
-    START,
-    assembled,
-    edited,
-    files,
-    problem,
-    written,
-)
+from tests.shared.files.advice.edits import LONG, PAIR, PEG, SHORT, START, assembled, edited, files, problem, written
 from tests.shared.files.advice.texts import TASK
 
 WHOLE = f"{SHORT}{START}"
