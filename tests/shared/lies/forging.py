@@ -36,15 +36,7 @@ INTERNAL = 70
 COMMANDS = (
     ("verify", "{plan}"),
     ("show", "{plan}", "--out", "{folder}/shown.html"),
-    (
-        "export",
-        "{plan}",
-        "--to",
-        "urscript",
-        "--out",
-        "{folder}/program.script",
-        *["--base", "0", "0", "0", "0", "0", "0"],
-    ),
+    ("export", "{plan}", "--to", "urscript", "--out", "{folder}/program.script", "--base", *"000000"),
     ("export", "{plan}", "--unverified", "--to", "csv", "--out", "{folder}/table.csv"),
 )
 

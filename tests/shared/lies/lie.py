@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -85,5 +86,15 @@ def around(loop: list[int]) -> Iterator[tuple[int, int]]:
     return zip(loop, [*loop[1:], loop[0]], strict=True)
 
 
-def named(oracle: str, settled: bool, *tells: Any) -> tuple[Lie, ...]:
-    return tuple(Lie(tell.__name__.replace("_", " "), oracle, tell, settled) for tell in tells)
+def named(oracle: str, settled: bool, *changes: Callable[[Document, Random], None]) -> tuple[Lie, ...]:
+    """Lies by the names of what alters a plan, or leaves it where it has nothing of the kind."""
+    return tuple(Lie(change.__name__.replace("_", " "), oracle, _told(change), settled) for change in changes)
+
+
+def _told(change: Callable[[Document, Random], None]) -> Callable[[Document, Random], bool]:
+    def tell(plan: Document, rng: Random) -> bool:
+        before = json.dumps(plan)
+        change(plan, rng)
+        return json.dumps(plan) != before
+
+    return tell

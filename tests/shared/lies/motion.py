@@ -15,10 +15,10 @@ def _later(plan: Document, rng: Random) -> tuple[int, Any]:
     return k, plan["segments"][k]
 
 
-def wrong_feature(plan: Document, rng: Random) -> bool:
+def wrong_feature(plan: Document, rng: Random) -> None:
     """A contact of another vertex or edge than the one that touches."""
     if not plan["contacts"]:
-        return False
+        return
     contact = rng.choice(plan["contacts"])
     side = rng.choice(("moving", "fixed"))
     place, part = contact[side], plan["parts"][side]
@@ -32,26 +32,24 @@ def wrong_feature(plan: Document, rng: Random) -> bool:
     else:
         others = [[k] for k in range(len(part["vertices"])) if [k] != now]
     place["vertices"] = list(rng.choice(others))
-    return True
 
 
-def swapped_features(plan: Document, rng: Random) -> bool:
+def swapped_features(plan: Document, rng: Random) -> None:
     """Two contacts of a kind that have taken each other's names."""
     kinds = [[c for c in plan["contacts"] if c["kind"] == kind] for kind in ("vertex-face", "edge-edge")]
     kinds = [found for found in kinds if len(found) > 1]
     if not kinds:
-        return False
+        return
     one, other = rng.sample(rng.choice(kinds), 2)
     one["id"], other["id"] = other["id"], one["id"]
-    return True
 
 
-def extra_contact(plan: Document, rng: Random) -> bool:
+def extra_contact(plan: Document, rng: Random) -> None:
     """A contact that is said to be held from a move on, and that nothing made."""
     k, segment = _later(plan, rng)
     unheld = [c["id"] for c in plan["contacts"] if c["id"] not in segment["goal_state"]]
     if not unheld:
-        return False
+        return
     name = rng.choice(unheld)
     for later in plan["segments"][k:]:
         for key in ("state", "goal_state"):
@@ -59,32 +57,30 @@ def extra_contact(plan: Document, rng: Random) -> bool:
         later["leaving"] = [x for x in later.get("leaving", []) if x != name]
         if not later["leaving"]:
             del later["leaving"]
-    return True
 
 
-def extra_contact_made(plan: Document, rng: Random) -> bool:
+def extra_contact_made(plan: Document, rng: Random) -> None:
     """A contact that is said to come with the one that a move makes."""
     making = sorted({s["move"] for s in plan["segments"] if any(b["made"] for b in s["basis"])})
     if not making:
-        return False
+        return
     move = rng.choice(making)
     unheld = [c["id"] for c in plan["contacts"] if all(c["id"] not in s["goal_state"] for s in plan["segments"])]
     later_on = next(s for s in plan["segments"] if s["move"] == move)["goal_state"]
     unheld += [i for s in plan["segments"] if s["move"] > move for i in s["goal_state"] if i not in later_on]
     if not unheld:
-        return False
+        return
     name = rng.choice(sorted(set(unheld)))
     for segment in plan["segments"]:
         if segment["move"] == move and name not in segment["goal_state"]:
             segment["goal_state"].append(name)
-    return True
 
 
-def dropped_contact(plan: Document, rng: Random) -> bool:
+def dropped_contact(plan: Document, rng: Random) -> None:
     """A contact that is held, and not spoken of from a move on."""
     holding = [k for k, s in enumerate(plan["segments"]) if s["state"]]
     if not holding:
-        return False
+        return
     k = rng.choice(holding)
     name = rng.choice(plan["segments"][k]["state"])
     for later in plan["segments"][k:]:
@@ -94,109 +90,102 @@ def dropped_contact(plan: Document, rng: Random) -> bool:
         if "hybrid" in later:
             forces = later["hybrid"]["normal_forces"]
             later["hybrid"]["normal_forces"] = [f for f in forces if f["contact"] != name]
-    return True
 
 
-def other_contact_made(plan: Document, rng: Random) -> bool:
+def other_contact_made(plan: Document, rng: Random) -> None:
     """A move that ends by another contact than the one that it makes."""
     making = [s for s in plan["segments"] if any(b["made"] for b in s["basis"])]
     if not making:
-        return False
+        return
     move = rng.choice(making)["move"]
     moved = [s for s in plan["segments"] if s["move"] == move]
     others = [c["id"] for c in plan["contacts"] if c["id"] not in moved[0]["state"]]
     was = next(b["contact"] for b in moved[0]["basis"] if b["made"])
     name = rng.choice(others)
     if name == was:
-        return False
+        return
     for segment in moved:
         segment["goal_state"] = [x for x in segment["goal_state"] if x not in (was, name)] + [name]
         for entry in segment["basis"]:
             entry["contact"] = name if entry["made"] else entry["contact"]
-    return True
 
 
-def nothing_left(plan: Document, rng: Random) -> bool:
+def nothing_left(plan: Document, rng: Random) -> None:
     """A move that gives contacts up, and says that it does not."""
     leaving = [s for s in plan["segments"] if s.get("leaving")]
     if not leaving:
-        return False
+        return
     move = rng.choice(leaving)["move"]
     for segment in plan["segments"]:
         if segment["move"] == move:
             gone = segment.pop("leaving")
             if rng.random() < 0.5:
                 segment["state"], segment["goal_state"] = segment["state"] + gone, segment["goal_state"] + gone
-    return True
 
 
-def swapped_basis(plan: Document, rng: Random) -> bool:
+def swapped_basis(plan: Document, rng: Random) -> None:
     """Contacts of a basis in another order, or one of them another contact of the state."""
     long = [s for s in plan["segments"] if len(s["basis"]) > 1]
     if not long:
-        return False
+        return
     segment = rng.choice(long)
     entry = rng.choice([b for b in segment["basis"] if not b["made"]] or segment["basis"])
     if entry["made"] or rng.random() < 0.3:
         segment["basis"].reverse()
     else:
         entry["contact"] = rng.choice(segment["state"])
-    return True
 
 
-def dropped_segment(plan: Document, rng: Random) -> bool:
+def dropped_segment(plan: Document, rng: Random) -> None:
     """A piece of motion left out, the one after it from where it began."""
     if len(plan["segments"]) < 3:
-        return False
+        return
     k = rng.randrange(len(plan["segments"]) - 1)
     gone = plan["segments"].pop(k)
     after = plan["segments"][k]
     after["start"] = list(gone["start"])
     if after["move"] == gone["move"]:
         after["progress"][0] = gone["progress"][0]
-    return True
 
 
-def swapped_moves(plan: Document, rng: Random) -> bool:
+def swapped_moves(plan: Document, rng: Random) -> None:
     """Two moves that follow each other in the other order."""
     moves = sorted({s["move"] for s in plan["segments"]})
     if len(moves) < 3:
-        return False
+        return
     m = rng.choice(moves[:-1])
     first, second = ([s for s in plan["segments"] if s["move"] == n] for n in (m, m + 1))
     k = plan["segments"].index(first[0])
     for segment in (*first, *second):
         segment["move"] = 2 * m + 1 - segment["move"]
     plan["segments"][k : k + len(first) + len(second)] = [*second, *first]
-    return True
 
 
-def renumbered_moves(plan: Document, rng: Random) -> bool:
+def renumbered_moves(plan: Document, rng: Random) -> None:
     """Moves with a number left out or told twice."""
     k, _ = _later(plan, rng)
     shift = rng.choice((-1, 1))
-    for segment in plan["segments"][k:]:
-        segment["move"] = max(0, segment["move"] + shift)
-    numbers = [s["move"] for s in plan["segments"]]
-    return any(b - a not in (0, 1) for a, b in pairwise(numbers))
+    numbers = [max(0, s["move"] + shift * (j >= k)) for j, s in enumerate(plan["segments"])]
+    if any(b - a not in (0, 1) for a, b in pairwise(numbers)):
+        for segment, number in zip(plan["segments"], numbers, strict=True):
+            segment["move"] = number
 
 
-def uneven_progress(plan: Document, rng: Random) -> bool:
+def uneven_progress(plan: Document, rng: Random) -> None:
     """Pieces of a move that take another share of it than they say."""
     inner = [k for k, s in enumerate(plan["segments"]) if s["progress"][1] < 1.0]
     if not inner:
-        return False
+        return
     k = rng.choice(inner)
     one, other = plan["segments"][k : k + 2]
     share = drawn(rng, -9.0, -1.0) * rng.choice((-1.0, 1.0))
     at = one["progress"][1] + share * (one["progress"][1] - one["progress"][0])
     if not one["progress"][0] < at < other["progress"][1]:
-        return False
+        return
     one["progress"][1] = other["progress"][0] = at
-    return True
 
 
-def displaced_pose(plan: Document, rng: Random) -> bool:
+def displaced_pose(plan: Document, rng: Random) -> None:
     """A pose between two segments elsewhere."""
     k, segment = _later(plan, rng)
     axis = rng.randrange(6)
@@ -204,71 +193,51 @@ def displaced_pose(plan: Document, rng: Random) -> bool:
     pose = list(segment["start"])
     pose[axis] += off
     segment["start"], plan["segments"][k - 1]["goal"] = pose, list(pose)
-    return True
 
 
-def ends_short(plan: Document, rng: Random) -> bool:
+def ends_short(plan: Document, rng: Random) -> None:
     """A goal that is not the problem's."""
     last, axis = plan["segments"][-1], rng.choice((2, 3, 4, 5))
     pose = list(last["goal"])
     pose[axis] += drawn(rng, -5.5, -3.0)
     last["goal"], plan["goal"] = pose, list(pose)
-    return True
 
 
-def ends_early(plan: Document, rng: Random) -> bool:
+def ends_early(plan: Document, rng: Random) -> None:
     """The last moves left out."""
     moves = plan["segments"][-1]["move"]
     if moves < 1:
-        return False
+        return
     keep = rng.randrange(moves)
     plan["segments"] = [s for s in plan["segments"] if s["move"] <= keep]
     plan["goal"] = list(plan["segments"][-1]["goal"])
     if "recovery" in plan:
         plan["recovery"]["moves"] = [m for m in plan["recovery"]["moves"] if m["move"] <= keep]
-    return True
 
 
-def other_witness(plan: Document, rng: Random) -> bool:
+def other_witness(plan: Document, rng: Random) -> None:
     """Another face between two pieces."""
     item = rng.choice(rng.choice(plan["segments"])["separations"])
     side = rng.choice(("moving", "fixed"))
     loop = rng.choice(plan["parts"][side]["pieces"][item[f"{side}_piece"]]["faces"])[0]
     item["witness"] = {"kind": f"{side}-face", "moving": [], "fixed": [], side: list(loop)}
-    return True
 
 
-def tilted_witness(plan: Document, rng: Random) -> bool:
+def tilted_witness(plan: Document, rng: Random) -> None:
     """A plane between two pieces, tilted or shifted."""
     planes = [i for s in plan["segments"] for i in s["separations"] if i["witness"]["kind"] == "plane"]
     if not planes:
-        return False
+        return
     witness = rng.choice(planes)["witness"]
     witness["normal"] = [x + drawn(rng, -9.0, 0.0) * rng.gauss(0.0, 1.0) for x in witness["normal"]]
     witness["normal"] = [max(-1.0, min(1.0, x)) for x in witness["normal"]]
     witness["offset"] -= drawn(rng, -9.0, -2.0)
-    return True
 
-
-_SAMPLED = (
-    wrong_feature,
-    swapped_features,
-    extra_contact,
-    extra_contact_made,
-    dropped_contact,
-    other_contact_made,
-    nothing_left,
-    swapped_basis,
-    dropped_segment,
-    swapped_moves,
-    uneven_progress,
-    displaced_pose,
-    other_witness,
-    tilted_witness,
-)
 
 LIES = (
-    *named(SAMPLING, True, *_SAMPLED),
+    *named(SAMPLING, True, wrong_feature, swapped_features, extra_contact, extra_contact_made, dropped_contact),
+    *named(SAMPLING, True, other_contact_made, nothing_left, swapped_basis, dropped_segment, swapped_moves),
+    *named(SAMPLING, True, uneven_progress, displaced_pose, other_witness, tilted_witness),
     *named(CONSTRUCTION, True, renumbered_moves),
     *named(PROBLEM, True, ends_short, ends_early),
 )

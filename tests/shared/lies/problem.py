@@ -18,93 +18,82 @@ def _resized(plan: Document, box: list[float]) -> None:
             offset[:] = [x * r for x, r in zip(offset, ratio, strict=True)]
 
 
-def smaller_box(plan: Document, rng: Random) -> bool:
+def smaller_box(plan: Document, rng: Random) -> None:
     """Smaller start errors than the problem's."""
     share = 1.0 - drawn(rng, -6.0, -0.3)
     _resized(plan, [x * share for x in plan["uncertainty"]["start_box"]])
-    return True
 
 
-def flat_box(plan: Document, rng: Random) -> bool:
+def flat_box(plan: Document, rng: Random) -> None:
     """Start errors without one of their axes."""
     box = list(plan["uncertainty"]["start_box"])
     axes = [k for k in range(2, 6) if box[k] > 0.0]
     if not axes:
-        return False
+        return
     box[rng.choice(axes)] = 0.0
     _resized(plan, box)
-    return True
 
 
-def slower_drift(plan: Document, rng: Random) -> bool:
+def slower_drift(plan: Document, rng: Random) -> None:
     """Smaller velocity errors than the problem's."""
     rates = plan["uncertainty"]["velocity_error"]
     k = rng.randrange(2)
-    was = rates[k]
     rates[k] *= rng.choice((0.0, 1.0 - drawn(rng, -6.0, -0.1)))
-    return bool(rates[k] != was)
 
 
-def longer_rho(plan: Document, rng: Random) -> bool:
+def longer_rho(plan: Document, rng: Random) -> None:
     """Another length that weighs rotation: a longer one hides rotation errors."""
     plan["uncertainty"]["rho"] *= 1.0 + rng.choice((-1.0, 1.0)) * drawn(rng, -6.0, -0.6)
-    return True
 
 
-def other_specification(plan: Document, rng: Random) -> bool:
+def other_specification(plan: Document, rng: Random) -> None:
     """Other forces, friction or speed than the problem's."""
     specification = plan["specification"]
     key = rng.choice(sorted(specification))
     specification[key] *= 1.0 + rng.choice((-1.0, 1.0)) * drawn(rng, -6.0, -0.5)
-    return True
 
 
-def other_problem(plan: Document, rng: Random) -> bool:
+def other_problem(plan: Document, rng: Random) -> None:
     """The digest of another problem."""
     plan["problem"]["sha256"] = f"{rng.getrandbits(256):064x}"
-    return True
 
 
-def other_units(plan: Document, rng: Random) -> bool:
+def other_units(plan: Document, rng: Random) -> None:
     """Numbers that are said to be of another unit."""
     if "units" not in plan:
-        return False
+        return
     other = {"m": "mm", "rad": "deg", "N": "kN", "N m": "N mm", "s": "min"}
     key = rng.choice(sorted(plan["units"]))
     plan["units"][key] = other.get(plan["units"][key], "mm")
-    return True
 
 
-def other_frames(plan: Document, rng: Random) -> bool:
+def other_frames(plan: Document, rng: Random) -> None:
     """Frames that are said to be elsewhere, or one another's."""
     if "frames" not in plan:
-        return False
+        return
     frames = plan["frames"]
     one, other = rng.sample(sorted(frames), 2)
     if rng.random() < 0.5:
         frames[one], frames[other] = frames[other], frames[one]
     else:
         frames[one] = frames[one].replace(rng.choice(frames[one].split()), "not", 1)
-    return True
 
 
-def other_clearance(plan: Document, rng: Random) -> bool:
+def other_clearance(plan: Document, rng: Random) -> None:
     """Another declared clearance."""
     part = plan["parts"][rng.choice(("moving", "fixed"))]
     if not part.get("declared_clearance"):
-        return False
+        return
     part["declared_clearance"][0] *= 1.0 + drawn(rng, -6.0, 0.0)
-    return True
 
 
-def shifted_part(plan: Document, rng: Random) -> bool:
+def shifted_part(plan: Document, rng: Random) -> None:
     """A moving part that reaches elsewhere from its reference point than the problem's, the motion moved along."""
     axis, off = rng.randrange(3), drawn(rng, -9.0, -4.0)
     part = plan["parts"]["moving"]
     for body in (part, *part["pieces"]):
         for vertex in body["vertices"]:
             vertex[axis] += off
-    return True
 
 
 LIES = (

@@ -41,13 +41,12 @@ def _edge(part: Document, rng: Random) -> tuple[int, int]:
     return rng.choice([edge for face in part["faces"] for loop in face for edge in around(loop)])
 
 
-def unused_vertex(plan: Document, rng: Random) -> bool:
+def unused_vertex(plan: Document, rng: Random) -> None:
     """A vertex of no face, 0.3 nm along an edge from its end and a little off the edge's line."""
     part = _part(plan, rng)
     a, b = (part["vertices"][k] for k in _edge(part, rng))
     u = unit(minus(b, a))
     part["vertices"].append(plus(plus(a, u, drawn(rng, -9.6, -9.0)), _across(u, rng), drawn(rng, -12.5, -11.1)))
-    return True
 
 
 def _across(u: Point, rng: Random) -> Point:
@@ -55,14 +54,13 @@ def _across(u: Point, rng: Random) -> Point:
     return unit(cross(u, [rng.gauss(0.0, 1.0) for _ in range(3)]))
 
 
-def unused_vertices_afar(plan: Document, rng: Random) -> bool:
+def unused_vertices_afar(plan: Document, rng: Random) -> None:
     """Vertices of no face, anywhere."""
     part = _part(plan, rng)
     part["vertices"] += [[rng.uniform(-0.02, 0.02) for _ in range(3)] for _ in range(rng.randrange(1, 4))]
-    return True
 
 
-def broken_edge(plan: Document, rng: Random) -> bool:
+def broken_edge(plan: Document, rng: Random) -> None:
     """A vertex within an edge, a little off its line."""
     part = _part(plan, rng)
     i, j = _edge(part, rng)
@@ -75,57 +73,50 @@ def broken_edge(plan: Document, rng: Random) -> bool:
             for edge in ((i, j), (j, i)):
                 if edge in list(around(loop)):
                     loop.insert(loop.index(edge[0]) + 1, new)
-    return True
 
 
-def bent_face(plan: Document, rng: Random) -> bool:
+def bent_face(plan: Document, rng: Random) -> None:
     """A corner of a face with four or more moved out of its plane, in the surface and in all pieces."""
     part = _part(plan, rng)
     faces = [face[0] for face in part["faces"] if len(face[0]) > 3]
     if not faces:
-        return False
+        return
     loop = rng.choice(faces)
     at = part["vertices"][rng.choice(loop)]
     moved = plus(at, normal(part["vertices"], loop), rng.choice((-1.0, 1.0)) * drawn(rng, -15.0, -7.0))
     was = list(at)
-    if moved == was:
-        return False
     for body in bodies(part):
         for vertex in body["vertices"]:
             if vertex == was:
                 vertex[:] = moved
-    return True
 
 
-def moved_corner(plan: Document, rng: Random) -> bool:
+def moved_corner(plan: Document, rng: Random) -> None:
     """A corner of the surface moved, and not in the pieces."""
     part = _part(plan, rng)
     vertex = rng.choice(part["vertices"])
-    axis, was = rng.randrange(3), list(vertex)
+    axis = rng.randrange(3)
     vertex[axis] += rng.choice((-1.0, 1.0)) * drawn(rng, -13.0, -6.0)
-    return bool(vertex != was)
 
 
-def plugged_way(plan: Document, rng: Random) -> bool:
+def plugged_way(plan: Document, rng: Random) -> None:
     """A plug where the moving part is to be, outweighed by a shell that is inside out."""
     way = plan["segments"][rng.randrange(len(plan["segments"]))]["goal"][:3]
     size, part = drawn(rng, -5.0, -3.3), plan["parts"]["fixed"]
     _shell(part, plus(way, [0.0, 0.0, 1e-3]), size)
     _shell(part, [rng.uniform(0.1, 0.2), rng.uniform(0.1, 0.2), rng.uniform(-0.2, -0.1)], size, inverse=True)
-    return True
 
 
-def hollow_piece(plan: Document, rng: Random) -> bool:
+def hollow_piece(plan: Document, rng: Random) -> None:
     """A void inside a piece, outweighed by a solid in the same piece."""
     part = _part(plan, rng)
     middle = centre(rng.choice(part["pieces"])["vertices"])
     size = drawn(rng, -6.0, -4.0)
     _shell(part, middle, size)
     _shell(part, plus(middle, [2.0 * size, 0.0, 0.0]), size, inverse=True)
-    return True
 
 
-def crossing_shell(plan: Document, rng: Random) -> bool:
+def crossing_shell(plan: Document, rng: Random) -> None:
     """Two shells through a face of a piece, one of them inside out."""
     part = _part(plan, rng)
     piece = rng.choice(part["pieces"])
@@ -135,55 +126,49 @@ def crossing_shell(plan: Document, rng: Random) -> bool:
     at = plus(centre(points), normal(piece["vertices"], loop), -0.2 * size)
     _shell(part, at, size)
     _shell(part, plus(at, unit(minus(points[1], points[0])), 2.0 * size), size, inverse=True)
-    return True
 
 
-def membrane(plan: Document, rng: Random) -> bool:
+def membrane(plan: Document, rng: Random) -> None:
     """A sheet without thickness, seen from both sides."""
     part = _part(plan, rng)
     n, at = len(part["vertices"]), [rng.uniform(-0.01, 0.01) for _ in range(3)]
     part["vertices"] += [plus(at, [3e-3 * (k == j) for j in range(3)]) for k in range(3)]
     part["faces"] += [[[n, n + 1, n + 2]], [[n + 2, n + 1, n]]]
-    return True
 
 
-def lid(plan: Document, rng: Random) -> bool:
+def lid(plan: Document, rng: Random) -> None:
     """A hole closed by a sheet in the plane of its mouth."""
     part = plan["parts"]["fixed"]
     holed = [face for face in part["faces"] if len(face) > 1]
     if not holed:
-        return False
+        return
     face = rng.choice(holed)
     part["faces"].append([face.pop(rng.randrange(1, len(face)))])
-    return True
 
 
-def doubled_face(plan: Document, rng: Random) -> bool:
+def doubled_face(plan: Document, rng: Random) -> None:
     """A face told twice."""
     part = _part(plan, rng)
     part["faces"].append([list(loop) for loop in rng.choice(part["faces"])])
-    return True
 
 
-def dropped_loop(plan: Document, rng: Random) -> bool:
+def dropped_loop(plan: Document, rng: Random) -> None:
     """A hole of a face left out."""
     part = plan["parts"]["fixed"]
     holed = [face for face in part["faces"] if len(face) > 1]
     if not holed:
-        return False
+        return
     rng.choice(holed).pop()
-    return True
 
 
-def inside_out(plan: Document, rng: Random) -> bool:
+def inside_out(plan: Document, rng: Random) -> None:
     """A surface seen from inside."""
     for face in _part(plan, rng)["faces"]:
         for loop in face:
             loop.reverse()
-    return True
 
 
-def cut_corner(plan: Document, rng: Random) -> bool:
+def cut_corner(plan: Document, rng: Random) -> None:
     """A corner that the part has and its only piece there has not."""
     part = _part(plan, rng)
     corners = {tuple(v) for v in part["vertices"]}
@@ -196,10 +181,9 @@ def cut_corner(plan: Document, rng: Random) -> bool:
         and not any(_holds(other, v) for other in part["pieces"] if other is not piece)
     ]
     if not places:
-        return False
+        return
     piece, k = rng.choice(places)
     _truncate(piece, k, drawn(rng, -8.0, -5.41))
-    return True
 
 
 def _holds(piece: Document, at: Point) -> bool:
@@ -232,35 +216,33 @@ def _truncate(piece: Document, k: int, depth: float) -> None:
     piece["faces"].append([[k, follow[k], follow[follow[k]]]])
 
 
-def shrunk_piece(plan: Document, rng: Random) -> bool:
+def shrunk_piece(plan: Document, rng: Random) -> None:
     """A piece drawn together."""
     piece, share = rng.choice(_part(plan, rng)["pieces"]), 1.0 - drawn(rng, -7.0, -2.0)
     middle = centre(piece["vertices"])
     for vertex in piece["vertices"]:
         vertex[:] = plus(middle, minus(vertex, middle), share)
-    return True
 
 
-def thin_skin(plan: Document, rng: Random) -> bool:
+def thin_skin(plan: Document, rng: Random) -> None:
     """A face of a piece moved in or out, where no other piece makes up for it."""
     pieces = _part(plan, rng)["pieces"]
     piece = rng.choice(pieces)
     loop = rng.choice(piece["faces"])[0]
     n, shift = normal(piece["vertices"], loop), rng.choice((-1.0, 1.0)) * drawn(rng, -11.5, -6.0)
     was = [list(piece["vertices"][k]) for k in loop]
-    for k in loop:
-        piece["vertices"][k] = plus(piece["vertices"][k], n, shift)
-    now = [piece["vertices"][k] for k in loop]
-    made_up = any(all(_holds(other, v) for v in (*was, *now)) for other in pieces if other is not piece)
-    return was != now and not made_up
+    now = [plus(vertex, n, shift) for vertex in was]
+    if not any(all(_holds(other, v) for v in (*was, *now)) for other in pieces if other is not piece):
+        for k, vertex in zip(loop, now, strict=True):
+            piece["vertices"][k] = vertex
 
 
-def missing_piece(plan: Document, rng: Random) -> bool:
+def missing_piece(plan: Document, rng: Random) -> None:
     """A piece left out, with all that is said of it."""
     side = rng.choice(SIDES)
     pieces = plan["parts"][side]["pieces"]
     if len(pieces) < 2:
-        return False
+        return
     k = rng.randrange(len(pieces))
     pieces.pop(k)
     key = f"{side}_piece"
@@ -268,44 +250,25 @@ def missing_piece(plan: Document, rng: Random) -> bool:
         segment["separations"] = [item for item in segment["separations"] if item[key] != k]
         for item in segment["separations"]:
             item[key] -= item[key] > k
-    return True
 
 
-def other_fraction(plan: Document, rng: Random) -> bool:
+def other_fraction(plan: Document, rng: Random) -> None:
     """A corner at another fraction than its plane's, or at none."""
     part = _part(plan, rng)
     if not part.get("exact"):
-        return False
+        return
     entry = rng.choice(part["exact"])
     if rng.random() < 0.3:
         part["exact"].remove(entry)
-        return True
+        return
     k = rng.randrange(3)
     p, _, q = entry["at"][k].partition("/")
     scale = 10 ** rng.randrange(9, 30)
     entry["at"][k] = f"{int(p) * scale + rng.choice((-1, 1))}/{int(q or 1) * scale}"
-    return True
 
 
-LIES = named(
-    CONSTRUCTION,
-    True,
-    unused_vertex,
-    unused_vertices_afar,
-    broken_edge,
-    bent_face,
-    moved_corner,
-    plugged_way,
-    hollow_piece,
-    crossing_shell,
-    membrane,
-    lid,
-    doubled_face,
-    dropped_loop,
-    inside_out,
-    cut_corner,
-    shrunk_piece,
-    thin_skin,
-    missing_piece,
-    other_fraction,
+LIES = (
+    *named(CONSTRUCTION, True, unused_vertex, unused_vertices_afar, broken_edge, bent_face, moved_corner, plugged_way),
+    *named(CONSTRUCTION, True, hollow_piece, crossing_shell, membrane, lid, doubled_face, dropped_loop, inside_out),
+    *named(CONSTRUCTION, True, cut_corner, shrunk_piece, thin_skin, missing_piece, other_fraction),
 )
