@@ -209,16 +209,21 @@ def axis(text: str) -> str:
     return '[[axes]]\nname = "a"\n' + text + "\n"
 
 
+def of(path: str, values: str = "1") -> str:
+    """An axis of one path."""
+    return axis(f'values = [{values}]\nsets = ["{path}"]')
+
+
 X = 'sets = ["uncertainty.start.x"]'
+RANGE, NORMAL = f"low = 0.1\nhigh = 0.3\n{X}", f"mean = 0.1\ndeviation = 0.3\n{X}"
+ONE = axis(f"values = [0.1]\n{X}")
 CUBE = '[sampling]\nmethod = "{}"\nruns = {}\nseed = 1\n'
+RANDOM = CUBE.format("random", 10)
 MISTAKES = {
-    "unknown path": (axis('values = [1]\nsets = ["uncertainty.start.yx"]'), "12:9: unknown-path: axes[0].sets[0]: "),
-    "near path": (axis('values = [1]\nsets = ["specification.frictoin"]'), "did you mean 'specification.friction'?"),
-    "unknown model parameter": (
-        axis('values = [1]\nsets = ["model.fixed.widht"]'),
-        "did you mean 'model.fixed.width'?",
-    ),
-    "no such table": (axis('values = [1]\nsets = ["colour"]'), "paths here: "),
+    "unknown path": (of("uncertainty.start.yx"), "12:9: unknown-path: axes[0].sets[0]: "),
+    "near path": (of("specification.frictoin"), "did you mean 'specification.friction'?"),
+    "unknown model parameter": (of("model.fixed.widht"), "did you mean 'model.fixed.width'?"),
+    "no such table": (of("colour"), "paths here: "),
     "empty axis": (axis(f"values = []\n{X}"), "11:10: empty-axis: axes[0].values: the axis has no values"),
     "empty range": (axis(f"low = 0.3\nhigh = 0.1\nsteps = 3\n{X}"), "empty-axis: axes[0].low: low 0.3 mm is not below"),
     "neither": (axis(X), "neither values nor a range"),
@@ -233,19 +238,13 @@ MISTAKES = {
     "unknown name": (axis('values = [0.1]\nsets = { "clearance.x" = "2 * b" }'), "there is no parameter 'b'"),
     "code": (axis('values = [0.1]\nsets = { "clearance.x" = "__import__(os)" }'), "no parameter '__import__'"),
     "out of range": (axis(f"values = [0.1, -0.2]\n{X}"), "negative: axes[0].values: '-0.0002 m' = -0.2 mm is negative"),
-    "too large": (
-        axis('values = [0.1, 50]\nsets = ["uncertainty.start.rx"]'),
-        "is too large; keep it at most 28.6478897 deg",
-    ),
-    "unknown word": (axis('values = ["sonud"]\nsets = ["settings.method"]'), "'sonud' is none of the choices"),
-    "number for a word": (axis('values = [1]\nsets = ["settings.method"]'), "1 is no word"),
+    "too large": (of("uncertainty.start.rx", "0.1, 50"), "is too large; keep it at most 28.6478897 deg"),
+    "unknown word": (of("settings.method", '"sonud"'), "'sonud' is none of the choices"),
+    "number for a word": (of("settings.method"), "1 is no word"),
     "range of words": (axis('low = 1\nhigh = 2\nsets = ["settings.method"]'), "words have no range"),
-    "twice": (axis(f"values = [0.1]\n{X}") * 2, "there are two axes 'a'"),
-    "set twice": (
-        axis(f"values = [0.1]\n{X}") + axis(f"values = [0.1]\n{X}").replace('"a"', '"b"'),
-        "is set by axis 'a'",
-    ),
-    "taken name": (axis(f"values = [0.1]\n{X}").replace('"a"', '"margin"'), "a column is called 'margin' already"),
+    "twice": (ONE * 2, "there are two axes 'a'"),
+    "set twice": (ONE + ONE.replace('"a"', '"b"'), "is set by axis 'a'"),
+    "taken name": (ONE.replace('"a"', '"margin"'), "a column is called 'margin' already"),
     "unknown link": (axis(f'values = [0.1]\nlinked = "z"\n{X}'), "there is no axis 'z' above this one"),
     "lengths": (
         axis(f"values = [0.1, 0.2]\n{X}")
@@ -257,30 +256,21 @@ MISTAKES = {
         + '[[axes]]\nname = "b"\nlow = 0.1\nhigh = 0.3\nsteps = 1000\nsets = ["uncertainty.start.y"]\n',
         "these axes make 1 000 000 runs, more than 100 000; use fewer values; if you mean it, say [limits] runs = 1000",
     ),
-    "no seed": (axis(f"low = 0.1\nhigh = 0.3\n{X}") + '[sampling]\nmethod = "sobol"\nruns = 8\n', "needs 'seed'"),
-    "seed of a grid": (axis(f"values = [0.1]\n{X}") + "[sampling]\nseed = 1\n", "a grid has no 'seed'"),
-    "power of two": (axis(f"low = 0.1\nhigh = 0.3\n{X}") + CUBE.format("sobol", 100), "use 64 or 128"),
-    "steps of a sample": (axis(f"low = 0.1\nhigh = 0.3\nsteps = 3\n{X}") + CUBE.format("random", 10), "has no steps"),
-    "normal grid": (axis(f"mean = 0.1\ndeviation = 0.3\n{X}"), "a grid or list takes values"),
-    "half a normal": (axis(f"mean = 0.1\n{X}") + CUBE.format("random", 10), "mean and deviation"),
-    "no deviation": (axis(f"mean = 0.1\ndeviation = 0\n{X}") + CUBE.format("random", 10), "make it positive"),
+    "no seed": (axis(RANGE) + '[sampling]\nmethod = "sobol"\nruns = 8\n', "needs 'seed'"),
+    "seed of a grid": (ONE + "[sampling]\nseed = 1\n", "a grid has no 'seed'"),
+    "power of two": (axis(RANGE) + CUBE.format("sobol", 100), "use 64 or 128"),
+    "steps of a sample": (axis(f"low = 0.1\nhigh = 0.3\nsteps = 3\n{X}") + RANDOM, "has no steps"),
+    "normal grid": (axis(NORMAL), "a grid or list takes values"),
+    "half a normal": (axis(f"mean = 0.1\n{X}") + RANDOM, "mean and deviation"),
+    "no deviation": (axis(f"mean = 0.1\ndeviation = 0\n{X}") + RANDOM, "make it positive"),
     "log of nothing": (axis(f'low = 0\nhigh = 1\nsteps = 3\nspacing = "log"\n{X}'), "a logarithm needs a positive"),
-    "a value twice": (
-        axis(f"values = [0.1, 0.2, 0.1]\n{X}"),
-        "11:21: conflict: axes[0].values[2]: this value is there",
-    ),
+    "a value twice": (of("settings.max_tilt", "1, 2, 1"), "11:17: conflict: axes[0].values[2]: this value is there"),
     "a table": (
-        axis('values = [1]\nsets = ["uncertainty.velocity"]'),
+        of("uncertainty.velocity"),
         "name one of uncertainty.velocity.translation, uncertainty.velocity.rotation",
     ),
-    "negative tail": (
-        axis(f"mean = 0.1\ndeviation = 0.3\n{X}") + CUBE.format("random", 10),
-        "11:8: negative: axes[0].mean: ",
-    ),
-    "a word for a truth": (
-        axis('values = ["yes"]\nsets = ["settings.reduce_errors"]'),
-        "'yes' is no truth; write true",
-    ),
+    "negative tail": (axis(NORMAL) + RANDOM, "11:8: negative: axes[0].mean: "),
+    "a word for a truth": (of("settings.reduce_errors", '"yes"'), "'yes' is no truth; write true"),
     "truth and word": (
         axis('values = [true]\nsets = ["settings.reduce_errors", "settings.method"]'),
         "one value is to be a choice of words and true or false",
@@ -349,30 +339,23 @@ def test_every_number_and_choice_of_a_problem_may_vary() -> None:
     assert targets["settings.placement"].dimension is None
 
 
-def test_masses_and_stiffnesses_may_vary(tmp_path: Path) -> None:
+def test_masses_and_stiffnesses_may_vary(written: Writer, tmp_path: Path) -> None:
     limits = '[specification]\nimpact_force = "40 N"\napparent_mass = "2 kg"\ncontact_stiffness = "200 N/mm"\n'
     base = (ROOT / "problems" / "square_peg.toml").read_text().replace("../models", f"{ROOT}/models")
     (tmp_path / "base.toml").write_text(base.replace("[specification]\n", limits))
-    (tmp_path / "study.toml").write_text(
-        'title = "t"\nproblem = "base.toml"\ncompute = ["clearance"]\n[units]\nlength = "mm"\nangle = "deg"\n'
-        '[[axes]]\nname = "heavy"\nvalues = ["0.5 kg", "1 kg"]\nsets = ["specification.apparent_mass"]\n'
-        '[[axes]]\nname = "hard"\nvalues = ["20 N/mm"]\nsets = ["specification.contact_stiffness"]\n'
-    )
-    study = load_study(tmp_path / "study.toml")
+    heavy = of("specification.apparent_mass", '"0.5 kg", "1 kg"')
+    hard = of("specification.contact_stiffness", '"20 N/mm"').replace('"a"', '"b"')
+    study = load_study(written(heavy + hard, problem='"base.toml"'))
     found = [problem_of(assigned(study.base.problem, run.assigned)).specification for run in study.runs()]
     assert [one.apparent_mass for one in found] == [0.5, 1.0]
     assert {one.contact_stiffness for one in found} == {20000.0}
 
 
-def test_entries_of_arrays_and_truths_may_vary(tmp_path: Path) -> None:
+def test_entries_of_arrays_and_truths_may_vary(written: Writer, tmp_path: Path) -> None:
     base = (ROOT / "problems" / "lee_huang_peg.toml").read_text().replace("../models", f"{ROOT}/models")
     (tmp_path / "base.toml").write_text(base)
-    (tmp_path / "study.toml").write_text(
-        'title = "t"\nproblem = "base.toml"\ncompute = ["clearance"]\n[units]\nlength = "mm"\nangle = "deg"\n'
-        '[[axes]]\nname = "beside"\nvalues = [10, 14]\nsets = ["start.at.x"]\n'
-        '[[axes]]\nname = "reduced"\nvalues = [false, true]\nsets = ["settings.reduce_errors"]\n'
-    )
-    study = load_study(tmp_path / "study.toml")
+    reduced = of("settings.reduce_errors", "false, true").replace('"a"', '"b"')
+    study = load_study(written(of("start.at.x", "10, 14") + reduced, problem='"base.toml"'))
     problems = [problem_of(assigned(study.base.problem, run.assigned)) for run in study.runs()]
     assert [p.settings.reduce_errors for p in problems] == [False, True, False, True]
     entries = [assigned(study.base.problem, run.assigned).data["start"]["at"] for run in study.runs()]
