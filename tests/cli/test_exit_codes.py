@@ -345,19 +345,8 @@ def test_an_out_folder_that_cannot_be_written(fmopt: Command, tmp_path: Path) ->
 
 
 def test_a_fresh_process_writes_the_same_bytes(square_peg_plan_file: Path, tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "fmopt",
-        "solve",
-        str(ROOT / PROBLEM),
-        "--out",
-        "out",
-        "--trials",
-        "0",
-        "--report",
-        "--json",
-    ]
+    command = [sys.executable, "-m", "fmopt", "solve", str(ROOT / PROBLEM)]
+    command += ["--out", "out", "--trials", "0", "--report", "--json"]
     environment = {**os.environ, "PYTHONHASHSEED": "4711"}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=540)
     document = plan.read_document(tmp_path / "out" / "plan.json")

@@ -51,17 +51,14 @@ def test_the_gradient_is_the_contact_wrench(
             assert work == pytest.approx(2 * float(wrench @ X), abs=1e-15)
 
 
-def numbers_of(contact: PrimitiveContact, fixed: Polyhedron) -> dict[str, np.ndarray]:
-    return definition(contact.kind).split(parameters(PEG, fixed, contact))
-
-
 @pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
 def test_definitions_in_numpy_sympy_and_casadi_agree_with_the_kernels(
     fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
 ) -> None:
     f, N = Surfaces.of(contacts, PEG, fixed).values_and_rows(pose)
     for contact, value, row in zip(contacts, f, N, strict=True):
-        kind, numbers = definition(contact.kind), numbers_of(contact, fixed)
+        kind = definition(contact.kind)
+        numbers = kind.split(parameters(PEG, fixed, contact))
         assert float(kind(pose.p, pose.R, **numbers)) == pytest.approx(value, abs=1e-16)
         assert float(kind(casadi.DM(pose.p), casadi.DM(pose.R), **numbers)) == pytest.approx(value, abs=1e-16)
         found = derived(kind.name)

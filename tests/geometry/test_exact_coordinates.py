@@ -55,12 +55,9 @@ def turned(solid: Solid, seed: int) -> Polyhedron:
 def chamfered(size: float, cut: float) -> Solid:
     """A cube with all twelve edges chamfered: corners where three slopes and three chamfers meet in pairs."""
     a, b = 0.5 * size, 0.5 * size - cut
-    corners = [p for s in np.ndindex(2, 2, 2) for p in _near_corner(2.0 * np.array(s) - 1.0, a, b)]
+    signs = (2.0 * np.array(s) - 1.0 for s in np.ndindex(2, 2, 2))
+    corners = [sign * np.where(np.arange(3) == k, a, b) for sign in signs for k in range(3)]
     return Hull(tuple(map(tuple, corners)))
-
-
-def _near_corner(sign: np.ndarray, a: float, b: float) -> list[np.ndarray]:
-    return [sign * np.where(np.arange(3) == k, a, b) for k in range(3)]
 
 
 def frustum(sides: int, below: float, above: float, height: float) -> Solid:

@@ -33,20 +33,10 @@ def properties(vertices: np.ndarray, faces: Any) -> tuple[float, np.ndarray, np.
     return float(mesh.volume), np.array(mesh.center_mass), np.array(mesh.moment_inertia)
 
 
-def box_mesh() -> trimesh.Trimesh:
-    return trimesh.creation.box((1e3 * A, 1e3 * B, 1e3 * C), _in_mm(TURN))
-
-
-def _in_mm(transform: np.ndarray) -> np.ndarray:
-    scaled = transform.copy()
-    scaled[:3, 3] *= 1e3
-    return scaled
-
-
 @pytest.mark.parametrize("kind", ["stl", "stl_ascii", "obj", "ply", "glb"])
 def test_a_box_of_another_writer_has_its_volume_centre_and_inertia(kind: str, tmp_path: Path) -> None:
     path = tmp_path / f"box.{kind.removesuffix('_ascii')}"
-    mesh = box_mesh()
+    mesh = trimesh.creation.box((A, B, C), TURN).apply_scale(1e3)
     if kind == "glb":
         mesh.apply_scale(1e-3)  # its unit is the metre
     path.write_bytes(written if isinstance(written := mesh.export(file_type=kind), bytes) else written.encode())

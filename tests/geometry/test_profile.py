@@ -32,11 +32,6 @@ def pose(x: float, z: float, phi: float) -> Pose:
     return Pose(np.array([x, 0.0, z]), exp([0.0, -phi, 0.0]))
 
 
-def random_poses(count: int) -> list[tuple[float, float, float]]:
-    rng = np.random.default_rng(8)
-    return [(rng.uniform(-0.02, 0.02), rng.uniform(-0.04, 0.02), rng.uniform(-1.0, 1.0)) for _ in range(count)]
-
-
 def test_the_section_in_the_plane_is_the_profile() -> None:
     peg, slot = parts()
     for part, loops in ((peg, [PEG]), (slot, [LEFT, RIGHT])):
@@ -53,7 +48,7 @@ def test_solids_overlap_when_profiles_do() -> None:
     peg, slot = parts()
     fixed = [shapely.Polygon(LEFT), shapely.Polygon(RIGHT)]
     seen = {True: 0, False: 0}
-    for x, z, phi in random_poses(400):
+    for x, z, phi in np.random.default_rng(8).uniform((-0.02, -0.04, -1.0), (0.02, 0.02, 1.0), (400, 3)).tolist():
         moved = shapely.affinity.translate(
             shapely.affinity.rotate(shapely.Polygon(PEG), phi, origin=(0, 0), use_radians=True), x, z
         )
@@ -118,13 +113,10 @@ def test_drift_out_of_the_plane_moves_no_contact_to_first_order() -> None:
     there = pose(0.0, -0.02, -0.02)
     near = near_contacts(peg.polyhedron, slot.polyhedron, there, 2e-3, 1e-3)
     _, N = Surfaces.of(near, peg.polyhedron, slot.polyhedron).values_and_rows(there)
-    level = [k for k, c in enumerate(near) if _mid_plane(peg, c.moving) and c.kind is not Kind.FACE_VERTEX]
+    middle = np.abs(peg.polyhedron.vertices[:, 1]) < 1e-12
+    level = [k for k, c in enumerate(near) if middle[list(c.moving)].all() and c.kind is not Kind.FACE_VERTEX]
     assert {near[k].kind for k in level} == {Kind.VERTEX_FACE, Kind.EDGE_EDGE}
     assert np.abs(N[level][:, [1, 3, 5]]).max() <= 1e-15
-
-
-def _mid_plane(part: Part, vertices: tuple[int, ...]) -> bool:
-    return bool(np.all(np.abs(part.polyhedron.vertices[list(vertices), 1]) < 1e-12))
 
 
 def test_outlines_join_what_touches() -> None:

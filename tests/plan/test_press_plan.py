@@ -35,10 +35,6 @@ def _press(document: Document) -> Document:
     return found
 
 
-def _guarded(document: Document) -> None:
-    document["segments"][2]["kind"] = "guarded_move"
-
-
 def _attempts(document: Document) -> None:
     document["presses"]["attempts"] *= 2
     document["segments"] += [{**one, "attempt": one["attempt"] + 2} for one in document["segments"]]
@@ -57,7 +53,7 @@ REFUSED: list[tuple[Callable[[Document], Any], str, str]] = [
     (lambda d: _press(d)["ends"][0].update(kind="force"), rf"{SECOND}\.ends\[0\]\.force\.force", "required"),
     (lambda d: d["presses"].update(attempts=7), "presses", "table with its attempts"),
     (lambda d: d.pop("presses"), "plan", "lacks the key 'presses'"),
-    (_guarded, "presses", "belongs to a plan whose segments all are presses"),
+    (lambda d: d["segments"][2].update(kind="guarded_move"), "presses", "a plan whose segments all are presses"),
     (_attempts, r"presses\.attempts", "3 at most"),
     (lambda d: d["evidence"].update(bound=1.5), r"evidence\.bound", ""),
     (lambda d: d["evidence"]["conditions"].update(drift="much"), r"evidence\.conditions\.drift", "number"),

@@ -30,10 +30,6 @@ def _vertices(document: Document) -> None:
         _unseated(document, "vertex_outcomes", "vertices_seated", number)
 
 
-def _moved(document: Document) -> None:
-    document["parts"]["moving"]["pieces"][0]["vertices"][0][2] -= 1e-4
-
-
 LIES: list[tuple[Callable[[Document], Any], bool, str]] = [
     (lambda d: d["evidence"].update(seated=11), True, "other counts are stated"),
     (lambda d: d["evidence"].update(draws=11), True, "other counts are stated"),
@@ -46,7 +42,11 @@ LIES: list[tuple[Callable[[Document], Any], bool, str]] = [
     (lambda d: d["evidence"].update(min_rate=0.7), True, "the rate is at least 0.6915, where 0.7 is asked for"),
     (lambda d: d["segments"][1]["wrench"].__setitem__(0, 1.0), False, "other parts, presses or goals"),
     (lambda d: d["presses"]["robot"].update(mass=1.0), False, "other parts, presses or goals"),
-    (_moved, False, "other parts, presses or goals"),
+    (
+        lambda d: d["parts"]["moving"]["pieces"][0]["vertices"][0].__setitem__(2, -1e-4),
+        False,
+        "other parts, presses or goals",
+    ),
     (lambda d: d.update(goal=[1e-6, *d["goal"][1:]]), False, "other parts, presses or goals"),
     (lambda d: d.update(verdict="CERTIFIED"), True, "does not claim to be tested"),
     (lambda d: d.update(not_covered=d["not_covered"][:1]), True, "plans of this kind"),

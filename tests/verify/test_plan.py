@@ -210,10 +210,7 @@ def test_files_are_read_as_they_were_written(plan: Plan, tmp_path: Path) -> None
 
 
 def test_contacts_must_name_features_of_the_parts(plan: Plan) -> None:
-    def other_loop(p: Plan) -> None:
-        p["contacts"][0]["fixed"]["vertices"] = [1, 3, 7, 5]
-
-    verdict = verify(changed(plan, other_loop))
+    verdict = verify(changed(plan, lambda p: p["contacts"][0]["fixed"].update(vertices=[1, 3, 7, 5])))
     assert any("names no convex edge or whole face" in f.message for f in verdict.findings)
 
 

@@ -96,7 +96,7 @@ def sampled_planes(one: Insertion, centre: Array) -> list[Touches]:
         def touches(e: Array, depth: float) -> bool:
             turned = affinity.rotate(peg, e[2] * CONE, origin=(0, 0), use_radians=True)
             moved = affinity.translate(turned, centre[number] + e[0] * BALL, centre[2] + e[1] * BALL)
-            return bool(moved.intersection(_less(walls, depth)).area > _AREA)
+            return bool(moved.intersection(walls.buffer(-depth, join_style="mitre") if depth else walls).area > _AREA)
 
         return touches
 
@@ -113,10 +113,6 @@ def sampled_planes(one: Insertion, centre: Array) -> list[Touches]:
         return bool(affinity.translate(peg, *offset).difference(hole).area > _AREA)
 
     return [upright(0), upright(1), mouth]
-
-
-def _less(walls: Polygon, depth: float) -> Polygon:
-    return walls.buffer(-depth, join_style="mitre") if depth else walls
 
 
 def errors_of(rng: np.random.Generator, count: int) -> Array:

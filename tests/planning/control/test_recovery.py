@@ -37,7 +37,6 @@ BLOCK = Difference(Box((0.06, 0.06, 0.04)), (raised(Box((0.0202, 0.0202, 0.04)),
 FUNNEL = Difference(BLOCK, (raised(frustum((0.0202, 0.0202), (0.0302, 0.0302), 0.006), 0.035),))
 PLATE = Difference(Box((0.06, 0.06, 0.009)), (raised(Box((0.0202, 0.0202, 0.02)), -0.005),))
 HEXAGON = tuple((0.012 * np.cos(k * np.pi / 3.0), 0.012 * np.sin(k * np.pi / 3.0)) for k in range(6))
-SIX = Difference(Box((0.06, 0.06, 0.03)), (raised(Prism(HEXAGON, 0.04), 0.01),))
 WIDER = Difference(
     Box((0.06, 0.06, 0.04)), (raised(Box((0.0202, 0.0202, 0.06)), -0.01), raised(Box((0.04, 0.04, 0.02)), 0.01))
 )
@@ -47,7 +46,7 @@ FIXED: dict[str, tuple[Solid, float]] = {
     "block": (BLOCK, 0.0),
     "funnel": (FUNNEL, 0.0),
     "plate": (PLATE, 0.0),
-    "six sides": (SIX, 0.0),
+    "six sides": (Difference(Box((0.06, 0.06, 0.03)), (raised(Prism(HEXAGON, 0.04), 0.01),)), 0.0),
     "wider below": (WIDER, 0.03),
     "slotted": (SLOTTED, 0.024),
     "legs": (LEGS, 0.01),
@@ -319,10 +318,8 @@ def test_a_part_with_an_undercut_at_its_mouth_is_not_lifted(square_peg_plan: Pla
     pieces_ = [[p.vertices + shift * UP, p.faces] for p in pieces(WIDER if undercut else BLOCK)]
     listed = [{"vertices": v.tolist(), "faces": [[list(f.loops[0])] for f in fs]} for v, fs in pieces_]
 
-    def change(plan: Plan) -> None:
-        plan["parts"]["fixed"].update(vertices=vertices, faces=faces, pieces=listed)
-
-    found = verify(changed(square_peg_plan, change)).findings
+    said = {"vertices": vertices, "faces": faces, "pieces": listed}
+    found = verify(changed(square_peg_plan, lambda plan: plan["parts"]["fixed"].update(said))).findings
     assert any("looks down" in str(finding) for finding in found) == undercut
 
 

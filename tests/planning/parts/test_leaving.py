@@ -103,10 +103,7 @@ Change = Callable[[dict[str, Any]], Any]
 def test_what_is_given_up_must_be_said_and_held_before(
     plan: dict[str, Any], offset: int, change: Change, words: str
 ) -> None:
-    def at(copied: dict[str, Any]) -> None:
-        change(copied["segments"][leaving(plan) + offset])
-
-    found = verify(changed(plan, at))
+    found = verify(changed(plan, lambda copied: change(copied["segments"][leaving(plan) + offset])))
     assert str(found.verdict) == "NOT_PROVED"
     assert any(words in str(finding) for finding in found.findings)
 

@@ -189,9 +189,6 @@ def test_a_corner_over_the_mouth_must_not_fall_while_the_others_rise(motion: Cer
     ("leaves", "words"), [(FLAT[:2], "loses v2-f10"), (["v0-f2", *FLAT], "gives up v0-f2, which was not held")]
 )
 def test_all_that_it_lies_on_has_to_be_given_up(plan: dict[str, Any], leaves: list[str], words: str) -> None:
-    def at(copied: dict[str, Any]) -> None:
-        copied["segments"][leaving(plan)]["leaving"] = leaves
-
-    found = verify(changed(plan, at))
+    found = verify(changed(plan, lambda copied: copied["segments"][leaving(plan)].update(leaving=leaves)))
     assert str(found.verdict) == "NOT_PROVED"
     assert any(words in str(finding) for finding in found.findings)

@@ -12,7 +12,7 @@ import pytest
 from fmopt.cli.console import print_solved
 from fmopt.errors import SearchError
 from fmopt.execution.confidence import lower_bound
-from fmopt.plan import Plan, canonical, parsed, write
+from fmopt.plan import canonical, parsed, write
 from fmopt.planning import pipeline
 from fmopt.planning.pipeline import synthesise
 from fmopt.planning.press.solve import PressSolution
@@ -26,18 +26,15 @@ from tests.shared.plans.press_plan import DRAWS, MIN_RATE, press_plan_document, 
 BASE = ("--base", *"000000")
 
 
-def check_solved(found: Plan) -> None:
+def test_the_square_peg_is_tested() -> None:
+    made = synthesise(press_problem())
+    assert (str(made.verdict.verdict), made.verdict.findings, made.verdict.margin) == ("TESTED", (), None)
+    found = made.plan
     assert (found.verdict, found.press_plan is not None) == ("TESTED", True)
     assert found.trials is not None
     assert (found.trials.draws, found.trials.min_rate, found.trials.vertices) == (DRAWS, MIN_RATE, 64)
     assert found.trials.bound >= MIN_RATE
     assert found.description.trace
-
-
-def test_the_square_peg_is_tested() -> None:
-    made = synthesise(press_problem())
-    assert (str(made.verdict.verdict), made.verdict.findings, made.verdict.margin) == ("TESTED", (), None)
-    check_solved(made.plan)
 
 
 @pytest.mark.wide

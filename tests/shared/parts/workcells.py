@@ -39,12 +39,8 @@ def plate(frame: Pose, radius: float = 0.0302) -> ObjectTree:
         frame,
         feature("block", "+", at(0), Box((0.1, 0.1, 0.04)), None),
         feature("hole", "-", at(0, 0, 0.04), Placed(Cylinder(radius, 0.06, SIDES), at(0, 0, -0.01)), 0.04, True),
-        feature("aside", "-", at(0.042, 0.042, 0.04), moved_cylinder(0.042), 0.03),
+        feature("aside", "-", at(0.042, 0.042, 0.04), Placed(round_hole(0.003, 0.04, 0.03), at(0.042, 0.042)), 0.03),
     )
-
-
-def moved_cylinder(x: float) -> Solid:
-    return Placed(round_hole(0.003, 0.04, 0.03), at(x, x))
 
 
 def bush(frame: Pose) -> ObjectTree:
