@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
@@ -32,13 +32,14 @@ from fmopt.cli.entry import main
 from fmopt.geometry.mesh.mesh_file import OWN_UNIT
 from tests import ROOT
 from tests.shared.files import own
+from tests.shared.files.mesh_damage import Mesh
 from tests.shared.files.mesh_files import glb, plate, ply_text, rounded, stl_text, three_mf, triangles_of
 from tests.shared.fuzz.damage import damaged
 
 SECONDS = 30  # of the processor, for one file
 WAITED = 600  # s by the clock
 EXPECTED = {0, 1, 2, 3}
-OWN = own.PROBLEM.partition("\n[settings]")[0].replace("x = 0.2\n", "x = 0.15\n")
+OWN = own.PROBLEM.partition("[settings]")[0].replace("x = 0.2\n", "x = 0.15\n")
 MODEL = 'name = "{name}"\n\n[units]\nlength = "mm"\nangle = "deg"\n\n[mesh]\nfile = "{name}.{kind}"\n{unit}'
 PROBLEMS = ("square_peg", "factory_rect_8mm_sources", "kite_prism", "mit_planar_slot", "square_peg_100um")
 STUDIES = ("square_peg_bias", "square_peg_clearance", "factory_rect_fits", "factory_rect_8mm_position")
@@ -142,47 +143,19 @@ def fuzzed(kind: str, count: int, seed: int, folder: Path, keep: Path | None = N
     return tally
 
 
-def _shipped(folder: Path) -> None:
-    for name in ("problems", "models"):
-        shutil.copytree(ROOT / name, folder / name)
+def _shipped(files: Mapping[str, str], *words: str) -> Callable[[Path], list[Case]]:
+    """Cases of shipped files, each with the file that the words after `fmopt` read for it."""
+
+    def cases(folder: Path) -> list[Case]:
+        for name in ("problems", "models"):
+            shutil.copytree(ROOT / name, folder / name)
+        return [Case(file, (tuple(word.format(named) for word in words),)) for file, named in files.items()]
+
+    return cases
 
 
-def _problems(folder: Path) -> list[Case]:
-    _shipped(folder)
-    return [Case(f"problems/{name}.toml", (("check", f"problems/{name}.toml"),)) for name in PROBLEMS]
-
-
-def _models(folder: Path) -> list[Case]:
-    _shipped(folder)
-    models = {
-        "square_peg": ("square_peg", "square_hole_block"),
-        "kite_prism": ("kite_prism", "kite_box"),
-        "mit_planar_slot": ("mit_planar_peg", "mit_planar_slot"),
-        "keyed_shaft": ("keyed_shaft",),
-    }
-    return [
-        Case(f"models/{model}.toml", (("check", f"problems/{problem}.toml"),))
-        for problem, names in models.items()
-        for model in names
-    ]
-
-
-def _assemblies(folder: Path) -> list[Case]:
-    _shipped(folder)
-    file = "problems/assemblies/lee_huang_bush.toml"
-    return [Case(file, (("check", file),))]
-
-
-def _studies(folder: Path) -> list[Case]:
-    _shipped(folder)
-    files = [f"problems/studies/{name}.toml" for name in STUDIES]
-    return [Case(file, (("study", "run", file, "--limit", "0", "--jobs", "1", "--out", "out"),)) for file in files]
-
-
-def _allocations(folder: Path) -> list[Case]:
-    _shipped(folder)
-    file = "problems/studies/factory_rect_8mm_tolerances.toml"
-    return [Case(file, (("study", "run", file, "--dry-run"),))]
+def _themselves(*names: str) -> dict[str, str]:
+    return {f"problems/{name}.toml": f"problems/{name}.toml" for name in names}
 
 
 def _plans(folder: Path) -> list[Case]:
@@ -221,8 +194,8 @@ def binary_ply(points: np.ndarray, triangles: np.ndarray, order: str) -> bytes:
     return head + points.astype(f"{order}f8").tobytes() + faces.tobytes()
 
 
-def _own(kind: str, write: Callable[[Path, np.ndarray, np.ndarray, str], None]) -> Callable[[Path], list[Case]]:
-    """Cases of a rod and a plate in files of a kind."""
+def _own(kind: str, content: Callable[[Mesh, str], bytes]) -> Callable[[Path], list[Case]]:
+    """Cases of a rod and a plate in files of a kind, their contents by mesh and name."""
 
     def cases(folder: Path) -> list[Case]:
         (folder / "problem.toml").write_text(OWN)
@@ -232,33 +205,17 @@ def _own(kind: str, write: Callable[[Path, np.ndarray, np.ndarray, str], None]) 
             unit = 'unit = "mm"\n' if kind not in ("step", *OWN_UNIT) or whole else ""
             suffix = "stl" if whole else kind
             (folder / f"{name}.toml").write_text(MODEL.format(name=name, kind=suffix, unit=unit))
-            (_write_stl if whole else write)(folder / f"{name}.{suffix}", *triangles_of(solid), name)
+            (folder / f"{name}.{suffix}").write_bytes((_stl if whole else content)(triangles_of(solid), name))
         return [Case(f"{name}.{kind}", (("check", "problem.toml"),)) for name in damaged]
 
     return cases
 
 
-def _write_stl(path: Path, points: np.ndarray, triangles: np.ndarray, name: str) -> None:
-    path.write_bytes(binary_stl(points, triangles) if name == "rod" else stl_text(points, triangles).encode())
+def _stl(mesh: Mesh, name: str) -> bytes:
+    return binary_stl(*mesh) if name == "rod" else stl_text(*mesh).encode()
 
 
-def _write_obj(path: Path, points: np.ndarray, triangles: np.ndarray, _: str) -> None:
-    path.write_text(obj_text(points, triangles))
-
-
-def _write_ply(path: Path, points: np.ndarray, triangles: np.ndarray, name: str) -> None:
-    path.write_bytes(binary_ply(points, triangles, "<") if name == "rod" else ply_text(points, triangles).encode())
-
-
-def _write_3mf(path: Path, points: np.ndarray, triangles: np.ndarray, _: str) -> None:
-    path.write_bytes(three_mf(points, triangles, "millimeter", (0.0, 0.0, 0.0)))
-
-
-def _write_glb(path: Path, points: np.ndarray, triangles: np.ndarray, _: str) -> None:
-    path.write_bytes(glb(1e-3 * points, triangles, {}))
-
-
-def _write_step(path: Path, _: np.ndarray, __: np.ndarray, ___: str) -> None:
+def _step() -> bytes:
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
     from OCP.gp import gp_Pnt
@@ -269,29 +226,34 @@ def _write_step(path: Path, _: np.ndarray, __: np.ndarray, ___: str) -> None:
         return BRepPrimAPI_MakeBox(gp_Pnt(-0.5 * x, -0.5 * y, low), gp_Pnt(0.5 * x, 0.5 * y, high)).Shape()
 
     hole = box(12.3, 8.3, -5.0, 15.0)
-    write_step(path, BRepAlgoAPI_Cut(box(40.0, 40.0, 0.0, 10.0), hole).Shape())
+    with tempfile.TemporaryDirectory() as folder:
+        write_step(Path(folder) / "plate.step", BRepAlgoAPI_Cut(box(40.0, 40.0, 0.0, 10.0), hole).Shape())
+        return (Path(folder) / "plate.step").read_bytes()
 
 
-KINDS: dict[str, Callable[[Path], list[Case]]] = {
-    "problem": _problems,
-    "model": _models,
-    "assembly": _assemblies,
-    "study": _studies,
-    "allocation": _allocations,
-    "plan": _plans,
-    "stl": _own("stl", _write_stl),
-    "obj": _own("obj", _write_obj),
-    "ply": _own("ply", _write_ply),
-    "3mf": _own("3mf", _write_3mf),
-    "glb": _own("glb", _write_glb),
-    "step": _own("step", _write_step),
+MODELS = {
+    **dict.fromkeys(("square_peg", "square_hole_block"), "square_peg"),
+    **dict.fromkeys(("kite_prism", "kite_box"), "kite_prism"),
+    **dict.fromkeys(("mit_planar_peg", "mit_planar_slot"), "mit_planar_slot"),
+    "keyed_shaft": "keyed_shaft",
 }
-
-
-@contextlib.contextmanager
-def _scratch() -> Iterator[Path]:
-    with tempfile.TemporaryDirectory() as name:
-        yield Path(name)
+KINDS: dict[str, Callable[[Path], list[Case]]] = {
+    "problem": _shipped(_themselves(*PROBLEMS), "check", "{}"),
+    "model": _shipped({f"models/{name}.toml": f"problems/{of}.toml" for name, of in MODELS.items()}, "check", "{}"),
+    "assembly": _shipped(_themselves("assemblies/lee_huang_bush"), "check", "{}"),
+    "study": _shipped(
+        _themselves(*(f"studies/{name}" for name in STUDIES)),
+        *("study", "run", "{}", "--limit", "0", "--jobs", "1", "--out", "out"),
+    ),
+    "allocation": _shipped(_themselves("studies/factory_rect_8mm_tolerances"), "study", "run", "{}", "--dry-run"),
+    "plan": _plans,
+    "stl": _own("stl", _stl),
+    "obj": _own("obj", lambda mesh, _: obj_text(*mesh).encode()),
+    "ply": _own("ply", lambda mesh, name: binary_ply(*mesh, "<") if name == "rod" else ply_text(*mesh).encode()),
+    "3mf": _own("3mf", lambda mesh, _: three_mf(*mesh, "millimeter", (0.0, 0.0, 0.0))),
+    "glb": _own("glb", lambda mesh, _: glb(1e-3 * mesh[0], mesh[1], {})),
+    "step": _own("step", lambda *_: _step()),
+}
 
 
 def _long_form() -> int:
@@ -303,8 +265,8 @@ def _long_form() -> int:
     asked = parser.parse_args()
     if asked.keep is not None:
         asked.keep.mkdir(parents=True, exist_ok=True)
-    with _scratch() as folder:
-        tally = fuzzed(asked.kind, asked.count, asked.seed, folder, asked.keep)
+    with tempfile.TemporaryDirectory() as folder:
+        tally = fuzzed(asked.kind, asked.count, asked.seed, Path(folder), asked.keep)
     print("\n".join(tally.failures))
     codes = ", ".join(f"{code}: {times}" for code, times in sorted(tally.codes.items()))
     print(f"{asked.kind}: {asked.count} files, exit codes {codes}; the slowest took {tally.slowest:.1f} s")
