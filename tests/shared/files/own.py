@@ -1,4 +1,4 @@
-"""A problem whose parts come as meshes."""
+"""Problems whose parts are told beside them, and one whose parts come as meshes."""
 
 from __future__ import annotations
 
@@ -12,52 +12,44 @@ angle = "deg"
 file = "{name}.stl"
 unit = "mm"
 """
-PROBLEM = """title = "Own rod into own plate"
-
+TASK = """title = "Own {moving} into own {fixed}"
 [units]
 length = "mm"
 angle = "deg"
 speed = "mm/s"
-
 [moving]
-model = "rod.toml"
+model = "{moving}.toml"
 feature = "peg"
-
 [fixed]
-model = "plate.toml"
+model = "{fixed}.toml"
 feature = "hole"
-
 [goal]
 depth = "full"
-
 [clearance]
-x = 0.2
-y = 0.15
-
+x = {x}
+y = {y}
 [start]
 height = 1
-
 [uncertainty.start]
-x = 0.03
-y = 0.03
+x = {position}
+y = {position}
 z = 0
-rx = 0.05
-ry = 0.05
-rz = 0.05
-
+rx = {angle}
+ry = {angle}
+rz = {angle}
 [uncertainty.velocity]
-translation = 0.001
-rotation = 0.001
-
+translation = {translation}
+rotation = {rotation}
 [specification]
 speed = 20
 contact_force = 20
 torque_limit = 1
 friction = 0.3
 termination_force = 2
-
 [settings]
 evidence = "certified"
-max_tilt = 10
-time_limit = 120
+max_tilt = {tilt}
+time_limit = {limit}
 """
+_ERRORS = {"position": 0.03, "angle": 0.05, "translation": 0.001, "rotation": 0.001}
+PROBLEM = TASK.format(moving="rod", fixed="plate", x=0.2, y=0.15, tilt=10, limit=120, **_ERRORS)
