@@ -99,6 +99,8 @@ def every_format(folder: Path) -> tuple[float, ...]:
 
 SOLID_CUBE = Box((0.008, 0.008, 0.008))
 CUBE = triangles_of(SOLID_CUBE)
+LINES = "v 0 0 0\nv 9 0 0\nl 1 2\n"
+THIN = (ROD[0] * (1.0, 1.0, 3e-7), ROD[1])
 BESIDE = np.array([16.0, 0.0, 8.0])
 HOLES = tuple(
     Placed(Cylinder(0.006, 0.03, 128), at(0.02 * i, 0.04 * j, -0.01)) for i in range(-4, 5) for j in (-2, 0, 2)
@@ -151,12 +153,7 @@ CASES = (
     filed("cut short", "export it again", read, stl_text(*ROD)[:-9], stl_text(*ROD), gives=ROD_SIZE),
     Case("too many triangles", COARSER, lambda f: from_mesh(f, fine(ROD, 7)), lambda f: from_mesh(f, ROD), ROD_SIZE),
     filed(
-        "lines only",
-        "export the solid, not a drawing or a point cloud",
-        of_obj,
-        "v 0 0 0\nv 9 0 0\nl 1 2\n",
-        obj_text(*ROD),
-        gives=ROD_SIZE,
+        "lines only", "export the solid, not a drawing or a point cloud", of_obj, LINES, obj_text(*ROD), gives=ROD_SIZE
     ),
     Case(
         "no mesh format",
@@ -215,21 +212,14 @@ CASES = (
     filed("a lost corner", REPAIR, from_mesh, (ROD[0], ROD[1][4:]), ROD, gives=ROD_SIZE),
     filed("an edge of no thickness", REPAIR, from_mesh, shared_edge(0.0), shared_edge(0.5), gives=2 * 0.008**3),
     filed(
-        "all in one point",
+        "heap",
         "export the mesh again: its points must be spread over its surface",
         from_mesh,
         heap(),
         ROD,
         gives=ROD_SIZE,
     ),
-    filed(
-        "a mesh of no thickness",
-        "export the mesh again: it bounds no solid there",
-        from_mesh,
-        (ROD[0] * (1.0, 1.0, 3e-7), ROD[1]),
-        ROD,
-        gives=ROD_SIZE,
-    ),
+    filed("no thickness", "export the mesh again: it bounds no solid there", from_mesh, THIN, ROD, gives=ROD_SIZE),
     Case(
         "a gap in a mating face",
         "close the mesh in the program that made it; a gap may be left open at a feature's far end only",

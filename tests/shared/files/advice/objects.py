@@ -129,6 +129,11 @@ def round_step(folder: Path, aside: float = 0.0) -> float:
     return room(moving, rebased(fixed, HOLE.frame))
 
 
+def tip(length: float = 0.1, through: bool = False) -> float:
+    """The length of a peg's feature."""
+    return Feature("tip", "solid", at(), length, through=through).length
+
+
 def ball_radius(ball: tuple[list[float], float]) -> float:
     """The radius of a ball of a peg."""
     return with_balls(peg(), [ball]).balls[0].radii[0]
@@ -136,7 +141,8 @@ def ball_radius(ball: tuple[list[float], float]) -> float:
 
 FRAMES = "check the feature's frame: z points out of a hole, and back into the part from a peg's leading end"
 ASIDE = 0.035
-CORNER = [0.01, 0.01, 0.0]
+SECTION = manifold3d.CrossSection.square((12.0, 8.0))
+CORNER, BESIDE = ([0.01, 0.01, 0.0], 0.004), ([0.01, 0.01, -1e-6], 0.004)
 BALL = ([0.0, 0.0, -0.01], 0.004)
 
 CASES = (
@@ -167,14 +173,7 @@ CASES = (
         ),
         (SIZE, SIZE, SIZE),
     ),
-    compared(
-        "a cross-section",
-        "give a Manifold",
-        taken,
-        manifold3d.CrossSection.square((12.0, 8.0)),
-        of_manifold(),
-        gives=SIZE,
-    ),
+    compared("a cross-section", "give a Manifold", taken, SECTION, of_manifold(), gives=SIZE),
     compared("a manifold of nothing", "give a solid", taken, manifold3d.Manifold(), of_manifold(), gives=SIZE),
     compared("no height", "make it positive", taken, (OUTLINE, 0.0), PRISM, gives=SIZE),
     Case(
@@ -184,17 +183,8 @@ CASES = (
         lambda f: taken(([OUTLINE, INNER], 30.0)),
         (12 * 8 - 8 * 4) * 30e-9,
     ),
-    compared(
-        "no length", "make it positive", lambda size: Feature("tip", "solid", at(), size).length, 0.0, 0.1, gives=0.1
-    ),
-    compared(
-        "a peg that is through",
-        "drop `through`",
-        lambda given: Feature("tip", "solid", at(), 0.1, through=given).length,
-        True,
-        False,
-        gives=0.1,
-    ),
+    compared("no length", "make it positive", tip, 0.0, 0.1, gives=0.1),
+    compared("a peg that is through", "drop `through`", lambda given: tip(through=given), True, False, gives=0.1),
     compared(
         "another name", "its features: hole", lambda name: hole().feature(name).length, "slot", "hole", gives=0.03
     ),
@@ -241,12 +231,5 @@ CASES = (
         1e-4,
     ),
     compared("a ball of no size", "give it a positive one", ball_radius, (BALL[0], 0.0), BALL, gives=0.004),
-    compared(
-        "a ball at a corner",
-        "move it a little",
-        ball_radius,
-        (CORNER, 0.004),
-        ([0.01, 0.01, -1e-6], 0.004),
-        gives=0.004,
-    ),
+    compared("a ball at a corner", "move it a little", ball_radius, CORNER, BESIDE, gives=0.004),
 )

@@ -57,6 +57,7 @@ def profile(corners: Outline) -> float:
     return 0.5 * float(np.sum(x * np.roll(z, -1) - np.roll(x, -1) * z))
 
 
+CROSSED = (*SQUARE[::2], *SQUARE[1::2])
 SHOULDERS = [(0.0, shoulders(-2.0, 2.0)), (0.01, shoulders(2.0, -2.0))]
 LEVEL = (0.005, shoulders(0.0, 0.0))
 
@@ -101,15 +102,10 @@ CASES = (
     ),
     compared("an outline of two corners", CORNERS, raised, SQUARE[:2], SQUARE, gives=SIZE),
     compared(
-        "an outline that crosses itself",
-        "list the corners in order around it",
-        raised,
-        (*SQUARE[::2], *SQUARE[1::2]),
-        SQUARE,
-        gives=SIZE,
+        "an outline that crosses itself", "list the corners in order around it", raised, CROSSED, SQUARE, gives=SIZE
     ),
     compared(
-        "an outline the wrong way round",
+        "an outline turned",
         "list its corners counter-clockwise, seen from above",
         raised,
         SQUARE[::-1],
