@@ -222,11 +222,7 @@ def _in_face(
 
 
 def _slips(
-    assembly: Assembly,
-    contact: PrimitiveContact,
-    together: Sequence[PrimitiveContact],
-    rim: _Rim,
-    rows: Questions,
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rim: _Rim, rows: Questions
 ) -> Callable[[Lower, float], bool]:
     """Whether an edge held across a rim takes over when the vertex, this far from it, slips over it.
 

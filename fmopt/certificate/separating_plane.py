@@ -25,14 +25,7 @@ from fmopt.certificate.level_rims import faced, level_rims
 from fmopt.certificate.piece_pairs import Pair, Witness, pairs, touching
 from fmopt.certificate.remainder import AtEnd, Course, Ends
 from fmopt.certificate.row_bounds import Places, Witnesses, best
-from fmopt.certificate.rows import (
-    Forms,
-    Mask,
-    balls_above,
-    faces_above,
-    points_above,
-    stacked,
-)
+from fmopt.certificate.rows import Forms, Mask, balls_above, faces_above, points_above, stacked
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import lengths

@@ -116,11 +116,7 @@ class BoundTable(Value):
 
 
 def touching(
-    contacts: Sequence[PrimitiveContact],
-    moving: Polyhedron,
-    fixed: Polyhedron,
-    pose: Pose,
-    within: float = INSIDE,
+    contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose, within: float = INSIDE
 ) -> tuple[PrimitiveContact, ...]:
     """Those of the contacts that touch at a pose: f = 0 to 1e-9 m, and more than `within` (m) inside their bounds.
 

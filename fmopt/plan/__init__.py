@@ -18,16 +18,7 @@ from typing import TYPE_CHECKING, Any
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.runtime import output
 from fmopt.verify.reading import document as proof
-from fmopt.verify.reading.document import (
-    Body,
-    Contact,
-    Hybrid,
-    JamFree,
-    MoveRecovery,
-    Part,
-    Recovery,
-    Segment,
-)
+from fmopt.verify.reading.document import Body, Contact, Hybrid, JamFree, MoveRecovery, Part, Recovery, Segment
 from fmopt.verify.reading.parse import parse
 from fmopt.verify.reading.reader import (
     FORMAT,

@@ -338,11 +338,7 @@ def segment_record(claim: Claim, move: int, start: Any, goal: Any) -> dict[str, 
 
 
 def _separation(moving: int, fixed: int, found: Separation) -> dict[str, Any]:
-    witness: dict[str, Any] = {
-        "kind": found.witness.kind,
-        "moving": found.witness.moving,
-        "fixed": found.witness.fixed,
-    }
+    witness: dict[str, Any] = {"kind": found.witness.kind, "moving": found.witness.moving, "fixed": found.witness.fixed}
     if found.witness.plane is not None:
         witness |= {"normal": found.witness.plane[:3], "offset": found.witness.plane[3]}
     return {"moving_piece": moving, "fixed_piece": fixed, "witness": witness, "margin": plan.rounded_down(found.margin)}

@@ -152,11 +152,7 @@ def contact_table(plan: Plan) -> str:
     """What the ids of the contacts mean."""
     rows = [(c.id, c.kind, contact_words(plan, c.id)) for c in plan.contacts]
     caption = "Contacts by id (v vertex, e edge, f face, b ball), the moving part's feature first"
-    return table(
-        caption,
-        ("id", "kind", "what"),
-        rows,
-    )
+    return table(caption, ("id", "kind", "what"), rows)
 
 
 # All but those confirmed, whose number has a place of its own.

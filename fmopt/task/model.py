@@ -12,14 +12,7 @@ from pathlib import Path
 from fmopt.errors import Fault, InputError, SizeError
 from fmopt.geometry.bodies import MAX_MESH_BYTES
 from fmopt.geometry.section import require_plausible
-from fmopt.task.mesh_source import (
-    MESHES,
-    OWN_UNIT,
-    assumed,
-    called,
-    mesh_faults,
-    takes,
-)
+from fmopt.task.mesh_source import MESHES, OWN_UNIT, assumed, called, mesh_faults, takes
 from fmopt.task.sizes import implausible
 from fmopt.task.solid_tree import build_part, part_reach, tree_faults
 from fmopt.task.toml.model_file import ModelFile, Profile

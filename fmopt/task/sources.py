@@ -215,11 +215,7 @@ def budget(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.
     sideways, down = across + along * math.sin(lean), along + across * math.sin(lean)
     by_grasp = (sideways + down * turned, down + sideways * turned, tilted)
     # Tilts move the height by their sine, turns about the hole's axis what is aside; either may be.
-    by_fixed = (
-        (height + aside) * turned + aside * shortened,
-        aside * turned + height * shortened,
-        turn,
-    )
+    by_fixed = ((height + aside) * turned + aside * shortened, aside * turned + height * shortened, turn)
     return (*_levers(fixed, by_fixed), *_levers(held, by_grasp))
 
 

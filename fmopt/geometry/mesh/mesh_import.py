@@ -437,6 +437,5 @@ def _require_simple(points: Array, triangles: Indices, crossing: Crossing | None
     together = Manifold.batch_boolean(shells, OpType.Add).volume()
     if together < (1.0 - 1e-6) * apart:
         raise GeometryError(
-            f"{len(shells)} shells overlap by {apart - together:.3g} m³",
-            "unite them in the program that made the mesh",
+            f"{len(shells)} shells overlap by {apart - together:.3g} m³", "unite them in the program that made the mesh"
         )

@@ -154,11 +154,7 @@ def least_steady(problem: Problem, assembly: Assembly, claims: Sequence[Claim], 
 
 
 def _guarded_moves(
-    problem: Problem,
-    assembly: Assembly,
-    claims: Sequence[Claim],
-    tolerance: Tolerance,
-    turning: bool | None = None,
+    problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance, turning: bool | None = None
 ) -> Iterator[GuardedMove]:
     """The guarded moves of pieces that go to a contact; of those alone that hold some and turn, or that do not turn."""
     for claim, bound in bounded(claims, tolerance.rho):

@@ -118,11 +118,7 @@ class SequenceRows:
         _, first = np.unique(rounded[used], axis=0, return_index=True)
         kept = np.flatnonzero(used)[np.sort(first)]  # in their own order, which np.unique does not keep
         rows, columns = np.nonzero(bent[kept])
-        kinks = (
-            rows.tolist(),
-            self.products[kept[rows], columns].tolist(),
-            list(self.turning[kept[rows], columns]),
-        )
+        kinks = (rows.tolist(), self.products[kept[rows], columns].tolist(), list(self.turning[kept[rows], columns]))
         return Linear(self.values[kept], slopes[kept], self.counted[kept], self.drifts[kept], self.moves[kept], kinks)
 
 
@@ -147,12 +143,7 @@ class _Block(NamedTuple):
 
 
 def sequence_rows(
-    assembly: Assembly,
-    reached: Reached,
-    tolerance: Tolerance,
-    near: float,
-    drifting: bool = False,
-    felt: bool = True,
+    assembly: Assembly, reached: Reached, tolerance: Tolerance, near: float, drifting: bool = False, felt: bool = True
 ) -> SequenceRows:
     """Every row of a sequence that is within `near` (m) of binding.
 

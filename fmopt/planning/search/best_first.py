@@ -155,10 +155,7 @@ def farther(error: SearchError, before: SearchError | None = None) -> SearchErro
 
 
 def search(
-    task: Task,
-    entries: Sequence[Entry],
-    deadline: float = math.inf,
-    progress: Callable[[str], None] = lambda _: None,
+    task: Task, entries: Sequence[Entry], deadline: float = math.inf, progress: Callable[[str], None] = lambda _: None
 ) -> MoveSequence:
     """The cheapest sequence of guarded moves to the goal.
 

@@ -268,12 +268,7 @@ def touching_shapes(
 
 
 def obtuse_shapes(
-    moving: Part,
-    play: tuple[float, float],
-    start_box: Array,
-    max_tilt: float,
-    funnel: tuple[float, float],
-    way: Way,
+    moving: Part, play: tuple[float, float], start_box: Array, max_tilt: float, funnel: tuple[float, float], way: Way
 ) -> Iterator[Shape]:
     """Shapes for a corner that turns by so little that a part flush with one wall has little play towards the other.
 

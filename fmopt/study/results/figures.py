@@ -131,10 +131,7 @@ def _border(axes: Axes, x: Array, y: Array, good: Truth, done: Truth) -> None:
 def _labelled(view: View, axes: Axes, across: Varied, up: Varied) -> None:
     axes.set_xlabel(axis_label(across))
     axes.set_ylabel(axis_label(up))
-    for axis, scale, put in (
-        (across, axes.set_xscale, axes.set_xticks),
-        (up, axes.set_yscale, axes.set_yticks),
-    ):
+    for axis, scale, put in ((across, axes.set_xscale, axes.set_xticks), (up, axes.set_yscale, axes.set_yticks)):
         if axis.log:
             scale("log")
         if axis.unit == "word":

@@ -160,12 +160,7 @@ class _Desk:
     """Where batches go out and rows come in; the only writer of the store."""
 
     def __init__(
-        self,
-        listed: Sequence[Run],
-        store: Store,
-        form: Batch,
-        options: Options,
-        progress: Callable[[Tally], None],
+        self, listed: Sequence[Run], store: Store, form: Batch, options: Options, progress: Callable[[Tally], None]
     ) -> None:
         self._store, self._form, self._options, self._progress = store, form, options, progress
         runs = {run.key: run for run in listed}

@@ -13,19 +13,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from fmopt.verify.arithmetic.exact import height
-from fmopt.verify.arithmetic.rational import (
-    ONE,
-    Vector,
-    add,
-    cross,
-    dot,
-    length,
-    neg,
-    scaled,
-    sub,
-    times,
-    unit,
-)
+from fmopt.verify.arithmetic.rational import ONE, Vector, add, cross, dot, length, neg, scaled, sub, times, unit
 from fmopt.verify.certificate.contact_implications import Facts
 from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.parts.assembly import Assembly, Rim, Touch

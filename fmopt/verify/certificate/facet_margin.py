@@ -142,12 +142,7 @@ def _behind(plane: Plane, strip: Sequence[Vector], far: int) -> bool:
 
 
 def _slips(
-    assembly: Assembly,
-    touch: Touch,
-    together: Sequence[Touch],
-    across: tuple[int, int, Plane],
-    room: int,
-    way: _Way,
+    assembly: Assembly, touch: Touch, together: Sequence[Touch], across: tuple[int, int, Plane], room: int, way: _Way
 ) -> bool:
     """Whether an edge held across the rim takes over when the vertex slips over it.
 

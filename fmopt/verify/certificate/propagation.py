@@ -57,16 +57,7 @@ from fmopt.verify.certificate.error_set import (
 )
 from fmopt.verify.certificate.form import levers, loss, together
 from fmopt.verify.parts.assembly import Assembly, Task
-from fmopt.verify.parts.rows import (
-    DirectionAlong,
-    Distance,
-    Extent,
-    Function,
-    PointAbove,
-    coarse,
-    remainder,
-    size,
-)
+from fmopt.verify.parts.rows import DirectionAlong, Distance, Extent, Function, PointAbove, coarse, remainder, size
 from fmopt.verify.remembered import remembered
 
 _HALF, _ROUNDS, _ABOVE = ONE >> 1, 60, 10**11  # rounds in which levers rise, by 1/_ABOVE beyond what follows

@@ -5,16 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fmopt.verify.arithmetic.rational import (
-    ONE,
-    dot,
-    fixed,
-    length,
-    over,
-    sub,
-    unit,
-    vector,
-)
+from fmopt.verify.arithmetic.rational import ONE, dot, fixed, length, over, sub, unit, vector
 from fmopt.verify.certificate.edge_planes import Known, edge_rows
 from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.parts.assembly import Assembly, over_balls

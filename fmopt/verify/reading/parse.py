@@ -8,13 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from fmopt.verify.reading.document import Body, Contact, Evidence, Found, Part, Plan, Segment, Specification
-from fmopt.verify.reading.parse_segments import (
-    RECOVERY_FIELDS,
-    SEGMENT_FIELDS,
-    pose,
-    read_recovery,
-    read_segment,
-)
+from fmopt.verify.reading.parse_segments import RECOVERY_FIELDS, SEGMENT_FIELDS, pose, read_recovery, read_segment
 from fmopt.verify.reading.reader import (
     FIXED_IN,
     FORMAT,

@@ -235,9 +235,5 @@ def _move(place: Reader, retries: int) -> MoveRecovery:
             raise order.at(key).fail("must name each retry once")
     room = place.filled("room")
     return MoveRecovery(
-        place.at("move").integer(),
-        place.at("back_off").flag(),
-        None if room is None else room.number(),
-        early,
-        late,
+        place.at("move").integer(), place.at("back_off").flag(), None if room is None else room.number(), early, late
     )
