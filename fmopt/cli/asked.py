@@ -20,14 +20,11 @@ _EXAMPLE = 'fmopt solve peg.step plate.step --error "1 mm, 1 deg"'
 _WARNING = "warning: "
 
 Options = tuple[str | None, str | None, str | None, str | None]
+"""--error, --unit, --moving and --fixed."""
 
 
 def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
     """The question that files and options ask; None for a problem file.
-
-    Args:
-        files: a problem file; two parts; or an assembly.
-        options: --error, --unit, --moving and --fixed.
 
     Raises:
         InputError: they do not go together; with an example of what does.
@@ -72,9 +69,6 @@ def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
 def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: bool) -> Problem:
     """The problem that files and options ask for, its file written into the folder of the results.
 
-    Args:
-        quiet: whether what was found is not said.
-
     Raises:
         InputError: as of `asked_problem`, or something is at fault with the parts.
         ResourceError: it cannot be written.
@@ -110,10 +104,7 @@ def told(problem: Problem) -> None:
 
 
 def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
-    """Writes the problem file of a question with what is found as comments, and the drawing beside it.
-
-    Args:
-        stated: whether the start error is the user's own.
+    """Writes the problem file of a question, what is found as comments in it, whether or not the error is `stated`.
 
     Raises:
         InputError: something is at fault, or the file is there already.
@@ -145,11 +136,7 @@ def draw_found(problem: Problem, target: Path) -> Path:
 
 
 def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool, bool]) -> None:
-    """Says what is found on one part, and draws it where that is asked for.
-
-    Args:
-        form: whether as JSON, and whether to say nothing.
-    """
+    """Says what is found on one part, as JSON or not at all by `form`, and draws it where that is asked for."""
     from fmopt.notebook.parts import load_part, part_facts, part_words
     from fmopt.notebook.views import part_sheet
 

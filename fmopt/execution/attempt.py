@@ -54,11 +54,7 @@ class _Broken:
 
 
 def carried_out(course: Course, rig_of: MakeRig, starts: tuple[Array, Array]) -> list[Log]:
-    """Runs bodies from their starts until each has seated or given up.
-
-    Args:
-        starts: positions (n, 3), m, and quaternions (n, 4).
-    """
+    """Runs bodies from starts, positions (n, 3), m, and quaternions (n, 4), until each has seated or given up."""
     begun = np.hstack(starts)  # of the first attempt for all of them: shifts of retries count from there
     logs = [Log() for _ in begun]
     bodies = list(range(len(begun)))

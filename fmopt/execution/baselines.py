@@ -63,12 +63,7 @@ class Task:
         )
 
     def program(self, name: str, start: Pose, steps: tuple[Step, ...]) -> Program:
-        """A program without friction to make up for.
-
-        Args:
-            start: pose of the moving part in the B-frame.
-            steps: in order.
-        """
+        """A program without friction to make up for."""
         return Program(name, start, self.fit.rho, SPEED, steps, 0.0, self.limits)
 
     @property

@@ -63,9 +63,6 @@ def execute(what: Plan, trials: Trials, settled: Settled, caution: str = "") -> 
 def compare(plans: Sequence[Plan], trials: int, seed: int, settled: Settled) -> list[dict[str, Any]]:
     """Runs plans and the baselines with the same errors, and writes `comparison.json`.
 
-    Args:
-        plans: in the order of the rows.
-
     Returns:
         A row for each plan: its title, and for each method the success inside the certified set.
 

@@ -49,8 +49,6 @@ def drawn_errors(
     """Errors of trials, each from its own stream.
 
     Args:
-        conditions: boxes and intervals that they are drawn from.
-        presses: of the plan.
         seed, numbers: of the stream, and of the trials in it.
         corners: share of the trials in which all but drift is at ends of its intervals, for choosing among plans.
     """
@@ -118,10 +116,7 @@ def carry_out(
     Args:
         seed, numbers: of the streams of noise.
         courses: for each trial its attempts in order, by number; all of them if not given.
-        engine: "mujoco" or "drake".
         time_step: of the physics, s; None for what the clearance asks for.
-        threads: that step the bodies.
-        look: shown the rig in every period.
     """
     friction = errors.friction if np.ptp(errors.friction) > 0.0 else float(errors.friction[0])
     put = ENGINES[engine].scene(Setup(bodies, SOFT * plan.seat.clearance, plan.robot, friction, time_step, threads))
@@ -146,7 +141,6 @@ def press_records(
     Args:
         bodies: both parts, which need not be the plan's.
         trials: how they are drawn; with the seed of the plan's evidence as its draws, then its vertices.
-        look: shown the rig in every period.
 
     Raises:
         PlanFormatError: the plan does not say what its errors are.

@@ -77,7 +77,6 @@ class Recovery(Value, shifts=(None, 3), points=(None, 3)):
         """The commanded height (m) of the part's lowest point.
 
         Args:
-            q: pose (7,) of the part now.
             begun: pose (7,) at which it began, off by the start error.
             at: quaternion (4,) for which this is asked, as `q` has it.
         """
@@ -86,12 +85,7 @@ class Recovery(Value, shifts=(None, 3), points=(None, 3)):
         return float(self.start.p[2] + q[2] - begun[2] + (points[:, 2] - self.radii).min())
 
     def liftable(self, q: Array, begun: Array) -> bool:
-        """Whether the plan says that the part can be lifted from where it is, and turned back.
-
-        Args:
-            q: pose (7,), position in m and quaternion.
-            begun: pose (7,) at the start of the attempt.
-        """
+        """Whether the plan says that the part, begun at a pose (7,), m, can be lifted from another, and turned back."""
         turned = float(np.linalg.norm(between(q[3:], begun[3:])))
         return self.lowest(q, begun, q[3:]) - self.sunk > self.above and turned <= self.turn
 
@@ -112,12 +106,7 @@ class WayBack(Value):
 
     @staticmethod
     def of(recovery: Recovery, poses: Array, begun: Array, shifts: Sequence[int]) -> WayBack:
-        """The ways of parts to the starts with these shifts.
-
-        Args:
-            poses: (n, 7), where the parts are.
-            begun: (n, 7), where each began.
-        """
+        """The ways of parts at poses (n, 7), begun at others (n, 7), to the starts with these shifts."""
         goal = begun[:, :3] + recovery.shifts[list(shifts)]
         # As it is turned, the lowest point is another one: each end of the way over has its own height.
         up = [recovery.clear - recovery.lowest(q, b, q[3:]) for q, b in zip(poses, begun, strict=True)]

@@ -38,11 +38,7 @@ def product(a: Array, b: Array) -> Array:
 
 
 def between(a: Array, b: Array) -> Array:
-    """Rotation vectors (…, 3), rad, that turn the quaternions b into a, by at most π.
-
-    Args:
-        a, b: (…, 4), of unit length, real part first.
-    """
+    """Rotation vectors (…, 3), rad, that turn unit quaternions (…, 4), real part first, b into a, by at most π."""
     w, v = np.split(product(a, b * np.array([1.0, -1.0, -1.0, -1.0])), [1], axis=-1)
     sine = np.linalg.norm(v, axis=-1, keepdims=True)
     # q and −q are the same rotation: that with w ≥ 0 is the shorter way.

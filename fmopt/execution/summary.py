@@ -172,11 +172,7 @@ class Fit:
         return Fit(plan.moving.measured_clearance, -float(goal.p[2]), plan.rho, goal, loose, free, 1, moving, fixed)
 
     def meet(self, point: Array, pose: Pose, goal: Pose) -> bool:
-        """Whether what touches in a point (3,) is to touch at a goal as well, as far as contacts count as closed.
-
-        Args:
-            point: in B, m.
-        """
+        """Whether what touches in a point (3,) of B, m, is to touch at a goal, as far as contacts count as closed."""
         # At the goal: carried there as a point of the moving part, or left in place and seen from that part.
         own, other = goal.apply(pose.inverse().apply(point)), goal.inverse().apply(point)
         return min(_off(self.fixed, own), _off(self.moving, other)) <= CLOSED * self.clearance
@@ -217,11 +213,7 @@ class Log:
 
 
 def note(log: Log, event: Event, rig: Rig, moves: Sequence[Move], known: Mapping[str, Contact], fit: Fit) -> None:
-    """Holds the contacts at the end of a move against the plan's; without moves nothing is planned.
-
-    Args:
-        moves: of the plan; empty for a method without one.
-    """
+    """Holds the contacts at the end of a move against the plan's; without moves nothing is planned."""
     program = rig.program
     # The rig has gone on already: this is the step after that of the event.
     if rig.state.step[event.body] < 0:
@@ -276,11 +268,7 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
 
 
 def watch(logs: Sequence[Log], rig: Rig, left: Container[int] = ()) -> None:
-    """Forces and depth, in every period.
-
-    Args:
-        logs: of the bodies in the rig's order, written to.
-    """
+    """Forces and depth, in every period."""
     filtered = np.linalg.norm(rig.state.filtered[:, :3], axis=1)
     raw = np.linalg.norm(rig.reaction[:, :3], axis=1)
     for body, log in enumerate(logs):

@@ -94,10 +94,7 @@ class Draw:
 
 
 def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
-    """The errors of a trial.
-
-    Args:
-        number: counted from 0 through all of them; its own stream, whatever the others draw.
+    """The errors of a trial, counted from 0 through all of them; its own stream, whatever the others draw.
 
     Raises:
         PlanFormatError: errors are asked for that retries cover, or that are beyond the box, and there are none.

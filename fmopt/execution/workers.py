@@ -19,9 +19,6 @@ Run = Callable[[Sequence[int], Take], object]
 def spread(run: Run, chunks: Sequence[Sequence[int]], workers: int, take: Take) -> None:
     """Runs chunks, in this process where there is one worker, or one chunk.
 
-    Args:
-        chunks: in the order in which they are given out.
-
     Raises:
         ResourceError: no process can be started, or one was killed.
         FmoptError: what `run` raises.

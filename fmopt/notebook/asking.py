@@ -136,7 +136,6 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, u
     could, the smaller one moves.
 
     Args:
-        error: of the start, such as "1 mm, 1 deg".
         moving, fixed: names or numbers of bodies; None to have one found.
         unit: of the numbers of an OBJ file; mm if not given.
 

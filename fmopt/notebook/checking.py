@@ -8,10 +8,7 @@ from fmopt.verify import CERTIFIED, TESTED, PlanError, judge
 
 
 def admitted(plan: Plan, unverified: bool, name: str = "the plan") -> str:
-    """What is to be said wherever the plan goes: nothing of one that the check certifies and that says so itself.
-
-    Args:
-        unverified: whether to take it without asking the check.
+    """What is to be said of a plan wherever it goes: nothing where the check, asked unless `unverified`, certifies it.
 
     Raises:
         UnprovedError: the check does not certify it, its seal is broken, or it does not say CERTIFIED itself.

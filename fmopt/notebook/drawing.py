@@ -119,16 +119,13 @@ def framed(page: str, title: str, size: tuple[float, float]) -> str:
 
 
 def show(value: Any, what: str | None = None) -> Drawing:
-    """A drawing of a value: it shows itself in a notebook, and `save` writes it.
+    """A drawing of a value, by name or the first: it shows itself in a notebook, and `save` writes it.
 
     >>> plan = fmopt.read("out/square_peg/plan.json")
     >>> fmopt.show(plan)
     <fmopt.Drawing scene: square_peg going into square_hole_block, to be turned and played>
     >>> "states" in fmopt.drawings(plan)
     True
-
-    Args:
-        what: which of `fmopt.drawings(value)`; the first when not given.
 
     Raises:
         ChoiceError: there is no drawing of this name.

@@ -21,11 +21,7 @@ UNITLESS = frozenset(MESHES) - frozenset(STEP)
 
 
 def commented(asked: Asked, folder: Path, problem: Problem, clearance: Clearance, stated: bool) -> str:
-    """The problem file of a question, with what was found, and what holds where nothing is stated, as comments.
-
-    Args:
-        stated: whether the start error is the user's own.
-    """
+    """The problem file of a question, findings and usual values as comments; `stated`: the error is the user's own."""
     yours = "how far off the part may start, along and about every axis (half-widths)"
     note = yours if stated else f"AN EXAMPLE, put your own: {yours}"
     goal, exchanged = problem.task, problem.task.exchanged

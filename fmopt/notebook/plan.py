@@ -361,11 +361,8 @@ class Plan:
 def solve(problem: task.Problem, progress: Callable[[str], None] = lambda _: None) -> Plan:
     """Solves a problem: plans the motion, checks its certificate independently, and gives the plan with its verdict.
 
-    It takes from seconds to minutes, within the problem's time limit for the search. `plan.proved` says whether the
-    plan is certified; one that is not is returned all the same, and says so.
-
-    Args:
-        progress: told what is being done; `print` will do.
+    It takes from seconds to minutes, within the problem's time limit for the search; `progress`, such as `print`, is
+    told what is being done. `plan.proved` says whether the plan is certified; one that is not is returned all the same.
 
     Raises:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.

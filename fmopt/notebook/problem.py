@@ -154,9 +154,6 @@ def load(path: str | PathLike[str]) -> Problem:
     >>> fmopt.load(fmopt.example("square_peg")).title
     'Square peg in a blind square hole, 0.1 mm clearance a side'
 
-    Args:
-        path: a problem file (TOML); `fmopt.example` gives those that are shipped.
-
     Raises:
         InputError: with every fault of the file and of its models, each with its line and column.
     """

@@ -25,15 +25,12 @@ look();
 
 
 def slider(label: str, frames: Sequence[tuple[str, Drawing]]) -> Drawing:
-    """Drawings behind a slider, one for each place of it.
+    """Drawings on sheets of one size behind a slider, each with what the slider says at its place.
 
     >>> part = fmopt.load(fmopt.example("square_peg")).moving
     >>> moving = fmopt.slider("view", [(name, fmopt.show(part, "part")) for name in ("one", "two")])
     >>> moving.html().count("<img")
     2
-
-    Args:
-        frames: what the slider says at each place, and the drawing there; drawings on sheets, of one size.
 
     Raises:
         ValueError: there are no frames.

@@ -63,11 +63,9 @@ def nominal(problem: Problem) -> Nominal:
 
 
 def near_contacts(problem: Problem, pose: ArrayLike, reach: float | None = None) -> tuple[PrimitiveContact, ...]:
-    """The primitive contacts that can close near a pose, [DakinPopplestone1993] section 2.
+    """The primitive contacts that can close near a pose (6,), m and rad, [DakinPopplestone1993] section 2.
 
-    Args:
-        pose: of the moving part, (6,), m and rad.
-        reach: how far off contacts are looked for, m; three clearances when not given.
+    They are looked for up to `reach` off, m, else up to three clearances.
     """
     from fmopt.contact.primitive import near_contacts as near
 
@@ -76,11 +74,7 @@ def near_contacts(problem: Problem, pose: ArrayLike, reach: float | None = None)
 
 
 def contact_graph(problem: Problem, pose: ArrayLike, reach: float | None = None) -> ContactGraph:
-    """All contact states near a pose, in the linear picture, [DakinPopplestone1993] sections 2 and 3.
-
-    Args:
-        pose: of the moving part, (6,), m and rad.
-        reach: how far off contacts are looked for, m; three clearances when not given.
+    """All contact states near a pose (6,), m and rad, in the linear picture, [DakinPopplestone1993] sections 2 and 3.
 
     Raises:
         InfeasibleError: the contacts violate each other there.
@@ -131,9 +125,6 @@ def placed(problem: Problem, motion: CertifiedMotion, progress: Progress = lambd
     It takes a second or two where a search takes many, and serves for poses that were moved by hand, and for a problem
     with the same parts and other errors. Where the motion cannot be followed under all errors these are grown as its
     poses come to bear them.
-
-    Args:
-        problem: the task; its parts are those of the motion.
 
     Raises:
         InfeasibleError: the errors cannot be followed from there.

@@ -120,9 +120,6 @@ def line(words: str) -> str:
 def write(document: Mapping[str, Any], path: Path) -> None:
     """Writes a plan, whole or not at all.
 
-    Args:
-        path: replaced where it exists.
-
     Raises:
         ResourceError: the file cannot be written.
     """
@@ -143,9 +140,6 @@ def read(path: Path) -> Plan:
 
 def parsed(document: Any, name: str = "") -> Plan:
     """The plan of a JSON document.
-
-    Args:
-        name: of the file, for messages; empty if it has none.
 
     Raises:
         PlanFormatError: it is none.

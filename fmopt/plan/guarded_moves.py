@@ -95,37 +95,20 @@ class Move(Value, twist=(6,), position_axes=(None, 6), force_axes=(None, 6), hol
 
 
 def to_frame(frame: Pose, wrench: Array, origin: Array) -> Array:
-    """A wrench in the coordinates of `frame`.
-
-    Args:
-        frame: in the B-frame.
-        wrench: (…, 6) about `origin` in axes of B, N and N·m.
-        origin: (3,), in the B-frame, m.
-    """
+    """A wrench (…, 6) about an origin (3,), m, axes of B, N and N·m, in the coordinates of a frame."""
     force, torque = wrench[..., :3], wrench[..., 3:]
     moved = torque - force @ hat(frame.p - origin).T  # by rows: f [r]×ᵀ is r × f
     return np.concatenate([force @ frame.R, moved @ frame.R], axis=-1)
 
 
 def from_frame(frame: Pose, wrench: Array, origin: Array) -> Array:
-    """A wrench about `origin` in axes of B.
-
-    Args:
-        frame: in the B-frame.
-        wrench: (…, 6) in the coordinates of `frame`, N and N·m.
-        origin: (3,), in the B-frame, m.
-    """
+    """A wrench (…, 6) in the coordinates of a frame, N and N·m, about an origin (3,) of B, m, in axes of B."""
     force, torque = wrench[..., :3] @ frame.R.T, wrench[..., 3:] @ frame.R.T
     return np.concatenate([force, torque + force @ hat(frame.p - origin).T], axis=-1)
 
 
 def length(start: Pose, goal: Pose, rho: float) -> float:
-    """How far it is from pose to pose, m in the metric of ρ.
-
-    Args:
-        start, goal: in one frame.
-        rho: lever that makes lengths of angles, m.
-    """
+    """How far it is from pose to pose, m, in the metric of the lever ρ, m."""
     return float(np.linalg.norm(start.local(goal) * [1.0, 1.0, 1.0, rho, rho, rho]))
 
 

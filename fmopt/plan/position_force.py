@@ -72,22 +72,13 @@ class Decomposition:
 
 
 def gamma(s: Sequence[int], P: ArrayLike) -> Array:
-    """Γ(S, P): the artificial position constraints Pₐ (6,), P where s = 0 and 0 elsewhere; P − Pₐ is Pₙ.
-
-    Args:
-        s: codes of the six degrees of freedom.
-        P: (6,), m and rad.
-    """
+    """Γ(S, P): the artificial position constraints Pₐ (6,), P (m and rad) where s = 0 and 0 elsewhere; P − Pₐ is Pₙ."""
     free = Decomposition(tuple(s)).artificial
     return np.where(np.isin(np.arange(6), free), np.asarray(P, dtype=np.float64), 0.0)
 
 
 def natural_constraints(s: Sequence[int], P: ArrayLike) -> Array:
-    """Pₙ (6,), the part of P in C_np, with P = Pₐ + Pₙ: what contact holds and position servoing leaves alone.
-
-    Args:
-        s, P: as for `gamma`.
-    """
+    """Pₙ (6,), the part of P in C_np, with P = Pₐ + Pₙ: what contact holds and position servoing leaves alone."""
     held = Decomposition(tuple(s)).natural
     return np.where(np.isin(np.arange(6), held), np.asarray(P, dtype=np.float64), 0.0)
 
@@ -118,12 +109,7 @@ class Forces(Protocol):
 
 
 def contact_forces(asked: Forces, rho: float) -> Array:
-    """Wanted contact forces fᵢ (6,): the specification's force, and its torque about ρ (m) up to the torque limit.
-
-    Args:
-        asked: of the specification, N and N·m.
-        rho: lever of the torques, m.
-    """
+    """Contact forces fᵢ (6,), N and N·m: the specification's force, its torque about ρ (m) up to the torque limit."""
     torque = min(asked.contact_force * rho, asked.torque_limit)
     return frozen([asked.contact_force] * 3 + [torque] * 3)
 

@@ -184,9 +184,6 @@ def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: Non
 
     Where there is none with the errors of velocity as they are, which add up on the way however little is off at the
     start, that of all errors alike is looked for.
-
-    Args:
-        seconds: how long that may take; each share that is tried may take its part of what is left of it.
     """
     stated, lates, moment = problem.velocity_error, list[bool](), clock() + seconds
 

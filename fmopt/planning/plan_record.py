@@ -304,12 +304,7 @@ def contact_record(contact: PrimitiveContact) -> dict[str, Any]:
 
 
 def segment_record(claim: Claim, move: int, start: Any, goal: Any) -> dict[str, Any]:
-    """A claim as a segment of the plan file, without its control strategy.
-
-    Args:
-        start: pose (6,) at the beginning, exactly as the neighbouring segment has it.
-        goal: pose (6,) at the end.
-    """
+    """A claim between poses (6,), as its neighbours have them, as a segment of the plan file without its strategy."""
     piece, extent = claim.piece, claim.advance.ends.extent
     state = [c.id for c in piece.held]
     made = piece.made

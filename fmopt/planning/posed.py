@@ -140,9 +140,6 @@ def under_errors(found: CertifiedMotion, problem: Problem) -> Motion:
 def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: float = FINE) -> Placed:
     """All goal poses placed for the largest certified margin, by the method that the problem asks for.
 
-    Args:
-        step: greatest turn of one piece, rad.
-
     Raises:
         InfeasibleError: fine pieces cannot follow the motion, or no contact would be felt that ends one.
         OverdueError: there is no time to certify it.

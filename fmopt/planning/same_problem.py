@@ -50,11 +50,7 @@ def _digest(plan: Plan, problem: Problem) -> Iterator[str]:
 
 
 def _part(side: str, stated: Stated, part: Part, problem: Problem, pieces: bool) -> Iterator[str]:
-    """A part of a plan beside that of its file: its surface, which the check holds its pieces against.
-
-    Args:
-        pieces: whether these are compared, too: the check does not look at those of presses.
-    """
+    """A part of a plan beside that of its file: its surface, which the check holds its pieces against."""
     declared = problem.declared_clearance
     if not _same(stated.declared_clearance or (), declared or ()):
         yield (

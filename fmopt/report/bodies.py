@@ -59,12 +59,7 @@ CUTS = {"x–z": upright_plane(0.0), "y–z": upright_plane(0.5 * math.pi)}
 
 
 def contact_place(plan: Parts, contact: str, pose: Pose) -> Array:
-    """Where a contact touches (3,), m: its vertex, or the point of a ball, or of an edge, nearest to what is fixed.
-
-    Args:
-        contact: id, one of the plan's.
-        pose: of the moving part in the B-frame.
-    """
+    """Where a contact touches (3,), m: its vertex, or the point of a ball, or of an edge, nearest to what is fixed."""
     record = next(c for c in plan.contacts if c.id == contact)
     moving = pose.apply(np.array([plan.moving.body.vertices[i] for i in record.moving]))
     fixed = np.array([plan.fixed.body.vertices[i] for i in record.fixed])
@@ -94,13 +89,7 @@ def loops_of(shape: MultiPolygon) -> list[Array]:
 
 
 def section_of(bodies: tuple[Polyhedron, ...], pose: Pose, plane: Pose) -> MultiPolygon:
-    """The section of a part at a pose by a plane, in the plane's coordinates, m; slits between pieces closed.
-
-    Args:
-        bodies: convex pieces in the part's frame.
-        pose: of that frame in the B-frame.
-        plane: in the B-frame, z its normal.
-    """
+    """The section of a part in convex pieces at a pose by a plane's x and y, in its coordinates, m; slits closed."""
     from shapely import MultiPolygon, get_parts
 
     shape = section([placed(body, pose) for body in bodies], plane)
@@ -110,12 +99,7 @@ def section_of(bodies: tuple[Polyhedron, ...], pose: Pose, plane: Pose) -> Multi
 
 
 def extent(shape: MultiPolygon, height: float) -> Array:
-    """Where the line at a height crosses a section: intervals (n, 2) from left to right, m.
-
-    Args:
-        shape: in a plane, m.
-        height: second coordinate in that plane, m.
-    """
+    """Where the line at a height, m, the second coordinate of a plane, crosses a section: intervals (n, 2), m."""
     from shapely import LineString, get_parts
 
     left, _, right, _ = shape.bounds

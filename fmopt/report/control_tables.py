@@ -100,12 +100,7 @@ def _impact_words(plan: Plan) -> str:
 
 
 def hybrid_cells(piece: Segment, last: bool, rho: float) -> tuple[str, ...]:
-    """The strategy of a piece in words: position axes, force axes, velocity, bias wrench, end.
-
-    Args:
-        last: whether its move ends with it.
-        rho: characteristic length, m, with which turns and torques are counted.
-    """
+    """The strategy of a piece in words: position axes, force axes, velocity, bias wrench, end."""
     hybrid = piece.hybrid
     # Turns times ρ are lengths, torques by ρ forces: all six numbers compare, and power stays what it is.
     twists, wrenches = np.array([1.0, 1.0, 1.0, rho, rho, rho]), np.array([1.0, 1.0, 1.0, 1 / rho, 1 / rho, 1 / rho])
@@ -192,11 +187,7 @@ def jamming_words(plan: Plan) -> str:
 
 
 def jamming_cells(hybrid: Hybrid, free: JamFree, rho: float) -> tuple[str, str, str]:
-    """Of a strategy: the push and what it takes, the angle in any direction, and the narrow ranges.
-
-    Args:
-        rho: metric in which sizes of pushes are meant, m.
-    """
+    """Of a strategy: the push and what it takes, the angle in any direction, and the narrow ranges."""
     least = free.least_push
     takes = "no push is shown to be enough" if least is None else f"friction can take {_newtons(least)}"
     push = f"{_newtons(free.push)}, {takes}"

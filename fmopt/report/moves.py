@@ -152,12 +152,7 @@ def margin_words(margin: float) -> str:
 
 
 def margin_claim(plan: Plan, margin: float) -> str:
-    """A margin and what it may be called, in one phrase.
-
-    Args:
-        plan: whose verdict decides whether the margin is proved.
-        margin: m; 0 or less says that there is none.
-    """
+    """A margin and what it may be called, in one phrase."""
     if margin <= 0.0:
         return margin_words(margin)
     between = " " if verdict(plan).proved else ": "

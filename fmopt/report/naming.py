@@ -49,11 +49,7 @@ def quantity(length: float) -> str:
 
 
 def signed(value: float, form: str) -> str:
-    """A number with a true minus sign, and no minus before a zero.
-
-    Args:
-        form: format specification, such as ".3f".
-    """
+    """A number in a format such as ".3f" with a true minus sign, and no minus before a zero."""
     text = format(value, form)
     if float(text) == 0.0:
         text = text.lstrip("-")
@@ -71,12 +67,7 @@ def degrees(angle: float) -> str:
 
 
 def spoken_axis(vector: Array, always_signed: bool = False) -> str:
-    """A direction (3,) by the axes it runs along, the longest component first: "−x", "−z and +y".
-
-    Args:
-        vector: (3,), of any length.
-        always_signed: whether a lone positive axis is "+x".
-    """
+    """A direction (3,) of any length by the axes it runs along, the longest component first: "−x", "−z and +y"."""
     size = float(np.linalg.norm(vector))
     if size == 0.0:
         return "none"
@@ -89,11 +80,7 @@ def spoken_axis(vector: Array, always_signed: bool = False) -> str:
 
 
 def contact_words(plan: Parts, contact: str) -> str:
-    """A contact in words, the moving part's feature first: "side edge e0 touches rim edge e8 (x = −10.1 mm)".
-
-    Args:
-        contact: id; one that the plan does not list is named as it is.
-    """
+    """A contact by id in words, the moving part's first: "side edge e0 touches rim edge e8 (x = −10.1 mm)"."""
     record = next((c for c in plan.contacts if c.id == contact), None)
     if record is None:
         return f"contact {contact} is made"
@@ -159,11 +146,7 @@ def _place(points: Array) -> str:
 
 
 def binding_words(plan: Parts, binding: str) -> str:
-    """What a margin is of, in words; the names are those of the plan's `binding_contact`.
-
-    Args:
-        binding: contact, pair of pieces "0/3", or contact with " too early".
-    """
+    """What a margin is of, in words: a contact, a pair of pieces "0/3", or a contact with " too early"."""
     pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
     if pair:
         sides = zip((plan.moving, plan.fixed), pair.groups(), strict=True)
@@ -227,12 +210,7 @@ def pose_words(pose: Sequence[float]) -> str:
 
 
 def combination(vector: Sequence[float], force: str = "", torque: str = "") -> str:
-    """Six numbers as a combination of the axes: "x", "0.98 y − 0.17 rz", "−5 N z"; small ones are left out.
-
-    Args:
-        vector: (6,), along and about x, y and z.
-        force, torque: units put behind the numbers; none if empty.
-    """
+    """A vector (6,) as a combination of the axes: "x", "0.98 y − 0.17 rz", "−5 N z"; small ones are left out."""
     values = np.asarray(vector, dtype=np.float64)
     if values.size != 6 or not np.any(values):
         return "none"
@@ -248,12 +226,7 @@ def combination(vector: Sequence[float], force: str = "", torque: str = "") -> s
 
 
 def direction(vector: Sequence[float], scale: Array) -> str:
-    """The direction of a twist or wrench by axes, the greatest scaled part made 1, those below 0.5 % left out.
-
-    Args:
-        vector: (6,), of any size.
-        scale: (6,), by what translations and rotations are made comparable.
-    """
+    """A twist or wrench (6,) by axes, its greatest part scaled by (6,) made 1, those below 0.5 % left out."""
     values = np.asarray(vector, dtype=np.float64)
     if values.size != 6 or not np.any(values):
         return "none"

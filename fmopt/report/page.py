@@ -23,10 +23,7 @@ from fmopt.report.views.budget_view import budget_table
 
 
 def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
-    """The report: verdict first, then the motion, why it holds, what it tolerates, and what was not checked.
-
-    Args:
-        figures: its figures as SVG by name, as `fmopt.report.figures.figures` gives them; those left out are not shown.
+    """The report: verdict first, then the motion, why it holds, what it tolerates, with its figures (SVG by name).
 
     Returns:
         A page without any reference to something outside it; everything from the plan is escaped.

@@ -65,11 +65,7 @@ def scene(plan: Plan) -> str:
 
 
 def seating(moving: Part, fixed: Part, nodes: Sequence[Numbers]) -> str:
-    """A viewer of two parts on a nominal way, straight from node to node, as a fragment of HTML.
-
-    Args:
-        nodes: (6,) each, m and rotation vector in rad, of the moving part in the B-frame.
-    """
+    """A viewer of two parts on a way straight from pose to pose (6,) in B, m and rad, as a fragment of HTML."""
     legs = [Leg(k, a, b) for k, (a, b) in enumerate(pairwise(nodes))]
     return _viewer(_data(moving, fixed, legs), _label(moving, fixed), "")
 

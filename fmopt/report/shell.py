@@ -23,11 +23,7 @@ def svg_source(svg: str) -> str:
 
 
 def figure(svg: str, alt: str, caption: str, size: tuple[float, float] | None = None) -> str:
-    """A figure with what it shows in words.
-
-    Args:
-        alt: what is to be seen, for who cannot see it; plain text, as the caption.
-    """
+    """A figure with its caption, and what is to be seen for who cannot see it, in plain text."""
     # CSS has 96 px to an inch, so that figures keep their own size in print.
     measures = "" if size is None else ' width="{}" height="{}"'.format(*(round(96 * inches) for inches in size))
     picture = f'<img src="{svg_source(svg)}" alt="{escape(alt)}"{measures}>'
@@ -35,11 +31,7 @@ def figure(svg: str, alt: str, caption: str, size: tuple[float, float] | None = 
 
 
 def page(title: str, style: str, body: str, scripts: bool = False) -> str:
-    """A page of HTML that opens offline and fetches nothing.
-
-    Args:
-        scripts: whether scripts in it may run.
-    """
+    """A page of HTML that opens offline and fetches nothing, in which scripts may run or not."""
     # Styles and scripts are part of the page, hence inline; nothing may be fetched, and no form sent.
     allowed = "img-src data:; style-src 'unsafe-inline'; " + ("script-src 'unsafe-inline'; " if scripts else "")
     policy = f"default-src 'none'; {allowed}base-uri 'none'; form-action 'none'"
@@ -62,11 +54,7 @@ def page(title: str, style: str, body: str, scripts: bool = False) -> str:
 
 
 def chaptered(kind: str, heading: str, chapters: Sequence[Chapter], lead: str = "") -> str:
-    """The body of a page of chapters, those without a content left out.
-
-    Args:
-        kind: what it is a page of; plain text, as the heading.
-    """
+    """The body of a page of a kind, its chapters without a content left out."""
     shown = [chapter for chapter in chapters if chapter[2]]
     links = "\n".join(f'<li><a href="#{name}">{escape(said)}</a></li>' for name, said, _ in shown)
     body = "\n".join(_section(*chapter) for chapter in shown)
@@ -96,12 +84,7 @@ def bullets(items: Iterable[str]) -> str:
 
 
 def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], numbers: str = "", worst: int = -1) -> str:
-    """A table with its caption; the first cell of a row heads it. Nothing when there are no rows.
-
-    Args:
-        head: the columns; no row of heads when all are empty.
-        rows: plain texts; they are escaped here.
-    """
+    """A table of plain texts with its caption; the first cell of a row heads it. Nothing when there are no rows."""
     rows = list(rows)
     if not rows:
         return ""

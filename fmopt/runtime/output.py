@@ -100,9 +100,6 @@ def set_aside(folder: Path, names: Sequence[str]) -> list[Path]:
 def fresh(path: Path) -> Iterator[Path]:
     """A folder to be made and filled, which comes to its place once all of it is written.
 
-    Args:
-        path: of the folder, nothing may be there yet; its last name is also that of the folder to be made.
-
     Raises:
         ResourceError: something is there, or it cannot be written.
     """

@@ -33,11 +33,7 @@ T = TypeVar("T")
 
 
 def kept(depends: object, make: Callable[[], T]) -> T:
-    """What `make` makes, or made of the same before.
-
-    Args:
-        depends: all that it depends on besides this package and its libraries, as a value that can be pickled.
-    """
+    """What `make` makes, or made before of an equal value that can be pickled, on which all of it depends."""
     folder = _folder()
     if folder is None:
         return make()

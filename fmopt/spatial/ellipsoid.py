@@ -35,33 +35,20 @@ def root(Q: Array) -> Array:
 
 
 def narrow(F: Array, most: int) -> Array:
-    """A root (n, k) of the same ellipsoid as F, k at most n where F has more than `most` columns.
-
-    Args:
-        F: (n, m), root of a shape matrix F Fᵀ.
-    """
+    """A root (n, k) of the same ellipsoid as F (n, m), k at most n where F has more than `most` columns."""
     # F = (Q R)ᵀ with orthonormal Q: F Fᵀ = Rᵀ R, and R has no more rows than F.
     return F if F.shape[1] <= most else np.asarray(np.linalg.qr(F.T).R.T)
 
 
 def image(Q: Array, A: Array) -> Array:
-    """Shape matrix A Q Aᵀ (m, m) of the image under the linear map A, exact.
-
-    Args:
-        Q: (n, n), shape matrix.
-        A: (m, n).
-    """
+    """Shape matrix A Q Aᵀ (m, m) of the image of Q (n, n) under the linear map A (m, n), exact."""
     shape = A @ Q @ A.T
     # Symmetric again: products in either order differ by rounding.
     return np.asarray(0.5 * (shape + shape.T))
 
 
 def coupling_inverse(N: ArrayLike, C: ArrayLike) -> Array:
-    """(N C)⁻¹ (r, r): how far to go along each direction so that N x changes as wanted.
-
-    Args:
-        N: rows (r, n).
-        C: directions as columns (n, r).
+    """(N C)⁻¹ (r, r): how far to go along columns of C (n, r) so that N x, rows N (r, n), changes as wanted.
 
     Raises:
         InfeasibleError: moving along C cannot set N x, because N C is singular, or can so only by going too far.
@@ -88,11 +75,7 @@ def coupling_inverse(N: ArrayLike, C: ArrayLike) -> Array:
 
 @compiled
 def _inverse(rows: Array, directions: Array) -> tuple[Array, float]:
-    """(N C)⁻¹ (r, r) by Gauss and Jordan, and the Frobenius norm of that of unit rows and directions.
-
-    Args:
-        rows: N (r, n).
-        directions: Cᵀ (r, n).
+    """(N C)⁻¹ (r, r) of rows N and Cᵀ (r, n) by Gauss and Jordan, and the Frobenius norm of that of unit ones.
 
     Returns:
         the inverse, and its size: infinite where a pivot vanishes, not a number where a row or a direction does.
@@ -143,13 +126,9 @@ def _inverse(rows: Array, directions: Array) -> tuple[Array, float]:
 
 
 def oblique_projector(N: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
-    """The projector Π = I − C (N C)⁻¹ N along C onto {x : N x = 0}, and its correction C̃ = C (N C)⁻¹.
+    """The projector Π = I − C (N C)⁻¹ N along C (n, r) onto {x : N x = 0}, N (r, n), and its correction C̃ = C (N C)⁻¹.
 
     x = Πx + C̃ (N x), so column i of C̃ is the displacement that changes N_i·x by one and no other row.
-
-    Args:
-        N: rows (r, n).
-        C: directions as columns (n, r).
 
     Returns:
         Π (n, n) and C̃ (n, r).
@@ -167,15 +146,10 @@ def metric(rho: float) -> Array:
 
 
 def outer_sum(F1: Array, F2: Array, weights: Array) -> Array:
-    """Root of the ellipsoid of least trace around the Minkowski sum of two ellipsoids with roots F₁, F₂ (n, a).
+    """Root of the ellipsoid of least trace, by weights (n,), around the sum of those with roots F₁, F₂ (n, a).
 
     (1 + 1/p) Q₁ + (1 + p) Q₂ with p = √(tr Q₁/tr Q₂), traces in the metric of the weights. A summand that is a point
     leaves the other unchanged. The operation is associative, but for rounding.
-
-    Args:
-        F1: root of the one.
-        F2: root of the other.
-        weights: metric (n,) in which the trace is taken, positive.
     """
     s1, s2 = (math.sqrt(float(np.vdot(F, weights[:, None] ** 2 * F))) for F in (F1, F2))
     if s1 == 0.0 or s2 == 0.0:
@@ -185,12 +159,9 @@ def outer_sum(F1: Array, F2: Array, weights: Array) -> Array:
 
 
 def box_root(half_widths: ArrayLike) -> Array:
-    """Root of the smallest ellipsoid k·diag(a²) around the box |xᵢ| ≤ aᵢ, a column for each aᵢ that is not zero.
+    """Root of the smallest ellipsoid k·diag(a²) around |xᵢ| ≤ aᵢ, a (n,), a column for each aᵢ that is not zero.
 
     k is the number of those, so that a flat box gets a flat ellipsoid through its corners.
-
-    Args:
-        half_widths: a (n,), not negative.
     """
     a = np.asarray(half_widths, dtype=np.float64)
     if (a < 0.0).any():

@@ -25,11 +25,7 @@ def halves(x: Array) -> tuple[Vector, Vector]:
 
 @part
 def row(rows: Array, i: int) -> Vector:
-    """A row of an array as three numbers, of which a kernel keeps none in memory.
-
-    Args:
-        rows: (n, 3).
-    """
+    """A row of an array (n, 3) as three numbers, of which a kernel keeps none in memory."""
     return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
@@ -59,12 +55,7 @@ def plus(a: Vector, share: float, b: Vector) -> Vector:
 
 @part
 def turned(R: Array, a: Vector) -> Vector:
-    """R a.
-
-    Args:
-        R: (3, 3), or the first columns of more.
-        a: in the axes that R turns.
-    """
+    """R a, R (3, 3) or the first columns of more."""
     return (
         R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
         R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
@@ -84,13 +75,7 @@ def turned_back(R: Array, a: Vector) -> Vector:
 
 @part
 def swung(a: Vector, angles: Vector, theta: float) -> float:
-    """Bound of |ε × a| for all ε in a box with |ε| ≤ θ.
-
-    Args:
-        a: arm, m.
-        angles: half-widths of the box, rad.
-        theta: θ, bound of |ε|, rad.
-    """
+    """Bound of |ε × a| for an arm a, m, and all ε in a box of half-widths `angles`, rad, with |ε| ≤ θ."""
     x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
     # The cross product bounded component by component, and as a whole: either may be the smaller one.
     sides = (y * angles[2] + z * angles[1], z * angles[0] + x * angles[2], x * angles[1] + y * angles[0])

@@ -24,11 +24,7 @@ _PLACE = "_remembered"
 
 
 def frozen(values: ArrayLike, *shape: int | None, name: str = "array") -> Array:
-    """A read-only float64 copy of `values`, whatever their unit.
-
-    Args:
-        values: numbers, of any shape (…,).
-        shape: expected length of each axis, None for any; no shape means any shape.
+    """A read-only float64 copy of `values`, whatever their unit, of a shape (…,) with None for any length, or any.
 
     Raises:
         ValueError: the shape differs, or a number is not finite.
@@ -110,9 +106,6 @@ def remembered(most: int) -> Callable[[Callable[Concatenate[T, P], R]], Callable
 
     A cache of the function's own would hold on to objects that nobody uses any more: a worker that plans one problem
     after the other would grow by each of them.
-
-    Args:
-        most: results kept with one object; the least recently used go first.
     """
 
     def decorated(function: Callable[Concatenate[T, P], R]) -> Callable[Concatenate[T, P], R]:

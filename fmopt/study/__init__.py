@@ -31,9 +31,6 @@ sys.modules[__name__].__class__ = _Room
 def frame(folder: str | PathLike[str]) -> polars.DataFrame:
     """The results of a study as a data frame: a line for each run, axes and answers as columns, SI units.
 
-    Args:
-        folder: where the study's results are; it may still be running.
-
     Raises:
         InputError: there is no study in this folder.
         ResourceError: the store cannot be read, or polars is not installed.

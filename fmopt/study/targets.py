@@ -164,11 +164,7 @@ def in_file(value: Quantity) -> Assigned:
 
 
 def blamed(faults: Iterable[Fault], mine: Mapping[str, Fault]) -> list[Fault]:
-    """Faults of a changed problem, those of changed keys told of the study file instead.
-
-    Args:
-        mine: by dotted key of the problem's data, a fault of the study file without words.
-    """
+    """Faults of a changed problem, those of changed keys told of the study file, by the wordless faults in `mine`."""
     found = []
     for fault in faults:
         place = mine.get(fault.key)

@@ -38,13 +38,7 @@ class Engine(Protocol):
     deepest_at: Array
 
     def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
-        """Moves the bodies on.
-
-        Args:
-            wrench: (n, 6), about the reference points, axes of B, N and N·m; of all bodies.
-            period: s; at least one step of the engine.
-            bodies: which of them; None for all.
-        """
+        """Moves bodies on by a period, s, under wrenches (n, 6) on reference points, axes of B, N and N·m, of all."""
         ...
 
     def damp(self, damping: Array) -> None:

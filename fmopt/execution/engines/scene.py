@@ -51,11 +51,7 @@ _SCENE = """\
 
 
 def scene(bodies: Bodies, physics: Physics, mass: float, inertia: float, friction: float) -> str:
-    """The scene as MJCF.
-
-    Args:
-        mass: apparent mass of robot and part, kg.
-        inertia: about each axis through the moving frame's origin, kg·m².
+    """The scene as MJCF; of robot and part the apparent mass, kg, and the inertia about each axis of the frame, kg·m².
 
     Raises:
         SettingsError: the settings cannot be trusted.

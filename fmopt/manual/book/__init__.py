@@ -53,11 +53,7 @@ def anchor(heading: str) -> str:
 
 
 def manual(names: Sequence[str] = PAGES) -> str:
-    """The pages as one page of HTML, with contents and a search, which opens offline.
-
-    Args:
-        names: of the pages, in their order.
-    """
+    """The pages as one page of HTML, with contents and a search, which opens offline."""
     made = [_made(name) for name in names]
     contents = "\n".join(f"<li>{heads}</li>" for heads, _ in made)
     body = "\n".join(f'<article id="{name}">\n{html}</article>' for name, (_, html) in zip(names, made, strict=True))

@@ -18,10 +18,7 @@ _UPRIGHT = math.cos(math.radians(30.0))  # least |z| of a unit direction that co
 
 
 def check_rate(rate: float, seconds: float) -> None:
-    """Refuses a rate that is not positive or gives more samples of a motion than a file should hold.
-
-    Args:
-        rate: samples a second, Hz.
+    """Refuses a rate, Hz, that is not positive or gives more samples of a motion than a file should hold.
 
     Raises:
         PlanFormatError: it is such a rate.
@@ -62,12 +59,7 @@ def insertion_words(base: Pose) -> str:
 
 
 def turning_words(twists: Sequence[Array], numbers: Sequence[int]) -> str:
-    """The greatest rate at which a program turns the part, and where.
-
-    Args:
-        twists: as commanded, (6,) each, rad/s in the last three.
-        numbers: of the moves that they belong to, from 0.
-    """
+    """The greatest rate at which a program turns the part, by twists (6,), rad/s in the last three, and where."""
     rates = [float(np.linalg.norm(twist[3:])) for twist in twists]
     fastest = int(np.argmax(rates))
     return (
@@ -77,11 +69,7 @@ def turning_words(twists: Sequence[Array], numbers: Sequence[int]) -> str:
 
 
 def failing_words(plan: Plan, base: Pose) -> str:
-    """What may be done when a move fails, as the plan says it; nothing where it does not.
-
-    Args:
-        base: the B-frame in the robot's base, T_base_B.
-    """
+    """What may be done when a move fails, as the plan says it, for B in the robot's base; nothing where it does not."""
     if plan.recovery is None or plan.recovery.lift is None:
         return ""
     up = ", ".join(f"{round(value, 3) + 0.0:g}" for value in base.R[:, 2].tolist())

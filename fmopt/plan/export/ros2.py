@@ -51,11 +51,6 @@ class _Sample(NamedTuple):
 def export(plan: Plan, base: Pose, rate: float, folder: Path, caution: str = "") -> tuple[Path, ...]:
     """Writes the bag (MCAP), `controllers.yaml` and `segments.yaml` into a new folder.
 
-    Args:
-        base: pose of the hole's frame B in the robot's base.
-        folder: must not hold a bag yet.
-        caution: what is to be said of the plan, if anything.
-
     Raises:
         PlanFormatError: a segment cannot be run, its force axes fit no frame, or the rate is no rate for it.
         ResourceError: the extra is missing, the bag exists, or a file cannot be written.

@@ -46,10 +46,7 @@ class Samples(Value):
 
 
 def samples(plan: Plan, rate: float) -> Samples:
-    """Every 1/rate seconds from the start, and the end; where S jumps, the value that begins there.
-
-    Args:
-        rate: Hz.
+    """Samples at a rate, Hz, from the start, and the end; where S jumps, the value that begins there.
 
     Raises:
         PlanFormatError: the plan holds no such trajectory, or the rate is no rate for it.
@@ -72,12 +69,7 @@ def samples(plan: Plan, rate: float) -> Samples:
 
 
 def csv_text(plan: Plan, rate: float, caution: str = "") -> str:
-    """The samples as CSV: comment lines with `#`, one line of names, numbers that read back exactly, S in integers.
-
-    Args:
-        rate: Hz.
-        caution: what is to be said of the plan, if anything.
-    """
+    """The samples, at a rate in Hz, as CSV: comment lines with `#`, one of names, numbers that read back exactly."""
     warned = (f"WARNING: {csv_comment(caution)}",) if caution else ()
     lines = [f"# {line}" for line in (FORMAT, f"plan {csv_comment(plan.sha256)}", *warned, *_NOTES)]
     lines.append(",".join(COLUMNS))

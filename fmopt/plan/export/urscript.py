@@ -168,11 +168,7 @@ class Settings:
 
 
 def program(plan: Plan, base: Pose, caution: str = "") -> str:
-    """The program as text.
-
-    Args:
-        base: pose of the hole's frame B in the robot's base.
-        caution: what is to be said of the plan; empty where the check has certified it.
+    """The program as text, with the hole's frame B in the robot's base and what is to be said of the plan, if anything.
 
     Raises:
         PlanFormatError: a segment cannot be run, or its force axes are not orthogonal in any one frame.

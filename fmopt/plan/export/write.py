@@ -72,10 +72,6 @@ class Written(NamedTuple):
 def place(file: Path, to: str, out: Path | None) -> Path:
     """Where a plan of this file goes: beside it unless `out` says where.
 
-    Args:
-        file: the plan's.
-        out: where it is wanted; beside the plan, or here for a plan from standard input, if None.
-
     Raises:
         ValueError: `out` is the plan itself.
     """
@@ -87,11 +83,7 @@ def place(file: Path, to: str, out: Path | None) -> Path:
 
 
 def export(plan: Plan, form: Form, target: Path) -> Written:
-    """Writes a plan in another format, with notes.
-
-    Args:
-        plan: that the check has certified, or of which `form` says that it was not asked.
-        target: file, or folder for ros2; "-" for the text itself.
+    """Writes a plan in another format to a file, to a folder for ros2, or as text for "-", with notes.
 
     Raises:
         ValueError: the format is several files, and `target` no folder.

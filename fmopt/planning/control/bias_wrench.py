@@ -254,11 +254,7 @@ def held_by(move: GuardedMove, rho: float, specification: Specification) -> Bala
 
 
 def turns(displacement: Array, rho: float) -> bool:
-    """Whether a motion (6,) counts as a turn: by the share of turning in it, in the metric of ρ.
-
-    Args:
-        displacement: (6,), m and rad.
-    """
+    """Whether a motion (6,), m and rad, counts as a turn: by the share of turning in it, in the metric of ρ."""
     return rho * length(displacement[3:]) > _TURNING * length(displacement * twist_scale(rho))
 
 

@@ -45,11 +45,7 @@ def twist_scale(rho: float) -> Array:
 
 
 def row_space(wrenches: Array, rho: float) -> Array:
-    """Orthonormal basis (r, 6) of the space of scaled wrenches that the rows (m, 6) span.
-
-    Args:
-        wrenches: (m, 6), N and N·m, of any size.
-    """
+    """Orthonormal basis (r, 6) of the space of scaled wrenches that rows (m, 6), N and N·m of any size, span."""
     rows = wrenches / twist_scale(rho)
     if not len(rows):
         return rows
@@ -58,12 +54,7 @@ def row_space(wrenches: Array, rho: float) -> Array:
 
 
 def free_part(V: Array, basis: Array) -> Array | None:
-    """The part of a scaled twist that is free of rows; None where hardly any is.
-
-    Args:
-        V: (6,), of unit length, scaled.
-        basis: (r, 6), orthonormal.
-    """
+    """The part of a scaled unit twist (6,) that is free of orthonormal rows (r, 6); None where hardly any is."""
     free = V - basis.T @ (basis @ V)
     return np.asarray(free) if float(np.linalg.norm(free)) > _FREE else None
 
@@ -109,12 +100,7 @@ def compliance_frame(wrenches: Array, points: Array, reference: Pose, rho: float
 
 
 def wrenches_in(frame: Pose, wrenches: Array, reference: Pose) -> Array:
-    """Wrenches in the coordinates of a frame.
-
-    Args:
-        frame: in the B-frame.
-        wrenches: (m, 6), about the reference point, axes of B.
-    """
+    """Wrenches (m, 6) about the reference point, axes of B, N and N·m, in the coordinates of a frame."""
     force, torque = wrenches[:, :3], wrenches[:, 3:]
     moved = torque - force @ hat(frame.p - reference.p).T
     return np.hstack([force @ frame.R, moved @ frame.R])

@@ -53,9 +53,6 @@ def bounded(claims: Sequence[Claim], rho: float) -> Iterator[tuple[Claim, float]
 
     The certificate follows executions that go farther in each piece of a move alike. A robot goes all pieces as far as
     planned but the last, for which the overtravel of all of them is left.
-
-    Args:
-        claims: of one motion, in order.
     """
     late = 0.0
     for claim in claims:
@@ -100,9 +97,6 @@ class ControlledMotion:
 def controlled(problem: Problem, motion: CertifiedMotion, *, ranges: bool = False) -> ControlledMotion:
     """A motion with its control strategies, from the contacts that touch at the goal of each piece.
 
-    Args:
-        ranges: whether to tell the jam-free ranges of applied wrenches.
-
     Raises:
         InfeasibleError: no bias force holds the contacts of a piece.
     """
@@ -133,11 +127,7 @@ def _controlled(
 
 
 def runs_against(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> bool:
-    """Whether every piece of a motion runs against the contact that ends its move, so that it can be felt.
-
-    Args:
-        claims: of one motion, in order.
-    """
+    """Whether every piece of a motion runs against the contact that ends its move, so that it can be felt."""
     return all(move.approaches for move in _guarded_moves(problem, assembly, claims, tolerance))
 
 
@@ -279,11 +269,7 @@ class Meeting(Value):
 
     @staticmethod
     def of(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Meeting:
-        """The meeting of a primitive contact of two parts at a pose.
-
-        Args:
-            pose: of the moving part in the B-frame.
-        """
+        """The meeting of a primitive contact of two parts at a pose."""
         arms = moving.vertices[list(contact.moving)] @ pose.R.T
         if contact.kind is Kind.BALL_FACE:
             arms = (contact_point(contact, moving, fixed, pose) - pose.p)[None]

@@ -189,12 +189,7 @@ class FrictionCones(Value):
 
     @staticmethod
     def of(wrenches: Array, arms: Array, rho: float, friction: float) -> FrictionCones:
-        """Of contacts with normal wrenches.
-
-        Args:
-            wrenches: (m, 6), of unit force.
-            arms: (m, 3), from the reference point, m.
-        """
+        """Of contacts with normal wrenches (m, 6) of unit force, and arms (m, 3) from the reference point, m."""
         sides = np.array([plane_basis(n).T for n in wrenches[:, :3]]).reshape(-1, 2, 3)
         rows = friction * np.concatenate([sides, cross(arms[:, None], sides)], axis=2)
         return FrictionCones(wrenches / twist_scale(rho), rows / twist_scale(rho), rho)
@@ -325,35 +320,22 @@ class FrictionCones(Value):
 
 
 def cone_angle(twist: Array, wrench: Array) -> float:
-    """By what angle (rad) a wrench may turn in any direction while a twist has power on it.
-
-    Args:
-        twist, wrench: scaled (6,), of any size.
-    """
+    """By what angle (rad) a scaled wrench (6,) may turn in any direction while a scaled twist (6,) has power on it."""
     sine = float(twist @ wrench) / (length(twist) * length(wrench))
     return float(_rounded_down(np.arcsin(min(sine, 1.0))))
 
 
 def plane_angle(twists: Array, a: Array, d: Array) -> Array:
-    """Up to what angles θ (…, rad) twists have power on a cos θ + d sin θ.
+    """Angles θ (…), rad, up to which scaled twists (…, 6) have power on a cos θ + d sin θ, a and d unit wrenches.
 
     With power on a, that is up to cot θ = −v·d / v·a; 0 without.
-
-    Args:
-        twists: scaled (…, 6).
-        a, d: scaled wrenches (6,), of unit length, at right angles.
     """
     ahead = twists @ a
     return np.where(ahead > 0.0, _rounded_down(np.arctan2(ahead, -(twists @ d))), 0.0)
 
 
 def least_push(twist: Array, held: Array, along: Array) -> float:
-    """Above what push b a twist has power on held + b along; infinite if it has none on that.
-
-    Args:
-        twist: scaled (6,).
-        held, along: scaled wrenches (6,).
-    """
+    """Above what push b a scaled twist (6,) has power on held + b along, scaled (6,); infinite if none on along."""
     if not float(twist @ along) > 0.0:
         return math.inf
     push = -float(twist @ held) / float(twist @ along)

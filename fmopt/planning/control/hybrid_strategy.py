@@ -85,11 +85,7 @@ class HybridStrategy(Value):
         object.__setattr__(self, "normal_forces", frozen(self.normal_forces, None, name="normal forces"))
 
     def document(self, held: Sequence[str], made: Sequence[str]) -> dict[str, Any]:
-        """As in the plan file, with the names of the held and of the made contacts in the order of the guarded move.
-
-        Args:
-            held, made: names of contacts, in the order of the guarded move.
-        """
+        """As in the plan file, with the names of the held and of the made contacts in the order of the guarded move."""
         end = self.termination
         return {
             "frame": self.frame.tolist(),

@@ -59,7 +59,6 @@ def recovery_record(
     """What a plan says of recovery, as its file holds it, and the contacts that larger errors would make first.
 
     Args:
-        claims: of the plan's pieces.
         box: half-widths (6,) of the start error.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
@@ -215,11 +214,7 @@ def order(
     box: Array,
     retries: Sequence[Sequence[float]],
 ) -> dict[str, list[int]]:
-    """In which order to try again after a move failed: `late`, its contact was not felt, or `early`, something was.
-
-    Args:
-        box: half-widths (6,) of the start error.
-    """
+    """In which order to try again after a move failed, `late` (its contact not felt) or `early`, with a start box (6,)."""
     piece = claims[-1].piece
     images = images_of(claims[-1].advance.ends.start_set, np.flatnonzero(box))
     sure = np.where(box > 0.0, box, 1.0)  # axes without error have no shift

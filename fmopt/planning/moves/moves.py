@@ -295,11 +295,7 @@ def _same_wall(assembly: Assembly, gone: PrimitiveContact, other: PrimitiveConta
 
 
 def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple[Move, ...]:
-    """The moves from another start to other goals, one for each; each begins where the one before ends.
-
-    Args:
-        moves: in order.
-    """
+    """The moves from another start to other goals, one for each; each begins where the one before ends."""
     ways = pairwise((start, *goals))
     return tuple(replace(move, start=at, goal=to) for move, (at, to) in zip(moves, ways, strict=True))
 

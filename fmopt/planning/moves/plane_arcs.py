@@ -225,9 +225,6 @@ def _refine_all(edges: Edges, reached: Reached, kept: Kept) -> None:
 def _refine_tightest(edges: Edges, reached: Reached, kept: Kept, asked: tuple[float, float]) -> NDArray[np.bool_]:
     """Refines the planes of pairs that may be the tightest, those tightest so far first.
 
-    Args:
-        asked: how far nominal distances may be below zero, and a margin above which no pair is the tightest, m.
-
     Returns:
         which pairs (m) have the best planes now: those of others keep at least as much as the tightest of these.
     """

@@ -72,11 +72,7 @@ class _Choice:
         return int(np.argmin(self.least.min(axis=0)))
 
     def take(self, n: int, m: int, found: Separation) -> None:
-        """Has a pair kept apart by this plane over a piece of motion.
-
-        Args:
-            m: index of the pair.
-        """
+        """Has a pair kept apart by this plane over a piece of motion."""
         self.chosen[n][m], self.least[n, m] = found, found.margin
 
 
@@ -289,11 +285,7 @@ class FreePlanes:
     best: NDArray[np.bool_]
 
     def separation(self, n: int, m: int) -> Separation:
-        """What keeps one pair apart over one piece of motion.
-
-        Args:
-            m: index of the pair.
-        """
+        """What keeps one pair apart over one piece of motion."""
         plane = free_plane(self.normals[n, m].tolist(), float(self.offsets[n, m]))
         return Separation(plane, float(self.margins[n, m]), float(self.clearances[n, m]))
 

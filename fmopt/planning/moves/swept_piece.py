@@ -100,12 +100,7 @@ def nominal(normal: Vector, vertices: Array, n: int) -> tuple[float, Vector]:
 
 @part
 def lower_bound(normal: Vector, reached: Reached, n: int, heights: Array) -> float:
-    """The certified lower bound of n·v over all vertices v, m.
-
-    Args:
-        normal: unit vector.
-        heights: scratch (2, v).
-    """
+    """The certified lower bound of n·v over all vertices v, m, for a unit normal; `heights` is scratch (2, v)."""
     vertices, count = reached.vertices, reached.vertices.shape[3]
     lowest, first = np.inf, 0
     for v in range(count):

@@ -124,7 +124,6 @@ def largest_share(
     after a long time each. The step is divided once more then; None when the attempt fails even so.
 
     Args:
-        attempt: tries a share between 0 and the whole; None when it fails.
         steps: how finely shares are told apart, at least 2.
         finer: in how many the last step is divided; 1 for not at all.
     """

@@ -263,7 +263,6 @@ def certify(program: ConeProgram, x: ArrayLike, duals: Duals | None = None, tol:
 
     Args:
         x: proposed point (n,).
-        duals: proposed multipliers, original units.
         tol: largest violation accepted, in scaled units.
 
     Raises:

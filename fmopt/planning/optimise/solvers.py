@@ -154,12 +154,7 @@ def standard_form(scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, tup
 
 
 def duals(program: ConeProgram, kept: Indices, z: Array) -> Duals:
-    """Clarabel's multipliers of the scaled program, in the program's own units.
-
-    Args:
-        program: in its own units.
-        z: Clarabel's multipliers, in the order of `standard_form`.
-    """
+    """Clarabel's multipliers, in the order of `standard_form`, of the scaled program, in the program's own units."""
     size = program.size
     p, m, width = len(kept), len(program.h), len(program.norms) + len(program.stacked.g)
     y = np.zeros(len(program.b))

@@ -61,12 +61,7 @@ class Sensitivity:
     rates: tuple[float, float]
 
     def drift(self, N: Array, end: int) -> Array:
-        """How displacements (n,) change what the moves before take of rows N (m, 6) at an end by drift: (m, n).
-
-        Args:
-            N: (m, 6), gradients.
-            end: 0 for the start, 1 for the goal.
-        """
+        """How displacements (n,) change what drift before takes of rows N (m, 6) at end 0 or 1: (m, n)."""
         there = np.einsum("mi,kij->mkj", N, self.brought[end])
         t, r = (np.linalg.norm(half, axis=-1) for half in (there[..., :3], there[..., 3:]))
         return np.asarray((self.rates[0] * t + self.rates[1] * r) @ self.longer)
@@ -79,7 +74,6 @@ def sensitivities(
     """How generators change along a sequence of moves, piece by piece.
 
     Args:
-        claims: of all pieces of the moves, in order.
         drifting: whether drift is to grow with the moves.
     """
     n = 6 + 6 * sum(claim.piece.progress[0] == 0.0 for claim in claims)
@@ -132,9 +126,6 @@ def pose_derivatives(assembly: Assembly, claims: tuple[Claim, ...], tolerance: T
 
     They are with respect to displacements (d, δ) of all poses that moves start from or go to, n = 6 (moves + 1), inside
     the held contacts.
-
-    Args:
-        claims: of all pieces of the moves, in order.
     """
     moves, changing = claims_of_moves(claims), iter(sensitivities(assembly, claims, tolerance))
     displaced, found = np.eye(6 * (len(moves) + 1)), list[tuple[Array, Array]]()

@@ -59,12 +59,7 @@ class Derivatives:
             self._buffer.set_res(i, array.data)
 
     def __call__(self, x: Array, parameters: Array, weights: Array) -> tuple[Array, Array, Array]:
-        """Values (k,), gradients (k, 6) and the Hessian (6, 6).
-
-        Args:
-            x: X / units (6,).
-            weights: of the rows (k,) in the Hessian.
-        """
+        """Values (k,), gradients (k, 6) and Hessian (6, 6), rows weighed by (k,), at x = X / units (6,)."""
         for array, values in zip(self._arguments, (x, parameters, weights), strict=True):
             array[:] = values
         self._evaluate()
@@ -192,47 +187,24 @@ class Row(Value):
 
 
 def vertex_face(v: ArrayLike, n: ArrayLike, a: ArrayLike) -> Row:
-    """n·(R v + p − a).
-
-    Args:
-        v: (3,), body frame, m.
-        n: (3,), outward unit normal, axes of B.
-        a: (3,), a point of the face, m.
-    """
+    """n·(R v + p − a): v in the body and a on the face, (3,), m, n (3,) the outward unit normal, axes of B."""
     offset = float(np.dot(np.asarray(n), np.asarray(a)))
     return Row(RowKind.VERTEX_FACE, np.concatenate([v, n, [offset]]))
 
 
 def ball_face(v: ArrayLike, radius: float, n: ArrayLike, a: ArrayLike) -> Row:
-    """n·(R v + p − a) − r.
-
-    Args:
-        v: (3,), centre of the ball, body frame, m.
-        radius: r, m.
-    """
+    """n·(R v + p − a) − r: as `vertex_face`, v the centre of a ball of radius r, m."""
     offset = float(np.dot(np.asarray(n), np.asarray(a)))
     return Row(RowKind.BALL_FACE, np.concatenate([v, n, [offset, radius]]))
 
 
 def face_vertex(n: ArrayLike, offset: float, w: ArrayLike) -> Row:
-    """(R n)·(w − p) − offset.
-
-    Args:
-        n: (3,), outward unit normal, body axes.
-        offset: m.
-        w: (3,), m.
-    """
+    """(R n)·(w − p) − offset: n the outward unit normal, body axes, w a vertex, (3,), offset in m."""
     return Row(RowKind.FACE_VERTEX, np.concatenate([n, w, [offset]]))
 
 
 def edge_edge(moving: ArrayLike, fixed: ArrayLike, sign: int) -> Row:
-    """m·(R b + p − q), m = sign (R e × e′)/|…|.
-
-    Args:
-        moving: ends (2, 3), body frame, m.
-        fixed: ends (2, 3), m.
-        sign: 1 or −1, so that m leads out of the fixed part.
-    """
+    """m·(R b + p − q), m = sign (R e × e′)/|…| out of the fixed part; ends (2, 3) of both edges, m, in their frames."""
     b, q = np.asarray(moving, dtype=np.float64), np.asarray(fixed, dtype=np.float64)
     e, g = b[1] - b[0], q[1] - q[0]
     return Row(RowKind.EDGE_EDGE, np.concatenate([sign * e / np.linalg.norm(e), b[0], g / np.linalg.norm(g), q[0]]))
@@ -268,12 +240,7 @@ class Table:
         return Table(len(rows), contacts, tables, flat, planes)
 
     def at(self, reference: Pose, X: Array) -> tuple[Array, Array]:
-        """Values (k,) and gradients (k, 6) of the rows, see `evaluate`.
-
-        Args:
-            reference: pose where X = 0 is.
-            X: (6,), m and rad.
-        """
+        """Values (k,) and gradients (k, 6) of the rows at X (6,), m and rad, about a reference pose, see `evaluate`."""
         pose, f, N = reference.moved(X), np.zeros(self.count), np.zeros((self.count, 6))
         own, wrenches = np.empty((1, len(self.contacts))), np.empty((1, len(self.contacts), 6))
         # Copies, since kernels are compiled for arrays that can be written to, and poses cannot.

@@ -187,7 +187,6 @@ def refine_goals(
         aim: what for; whether a sequence is fit is not asked.
         clearance: clearance a side, m, the unit of length of the programs.
         method: nonlinear program on the true surfaces, or reciprocal cost and steepest descent on the linear ones.
-        progress: told the margin (m) after each gain.
     """
     best = placed
     for _ in range(turns.rounds):

@@ -105,10 +105,7 @@ class SurfacePlacement(Room):
 
 
 def certify_on_surfaces(problem: SurfacePlacement, X: ArrayLike) -> Solution:
-    """Checks a pose (6,) in plain NumPy and takes the clearance t that it really has; x of the result is (X, t).
-
-    Args:
-        X: (6,), m and rad, about its reference.
+    """Checks X (6,), m and rad, in plain NumPy and takes the clearance t that it really has; x of the result is (X, t).
 
     Raises:
         SolverError: a contact is off its surface, or an obstacle of weight 0 or a bound is overstepped.
@@ -159,13 +156,10 @@ def _scaled_contacts(problem: SurfacePlacement, X: Array) -> tuple[Array, Array]
 
 
 def place_on_surfaces(problem: SurfacePlacement, guess: ArrayLike | None = None) -> Solution:
-    """The goal pose of largest clearance on the true surfaces near `guess`, a local optimum.
+    """The goal pose of largest clearance on the true surfaces near `guess` (6,), m and rad, a local optimum.
 
     The guess (else X = 0) is projected onto the surfaces first; the answer is never worse than that projection.
     Contacts that depend on others at the guess are left out of the optimisation and checked afterwards.
-
-    Args:
-        guess: (6,), m and rad, about its reference; 0 if None.
 
     Raises:
         SolverError: no method succeeded, or its pose fails `certify_on_surfaces`.

@@ -80,11 +80,7 @@ class Placed:
 def certified(
     assembly: Assembly, moves: Sequence[Move], start: Reached, tolerance: Tolerance, step: float, care: Care = Care.ALL
 ) -> Placed:
-    """Certifies a sequence of moves from the start, with all care unless it is said otherwise.
-
-    Args:
-        moves: in order.
-        step: greatest turn of one piece, rad.
+    """Certifies a sequence of moves in pieces that turn by `step`, rad, at most, with all care unless told otherwise.
 
     Raises:
         InfeasibleError: a move is impossible.
@@ -125,13 +121,9 @@ class Aim:
 
 
 def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed | None:
-    """Moves certified, if their margin is larger than that of another sequence; None if not, or one is impossible.
+    """Moves certified if their margin is larger than that of a sequence by so much, m; None if not, or if impossible.
 
     The moves with which both begin are not certified again, nor those after one that has too little margin.
-
-    Args:
-        aim: what for; whether they are fit is not asked.
-        by: by how much the margin has to be larger, m.
     """
     shared = sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(moves, than.moves, strict=True)))
     stages = [aim.start, *than.stages[:shared]]
@@ -148,11 +140,7 @@ def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed |
 def refine(
     aim: Aim, placed: Placed, solver: Solver, settings: Refinement, progress: Callable[[float], None] = lambda _: None
 ) -> Placed:
-    """Moves all goal poses until the certified margin rises no more, or time is up; the margin never falls.
-
-    Args:
-        progress: told the margin (m) after each gain.
-    """
+    """Moves all goal poses until the certified margin rises no more, or time is up; the margin never falls."""
     best, radius = placed, settings.radius
     try:
         rows = aim.rows(best, settings.radius)
@@ -180,11 +168,7 @@ def refine(
 
 
 def surer(aim: Aim, placed: Placed, solver: Solver, settings: Refinement) -> Placed:
-    """Moves all poses until contacts are held as surely as is asked, as far as half of the margin lets them.
-
-    Args:
-        aim: what for; where it asks for no holds, the sequence stays.
-    """
+    """Moves all poses until contacts are held as surely as is asked, as far as half of the margin lets them."""
     best, radius = placed, settings.radius
     least, aimed = (min(left * placed.margin, placed.margin) for left in (_LEFT, _AIMED))  # none below zero falls
     holds = aim.holds(best.reached.claims)
@@ -234,18 +218,12 @@ def sequence_program(aim: Aim, placed: Placed, radius: float) -> ConeProgram:
 
     Its variables are the displacements (6) of the start and of the goal pose of each move, m and rad, then the margin,
     m; the seated pose stays where it is, the start at least at its height.
-
-    Args:
-        radius: m, in the metric of ρ.
     """
     return program_of(aim, placed, aim.rows(placed, radius), radius)
 
 
 def displaced(aim: Aim, placed: Placed, shift: Array) -> Placed:
-    """The sequence with its poses displaced by shifts (m + 1, 6), put back onto their surfaces, and certified anew.
-
-    Args:
-        shift: (m + 1, 6), of the start and of each goal, m and rad.
+    """The sequence, its poses displaced by shifts (m + 1, 6), m and rad, put back onto their surfaces, certified anew.
 
     Raises:
         InfeasibleError: a pose leaves its contact state, or a move is impossible.

@@ -75,12 +75,7 @@ class Space:
         return {frozenset(state.contacts): i for i, state in enumerate(self.graph.states)}
 
     def near(self, pose: Pose, scale: Scale) -> bool:
-        """Whether a pose is as near as contacts are to the space's own pose, or to where it was linearised.
-
-        Args:
-            pose: of the moving part in the B-frame.
-            scale: reach, m, and angle, rad.
-        """
+        """Whether a pose is as near as contacts are to the space's own pose, or to where it was linearised."""
         for own in (Pose.from_vector(self.pose), self.graph.space.pose):
             x = np.abs(own.local(pose))
             if x[:3].max() <= scale.reach and x[3:].max() <= scale.angle:
@@ -126,12 +121,7 @@ def _near(graph: ContactGraph, chosen: Sequence[int]) -> list[int]:
 
 
 def contact_spaces(assembly: Assembly, critical: Sequence[CriticalPose], scale: Scale) -> tuple[Space, ...]:
-    """The contact spaces around the critical poses of the nominal path.
-
-    Args:
-        critical: the critical poses in the order of the motion, its end the last.
-        scale: units of lengths and angles.
-    """
+    """The contact spaces around the critical poses of the nominal path."""
     down, up = (0.0, 0.0, -_STEP, 0.0, 0.0, 0.0), (0.0, 0.0, _STEP, 0.0, 0.0, 0.0)
     found = []
     for at in critical:
@@ -148,9 +138,6 @@ def space_at(
 
     Where a contact could begin or end at the very pose, there is no telling which contacts count: then the space is
     that of the first pose aside of which this is not so.
-
-    Args:
-        scale: units of lengths and angles.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     for reference in (pose, *aside):

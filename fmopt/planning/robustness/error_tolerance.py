@@ -154,11 +154,7 @@ def _margin(claim: Claim) -> float:
 
 
 def error_tolerance(motion: Motion, clearance: tuple[float, float]) -> ErrorTolerance:
-    """How much error a motion tolerates and what each tolerance costs it.
-
-    Args:
-        clearance: on each side in x and y, m; infinite where the parts never touch.
-    """
+    """How much error a motion, with its clearance (x, y) a side, m, tolerates and what each tolerance costs it."""
     factor, beyond = factors(motion)
     end = None if beyond is None else what_fails(beyond)
     return ErrorTolerance(factor, numbers(factor * motion.box), sensitivities(motion, clearance), end)

@@ -97,11 +97,7 @@ class Visited:
 
 
 def visited(assembly: Assembly, claims: Sequence[Claim], nominal: Sequence[Space], scale: Scale) -> Visited:
-    """The states of a motion, with contact spaces added wherever those at hand do not hold a change.
-
-    Args:
-        scale: units of lengths and angles.
-    """
+    """The states of a motion, with contact spaces added wherever those at hand do not hold a change."""
     spaces, visits = list(nominal), _visits(assembly, [claim.piece for claim in claims])
     for i, visit in enumerate(visits):
         piece = claims[max(visit.claim, 0)].piece

@@ -109,9 +109,6 @@ def images_of(errors: ErrorSet, axes: NDArray[np.intp]) -> Array:
     """The images (6, 6) of the start errors in a set that a motion has carried on, one column an axis with error.
 
     An ellipsoid, as the paper's sets are, has forgotten them: all are 0, and nothing is foreseen.
-
-    Args:
-        axes: that have errors at the start, in order.
     """
     images = np.zeros((6, 6))
     if len(errors.generators) >= len(axes):
@@ -133,11 +130,7 @@ class _Met(NamedTuple):
 def unplanned_contacts(
     assembly: Assembly, claims: Sequence[Claim], box: Array, friction: float, rho: float
 ) -> tuple[UnplannedContact, ...]:
-    """The contacts that errors would make first on a move, the first of them first.
-
-    Args:
-        box: half-widths (6,) of the start error.
-    """
+    """The contacts that errors, half-widths (6,) at the start, would make first on a move, the first of them first."""
     best: dict[PrimitiveContact, _Met] = {}
     for claim, place in _places(claims, np.flatnonzero(box)):
         for contact, gap, row in _near(assembly, claim, place):

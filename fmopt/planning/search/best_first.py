@@ -102,7 +102,6 @@ def best_sequences(
     Args:
         rounds: ways to begin, several to be weighed against each other in each; the rest stay for another call.
         steady: whether friction leaves all contacts of a sequence closed.
-        more: the rounds to look for a steady one in; the same ones if not given.
 
     Raises:
         SearchError: no round has a sequence.

@@ -82,12 +82,7 @@ class Shape:
 
     @staticmethod
     def of(numbers: Array, heading: float = 0.0) -> Shape:
-        """The shape of (6,), (8,) or (9,) numbers and a heading.
-
-        Args:
-            numbers: (6,), (8,) or (9,), rad and m.
-            heading: bearing in which the part leans, rad.
-        """
+        """The shape of (6,), (8,) or (9,) numbers, rad and m, and the bearing in which the part leans, rad."""
         about_y, about_x, turn, depth, x, y, *more = (float(number) for number in numbers)
         shape = Shape(about_y, about_x, turn, depth, (x, y), heading=heading)
         if len(more) == 3:
@@ -140,11 +135,7 @@ class Leant:
 
 
 def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape: Shape) -> Entry:
-    """The entry of a shape.
-
-    Args:
-        shape: tilts, turn, depth, room, and where the corner touches first.
-    """
+    """The entry of a shape."""
     tip, axes = leading_corners(moving), turned_axes(shape.heading)
     corner = lowest(tip, shape)
     mouth = _Mouth.of(moving, corner, play, shape)
@@ -331,10 +322,6 @@ def turned_axes(heading: float) -> Array:
 
 
 def lowest(tip: Array, shape: Shape) -> Array:
-    """The corner (3,) that the tilts of a shape make the lowest, of those next to the walls at −x and −y.
-
-    Args:
-        shape: tilts and heading.
-    """
+    """The corner (3,) that a shape's tilts and heading make the lowest, of those next to the walls at −x and −y."""
     x, y, _ = turned_axes(shape.heading).T @ tip.T
     return np.asarray(tip[int(np.argmin(np.sin(shape.about_y) * x + np.sin(shape.about_x) * y))])

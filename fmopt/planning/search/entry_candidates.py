@@ -60,9 +60,6 @@ def room(assembly: Assembly, per_side: float, start_box: Array, drift: Array) ->
     """Half-widths (6,) of the errors that ways to begin leave room for, wide enough for contacts some clearances apart.
 
     They are those with which the part comes to the mouth: what it drifts by until then counts, too.
-
-    Args:
-        drift: how far velocity errors carry the part at most until it is at the mouth (6,), m and rad.
     """
     met = start_box + _DRIFTED * (drift * assembly.freedoms)
     return roomy_in_plane(per_side, met) if assembly.planar else roomy_errors(assembly.moving, per_side, met)

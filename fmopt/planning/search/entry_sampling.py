@@ -138,11 +138,7 @@ def drawn(rng: np.random.Generator, between: tuple[float, float]) -> float:
 def beginnings(
     task: Task, shapes: Iterator[Shape], entry_of: Callable[[Shape], Entry], count: int
 ) -> tuple[Entry, ...]:
-    """Of so many ways to begin those that can be certified with a margin, one of each cell and of each kind in turn.
-
-    Args:
-        entry_of: the entry of a shape.
-    """
+    """Of so many ways to begin those that can be certified with a margin, one of each cell and of each kind in turn."""
     cells: dict[tuple[int, float, tuple[int, ...], int], tuple[float, Entry]] = {}
     with suppress(OverdueError):  # those that could begin by then count
         for shape in islice(shapes, count):

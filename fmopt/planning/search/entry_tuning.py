@@ -61,8 +61,6 @@ def tuned(
 
     Args:
         candidates: the sequences, the best first; one that does not start tilted is not varied.
-        entry_of: makes an entry of a shape.
-        progress: told the margin (m) after each gain.
         steady: whether friction leaves all contacts of a sequence closed.
     """
     best: _Tuning | None = None
@@ -176,11 +174,7 @@ def _from_entry(task: Task, found: MoveSequence, entry: Entry, least: float) -> 
 
 
 def replayed(task: Task, entry: Entry, names: Sequence[str], least: float) -> Node | None:
-    """The state after the same guarded moves from another entry, None where one fails, ends elsewhere or lacks margin.
-
-    Args:
-        least: the margin that has to be exceeded, m.
-    """
+    """The state after the same moves from another entry; None where one fails, ends elsewhere or lacks margin, m."""
     node = begin(task, entry)
     for name in names[len(node.names) if node else 0 :]:
         if node is None or node.reached.margin <= least:

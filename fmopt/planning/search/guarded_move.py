@@ -56,7 +56,6 @@ def freedoms(
         max_turn: greatest turn of one move, rad.
         depth: greatest way down, m.
         reach: greatest way in any other direction, m.
-        planar: whether motion stays in the plane of x and z.
         axes: (3, 3) of the frame, those of the B-frame turned about z; None for these themselves.
     """
     found = []
@@ -156,12 +155,9 @@ class _Course:
 
 
 def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> Near:
-    """The primitive contacts that a move along a freedom, or another of its kind and limit, may meet.
+    """The primitive contacts within `reach`, m, that a move along a freedom, or one of its kind and limit, may meet.
 
     A turn is not taken to bring parts nearer than `reach` (m) do.
-
-    Args:
-        reach: m.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     return Near.of(assembly, near_contacts(body, fixed, place.pose, *_range(freedom, reach)))
@@ -254,11 +250,7 @@ def _arrival(assembly: Assembly, place: Place, goal: Pose, first: PrimitiveConta
 
 
 def insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array:
-    """How far within their features contacts (n,) lie, m; edges that have turned parallel cross nowhere.
-
-    Args:
-        pose: of the moving part in the B-frame.
-    """
+    """How far within their features contacts (n,) lie, m; edges that have turned parallel cross nowhere."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     found = BoundTable.of(contacts, body, fixed, pose).insides(pose)
     found[Surfaces.of(contacts, body, fixed).sines(pose) <= _PARALLEL] = -np.inf
@@ -308,22 +300,14 @@ def implied(
 
 
 def pinned(assembly: Assembly, pose: Pose, held: Sequence[PrimitiveContact]) -> int:
-    """How many freedoms the held contacts take away at a pose.
-
-    Args:
-        pose: of the moving part in the B-frame.
-    """
+    """How many freedoms the held contacts take away at a pose."""
     if not held:
         return 0
     return int(np.linalg.matrix_rank(contact_rows(assembly, held, held, pose).N * assembly.units, 1e-6))
 
 
 def mating_faces(assembly: Assembly, goal: Pose, clearance: float) -> frozenset[tuple[int, int]]:
-    """Faces of the moving and the fixed part, by number, that face each other in the seat.
-
-    Args:
-        clearance: a side, m.
-    """
+    """Faces of moving and fixed part, by number, that face each other in the seat, with a clearance a side, m."""
     moving, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     middles = np.array([goal.apply(moving.vertices[list(face.vertices)]).mean(axis=0) for face in moving.faces])
     apart = np.abs(middles @ fixed.normals.T - fixed.offsets) <= _MATING * clearance

@@ -210,11 +210,7 @@ def _in_mirror(name: str) -> str:
 
 
 def images(own: Assembly, box: Array) -> Iterator[Image]:
-    """The images of two parts that differ, the one to plan for first.
-
-    Args:
-        box: half-widths (6,) of the start error, which shape the image as well.
-    """
+    """The images of two parts that differ, the one to plan for first, shaped as well by the start error's box (6,)."""
     left: list[Attitude] = []
     # Equal ones go first: all eight of a symmetric part would tie, and be put in order to be told apart.
     for attitude in all_attitudes(own.planar):

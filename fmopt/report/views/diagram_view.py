@@ -158,12 +158,7 @@ def _lines(axes: Axes, item: Diagram, factor: Array) -> None:
 
 
 def _names(axes: Axes, item: Diagram, factor: Array, extent: Array) -> None:
-    """What the poses are called, each name on a side of its pose where no other name stands.
-
-    Args:
-        factor: what a metre along u and along v is on the axes.
-        extent: width and height (2,) of what is shown, m.
-    """
+    """Names of poses, each on a side where no other stands, by the scale of u and v and the extent (2,), m."""
     from matplotlib.patheffects import withStroke
 
     spots: list[tuple[Array, list[str]]] = []

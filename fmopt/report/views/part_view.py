@@ -37,22 +37,14 @@ def size() -> tuple[float, float]:
 
 
 def alt(name: str, body: Polyhedron) -> str:
-    """What is to be seen, for who cannot see it.
-
-    Args:
-        body: in its frame, z the feature's axis.
-    """
+    """What is to be seen, for who cannot see it."""
     extent = " × ".join(f"{1e3 * width:.4g}" for width in body.widths)
     words = f"{name}, {extent} mm, {len(body.faces)} faces, {len(body.edges)} edges, {len(body.vertices)} vertices"
     return f"{words}: seen from a corner, and cut by the planes x–z and y–z through its axis and across it."
 
 
 def paint(name: str, body: Polyhedron, pieces: Sequence[Polyhedron], height: float, figure: Figure) -> None:
-    """Four views: from a corner, and three sections; the one across the axis at a height.
-
-    Args:
-        height: of the section across the axis, m.
-    """
+    """Four views: from a corner, and three sections; the one across the axis at a height, m."""
     grid = figure.subplots(2, 2)
     corner(grid[0][0], body)
     grid[0][0].set_title(name)
@@ -88,13 +80,7 @@ def _corners(body: Polyhedron, face: Face) -> Array:
 
 
 def cut(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> None:
-    """The section of pieces by a plane of their frame.
-
-    Args:
-        axes: of one picture, in mm.
-        pieces: convex, m.
-        height: of "x–y" above the origin, m; no other plane is moved along its normal.
-    """
+    """The section of convex pieces by a plane of their frame, "x–y" at a height, m; the axes in mm."""
     style: dict[str, Any] = {"facecolor": PALE, "edgecolor": BLUE, "linewidth": 0.8, "hatch": "////"}
     loops = loops_of(section(pieces, Pose(np.array([0.0, 0.0, height]), _PLANES[plane])))
     fill(axes, [1e3 * loop for loop in loops], hatch_linewidth=0.3, **style)

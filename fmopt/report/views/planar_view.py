@@ -60,13 +60,7 @@ def paint(sets: Sequence[Boundary], figure: Figure) -> None:
 
 
 def paint_sets(sets: Sequence[Boundary], figure: Figure, upright: str = "y") -> None:
-    """A panel for each set, such as `papers.basanez_suarez.account` makes.
-
-    Args:
-        sets: of one plane, m.
-        figure: empty; drawn in mm.
-        upright: what the plane's second axis is called: z in a plan.
-    """
+    """A panel in mm for each set, such as `papers.basanez_suarez.account` makes; `upright` names its second axis."""
     rows = math.ceil(len(sets) / _PER_ROW)
     grid = figure.subplots(rows, _PER_ROW, squeeze=False).ravel()
     used = {piece.on for found in sets for loop in found.loops for piece in loop}

@@ -46,13 +46,7 @@ def paint(surfaces: Sequence[Surface], figure: Figure) -> None:
 
 
 def paint_surfaces(surfaces: Sequence[Surface], figure: Figure, upright: str = "y") -> None:
-    """A body for each surface, such as `papers.basanez_suarez.account` makes.
-
-    Args:
-        surfaces: in slices of φ, m and rad.
-        figure: empty; drawn in mm and °.
-        upright: what the plane's second axis is called: z in a plan.
-    """
+    """A body for each surface, as `papers.basanez_suarez.account` makes; `upright` names the plane's second axis."""
     from matplotlib.ticker import MaxNLocator
 
     figure.set_layout_engine("none")  # no layout counts the labels of axes in space

@@ -84,13 +84,7 @@ class _Cut:
 
 
 def cheapest(margins: Margins, weights: Array, low: Array, high: Array, required: float, gap: float) -> Cheapest:
-    """Minimises Σ w_i/u_i over low ≤ u ≤ high with all margins at least `required`.
-
-    Args:
-        weights: w (p,), not negative.
-        low: least multiples (p,), positive, at which the margins suffice.
-        high: greatest multiples (p,).
-        required: m.
+    """Minimises Σ w_i/u_i over low ≤ u ≤ high, all (p,), with all margins at least `required`, m.
 
     Raises:
         InfeasibleError: not even `low` keeps the margins; with the shortfall.

@@ -104,9 +104,6 @@ def rank_correlation(x: Array, y: Array) -> Estimate | None:
     """Spearman's ρ of two samples (n,), interval after Bonett and Wright (2000); None when it is not defined.
 
     The interval of a perfect order reaches as far as that of the order with two neighbours exchanged.
-
-    Args:
-        x, y: (n,), finite; fewer than 4 have no interval.
     """
     from scipy.stats import rankdata
 

@@ -91,10 +91,7 @@ def digest(inputs: Mapping[str, bytes]) -> str:
 
 
 def laid_out(inputs: Mapping[str, bytes], home: Path | None) -> Path:
-    """The folder that holds these files, made if need be: whole or not at all.
-
-    Args:
-        home: where it belongs; a folder that this process takes away when it ends if None.
+    """The folder that holds these files, below `home` or one that goes with this process, made whole or not at all.
 
     Raises:
         ResourceError: it cannot be written.

@@ -86,10 +86,7 @@ def _checked(address: str) -> None:
 
 @contextmanager
 def cluster(address: str) -> Iterator[tuple[Executor, int]]:
-    """An executor of a Dask scheduler, and how many batches its workers do at a time.
-
-    Args:
-        address: of the scheduler, such as `tcp://10.0.0.5:8786`.
+    """An executor of a Dask scheduler, at such as `tcp://10.0.0.5:8786`, and how many batches its workers do at a time.
 
     Raises:
         ResourceError: Dask is not installed, no scheduler answers, or it has no workers.

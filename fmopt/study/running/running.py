@@ -96,9 +96,6 @@ def run(
 ) -> Tally:
     """Does all runs that have no row yet, and writes their rows.
 
-    Args:
-        folder: where the store is; made if need be.
-
     Raises:
         ResourceError: the folder is owned by another, or cannot be written; workers cannot be started, or are all lost.
     """

@@ -24,11 +24,7 @@ _IDLE = 60.0  # s
 
 
 def serve(connection: Connection, memory: str) -> None:
-    """Serves an owner until it goes.
-
-    Args:
-        memory: limit of the address space in bytes, or "0".
-    """
+    """Serves an owner until it goes, its address space limited to `memory`, bytes as a text, or "0"."""
     if int(memory):
         resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
     connection.send_bytes(READY)

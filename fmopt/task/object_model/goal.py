@@ -129,10 +129,7 @@ def _distance(q: Array, start: Array) -> float:
 
 
 def check_goal(goal: Array, pair: LowerPair, deepest: float, sign: float, feature: str) -> None:
-    """Checks a settled goal (6,) against its pair and how deep hole and peg allow, m and rad.
-
-    Args:
-        sign: −1 where the moving feature goes towards −z (a peg in the frame of its hole), +1 the other way round.
+    """Checks a settled goal (6,) against its pair and how deep hole and peg allow, m and rad; `sign` is +1 up, −1 down.
 
     Raises:
         TaskError: the goal is off the axis, or not inside the hollow feature.
