@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from fmopt.plan import Plan
-from fmopt.plan.diagnostics import Phase, Planar, PlanarSegment
+from fmopt.plan.diagnostics import Planar, PlanarSegment
 from fmopt.report import control_tables, sections
 from fmopt.report.control_tables import jamming_table
 from fmopt.report.figures import catalogue
@@ -125,14 +125,10 @@ def _motion(plan: Plan, found: Planar) -> str:
         mine = parts[first : first + len(move.segments)]
         first += len(move.segments)
         contacts = dict.fromkeys(name for part in mine for phase in part.phases for name in phase.contacts)
-        gross = sum(_share(part.phases, "gross") for part in mine) / max(len(mine), 1)
+        gross = sum(sum(p.end - p.start for p in part.phases if p.kind == "gross") for part in mine) / max(len(mine), 1)
         rows.append((str(move.number), f"{100.0 * gross:.3g} %", _becomes(mine), ", ".join(contacts) or "none"))
     head = ("move", "gross", "contacts become possible after", "possible contacts")
     return table("Gross and fine parts of the motion", head, rows, "nn..")
-
-
-def _share(phases: Sequence[Phase], kind: str) -> float:
-    return float(sum(phase.end - phase.start for phase in phases if phase.kind == kind))
 
 
 def _becomes(parts: Sequence[PlanarSegment]) -> str:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from html import escape
 
-from fmopt.plan import MoveRecovery, Plan, Recovery
+from fmopt.plan import MoveRecovery, Plan
 from fmopt.plan.diagnostics import ErrorTolerance, ToleranceEnd
 from fmopt.plan.position_force import AXES
 from fmopt.report.moves import verdict
@@ -80,7 +80,11 @@ def recovery_chapter(plan: Plan) -> str:
     if found.retries:
         shifts = [(str(k), *map(millimetres, shift[:2])) for k, shift in enumerate(found.retries, start=1)]
         text += table("Shifts of the start, in mm", ("number", "x", "y"), shifts, "nnn")
-        text += table("In which order they are tried", ("move", "felt too early", "not felt"), _orders(found), "n..")
+        orders = [
+            (str(move.move + 1), *(", ".join(str(k + 1) for k in order) for order in (move.early, move.late)))
+            for move in found.moves
+        ]
+        text += table("In which order they are tried", ("move", "felt too early", "not felt"), orders, "n..")
     return f"{text}<p>Not covered:</p>\n{bullets(found.not_covered)}"
 
 
@@ -100,13 +104,6 @@ def _rows(plan: Plan, move: MoveRecovery) -> list[tuple[str, ...]]:
             "yes" if first.told else "no",
         )
         for first in mine
-    ]
-
-
-def _orders(found: Recovery) -> list[tuple[str, ...]]:
-    return [
-        (str(move.move + 1), *(", ".join(str(k + 1) for k in order) for order in (move.early, move.late)))
-        for move in found.moves
     ]
 
 

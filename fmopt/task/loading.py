@@ -216,7 +216,8 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
         built = _both(_noted, models)  # with their features, at which a mesh is to be whole
     exchanged = _is_exchanged(file, models)
     peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
-    refuse_reaching(source, parts := _parts(file, built))
+    parts = {side: in_order(rebased(part, part.feature(file.feature(side)).frame)) for side, part in built.items()}
+    refuse_reaching(source, parts)
     stated = as_stated(file.uncertainty.start)
     depth = file.goal.depth or _deepest(file, models) or 0.0
     if any(model.file.mesh is not None for model in models.values()):
@@ -312,11 +313,6 @@ def _attributes(
     except TaskError as error:
         place = source.place(("goal", "turn") if file.goal.model_fields_set & {"turn"} else ("goal",), of_key=True)
         raise InputError(place.fault("task-rule", error.message, error.advice)) from error
-
-
-def _parts(file: files.ProblemFile, built: Mapping[str, Part]) -> dict[str, Part]:
-    """The two parts, each in the frame of its mating feature."""
-    return {side: in_order(rebased(part, part.feature(file.feature(side)).frame)) for side, part in built.items()}
 
 
 def _settled(moving: Part, fixed: Part, models: Mapping[str, Model]) -> tuple[Part, Part]:

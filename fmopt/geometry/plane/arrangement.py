@@ -67,7 +67,7 @@ def arrange(curves: Sequence[Curve], operands: Sequence[int], tolerance: float) 
     parts, part_owners = _split(pieces, owners, tolerance)
     vertices, ends = _joined(parts, tolerance)
     kept = [k for k in range(len(parts)) if ends[k, 0] != ends[k, 1]]  # no simple piece is closed: others are points
-    parts = [_snapped(parts[k], vertices, ends[k]) for k in kept]
+    parts = [Segment(*vertices[ends[k]]) if isinstance(parts[k], Segment) else parts[k] for k in kept]
     count = max(operands, default=0) + 1
     edges, edge_ends, passes = _merged(parts, ends[kept], np.array(part_owners)[kept], count, 4.0 * tolerance)
     right = _windings(edges, vertices, edge_ends, passes)
@@ -178,10 +178,6 @@ def _joined(parts: list[Curve], tolerance: float) -> tuple[Array, Integers]:
     i, j = np.ascontiguousarray(pairs.T, dtype=np.intp)
     label, first = linked(i, j, len(points))
     return points[first], label.reshape(-1, 2)
-
-
-def _snapped(part: Curve, vertices: Array, ends: Integers) -> Curve:
-    return Segment(vertices[ends[0]], vertices[ends[1]]) if isinstance(part, Segment) else part
 
 
 def _merged(

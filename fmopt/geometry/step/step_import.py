@@ -134,7 +134,10 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
         mesh = _of_own_facets(points, triangles) if one["own"] else mesh_polyhedron(points, triangles)
     except GeometryError as error:
         raise GeometryError(f"{path}{called}: cut into facets, {error.message}", _HEAL) from error
-    notes = mesh.notes if one["around"] == 0.0 else (*mesh.notes, _enclosed(_MILLIMETRE * one["around"]))
+    notes = mesh.notes
+    if one["around"] != 0.0:
+        size = f"{1e6 * (_MILLIMETRE * one['around']):.3g} µm"
+        notes += (f"its fillets are enclosed by facets, which makes it up to {size} larger there and nowhere smaller",)
     return replace(mesh, chord_error=off or 0.0, notes=notes, kind="solid")
 
 
@@ -143,12 +146,6 @@ def _of_own_facets(points: Array, triangles: Indices) -> Imported:
         return Imported(from_triangles(points, triangles), 0.0)
     except GeometryError:  # as of too many faces
         return enclosed(points, triangles)
-
-
-def _enclosed(size: float) -> str:
-    return (
-        f"its fillets are enclosed by facets, which makes it up to {1e6 * size:.3g} µm larger there and nowhere smaller"
-    )
 
 
 def _facets(answer: dict[str, Any]) -> tuple[Any, Any, float | None]:

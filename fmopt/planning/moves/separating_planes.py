@@ -147,8 +147,10 @@ def _touched(assembly: Assembly, facing: Facing) -> _Touched:
     for (m, pair), faces in zip(told, silent, strict=True):
         if len(faces):
             walls.setdefault(pair.moving, []).append((m, pair, faces))
-    blocks = [(m, _block(assembly, pair, faces)) for (m, pair), faces in zip(told, silent, strict=True)]
-    said = [(m, block) for m, block in blocks if block.counted]
+    said = []
+    for (m, pair), faces in zip(told, silent, strict=True):
+        block = Block.of(assembly, pair, _candidates(assembly, pair, frozenset(faces.tolist())))
+        said += [(m, block)] if block.counted else []
     table = Candidates.of([block for _, block in said]) if said else None
     return _Touched(tuple(Faces.walls(piece, own) for piece, own in walls.items()), tuple(m for m, _ in said), table)
 
@@ -171,11 +173,6 @@ def _silent(assembly: Assembly, pairs: Sequence[Pair]) -> list[Places]:
 def _reach(piece: Polyhedron) -> Array:
     """How far out a piece reaches along the normals of its faces (f,), m."""
     return np.array([offset for _, offset in face_planes(piece).values()])
-
-
-def _block(assembly: Assembly, pair: Pair, silent: Places) -> Block:
-    """The planes of which contacts say something."""
-    return Block.of(assembly, pair, _candidates(assembly, pair, frozenset(silent.tolist())))
 
 
 def _faces_count(assembly: Assembly, pair: Pair) -> bool:

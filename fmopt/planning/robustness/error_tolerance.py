@@ -34,11 +34,7 @@ _SHARE = 0.02  # of a tolerance, by which it is widened
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What is certified of a motion, or of the moves that it begins with.
-
-    Args:
-        reason: why the next one is impossible; empty where it is not, or was not looked at.
-    """
+    """What is certified of a motion, or of the moves before one that is impossible for a reason."""
 
     reached: Reached
     least: tuple[Claim, ...] = ()
@@ -57,7 +53,6 @@ class Motion:
     Args:
         box: half-widths (6,) of its start error, m and rad.
         turn: greatest turn of one piece, rad.
-        known: all that is certified of it, where that has been found already; None where not.
     """
 
     assembly: Assembly
@@ -233,12 +228,10 @@ def _slimmer(motion: Motion, gap: float) -> Motion | None:
         slim = stretched(motion.assembly.moving, (1.0 - gap / one, 1.0 - gap / other, 1.0))
         assembly = replace(motion.assembly, moving=slim)
         try:
-            return replace(motion, assembly=assembly, moves=_put_back(assembly, motion.moves), known=None)
+            goals = [onto_surfaces(assembly, move.goal, move) for move in motion.moves]
+            return replace(
+                motion, assembly=assembly, moves=in_a_row(motion.moves, motion.moves[0].start, goals), known=None
+            )
         except InfeasibleError:
             continue
     return None
-
-
-def _put_back(assembly: Assembly, moves: Sequence[Move]) -> tuple[Move, ...]:
-    """The moves with their goals on the surfaces of other parts."""
-    return in_a_row(moves, moves[0].start, [onto_surfaces(assembly, move.goal, move) for move in moves])

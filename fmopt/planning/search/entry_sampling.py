@@ -146,7 +146,8 @@ def beginnings(
             node = begin(task, entry) if _could_enter(task, entry) else None
             if node is not None and node.reached.margin > 0.0:
                 tilt = round(math.atan2(shape.about_x, shape.about_y) / _CELL)
-                cell = _kind(shape), round(shape.heading, 9), shape.between or (), tilt
+                kind = 1 if shape.touch is not None else 2 if shape.flat is not None else 0
+                cell = kind, round(shape.heading, 9), shape.between or (), tilt
                 if cell not in cells or node.reached.margin > cells[cell][0]:
                     cells[cell] = node.reached.margin, entry
     order = sorted(cells.items(), key=lambda item: (-item[1][0], item[0]))
@@ -165,7 +166,3 @@ def _could_enter(task: Task, entry: Entry) -> bool:
     over = Node(entry, Place(entry.over, (), (), entry.corner), Reached(left, (), ()), (), (), 0.0, 0)
     inside = successor_by(task, over, Move(entry.over, entry.inside, (), ()), "enter")
     return inside is not None and inside.reached.margin > 0.0
-
-
-def _kind(shape: Shape) -> int:
-    return 1 if shape.touch is not None else 2 if shape.flat is not None else 0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.geometry.convex_pieces import faceted
-from fmopt.geometry.polyhedron import Face, Polyhedron
+from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
 from fmopt.report.bodies import creases, loops_of
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, WIDTH, fill
@@ -62,7 +62,8 @@ def corner(axes: Axes, body: Polyhedron) -> None:
     body, across = faceted(body), view()
     sharp = creases(body)
     seen = [face for face in body.faces if float(face.normal @ across[2]) > 1e-9]
-    for order, face in enumerate(sorted(seen, key=lambda f: float(np.mean(_corners(body, f) @ across[2])))):
+    far = sorted(seen, key=lambda face: float(np.mean(body.vertices[list(face.loops[0])] @ across[2])))
+    for order, face in enumerate(far):
         light = 0.72 + 0.26 * max(0.0, float(face.normal @ _LAMP))
         loops = [1e3 * body.vertices[[*loop, loop[0]]] @ across[:2].T for loop in face.loops]
         fill(axes, loops, facecolor=(light,) * 3, edgecolor="none", zorder=order)
@@ -73,10 +74,6 @@ def corner(axes: Axes, body: Polyhedron) -> None:
     axes.autoscale_view()
     axes.set_aspect("equal")
     axes.set_axis_off()
-
-
-def _corners(body: Polyhedron, face: Face) -> Array:
-    return np.asarray(body.vertices[list(face.loops[0])])
 
 
 def cut(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> None:
