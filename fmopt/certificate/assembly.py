@@ -40,11 +40,7 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """The two parts: the moving one in its body frame, the fixed one in the B-frame.
-
-    Args:
-        planar: whether the moving part stays in the plane of x and z.
-    """
+    """The two parts: the moving one in its body frame, kept to x and z if `planar`, the fixed one in the B-frame."""
 
     moving: Part
     fixed: Part

@@ -144,7 +144,6 @@ class Support:
 
         Args:
             generators: (k, 6), m and rad.
-            errors: whose ellipsoids are taken; its generators are not.
             slack: columns (6, s) of what comes on top; nothing if None.
         """
         parts = [generators.T, errors.slide_root, errors.swing_root, errors.shape_root]

@@ -38,12 +38,7 @@ Scalar: TypeAlias = Annotated[Any, Role.SCALAR]
 
 @dataclass(frozen=True)
 class Definition:
-    """A function f of a pose (p, R) and of named parameters.
-
-    Args:
-        function: f(p, R, …).
-        roles: of the parameters; their order is that of the numbers in a record.
-    """
+    """A function f(p, R, …) of a pose and of named parameters, whose roles stand in the order of a record's numbers."""
 
     name: str
     function: Callable[..., Any]

@@ -122,12 +122,7 @@ def crossed(moving: Polyhedron, fixed: Polyhedron, one: int, other: int, along: 
 
 @dataclass(frozen=True, eq=False)
 class _Features:
-    """Vertices, edges and faces of a polyhedron as arrays.
-
-    Args:
-        directions: unit vectors (e, 3) along all edges.
-        between: sums (e, 3) of the normals beside them.
-    """
+    """Vertices, edges and faces of a polyhedron, unit directions of edges and sums (e, 3) of normals beside them."""
 
     vertices: NDArray[np.intp]
     edges: NDArray[np.intp]

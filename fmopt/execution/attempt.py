@@ -27,12 +27,7 @@ MakeRig = Callable[[tuple[Array, Array], Sequence[int], int], Rig]
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """What bodies are held against on their way.
-
-    Args:
-        recovery: what the plan says to do when a move fails; None for nothing.
-        moves: of the plan; none for other programs.
-    """
+    """What bodies are held against on their way."""
 
     recovery: Recovery | None
     moves: Sequence[Move]

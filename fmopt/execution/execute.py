@@ -33,7 +33,6 @@ class Settled:
     """Where and how trials run.
 
     Args:
-        folder: for the results; what an interrupted run left there is used.
         workers: processes; None for one a core.
     """
 

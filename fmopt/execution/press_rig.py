@@ -106,14 +106,10 @@ class PressRig:
     """n bodies in a physics engine, each with attempts of its own among those of a plan.
 
     Args:
-        engine: that the bodies are in, at their starts.
-        plan: whose attempts they run.
         courses: for each body its attempts in order, by number.
         errors: of each trial.
-        fit: what success is measured by.
         penetration: of a pose (7,), m, which is asked where the engine's own is more than a trial may have.
         noise: source of raw noise, (n, 12) standard normal at each call: of force, torque, position and angle.
-        look: shown the rig in every period.
     """
 
     def __init__(

@@ -76,7 +76,6 @@ class Program(Value):
 
     Args:
         speed: m/s, to which the shares of the velocity error refer.
-        steps: in order.
         limits: greatest force (N) and torque (N·m) of the servo.
     """
 

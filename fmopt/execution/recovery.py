@@ -74,12 +74,7 @@ class Recovery(Value, shifts=(None, 3), points=(None, 3)):
         return next((k for k in self.orders[move][felt] if k not in tried), None)
 
     def lowest(self, q: Array, begun: Array, at: Array) -> float:
-        """The commanded height (m) of the part's lowest point.
-
-        Args:
-            begun: pose (7,) at which it began, off by the start error.
-            at: quaternion (4,) for which this is asked, as `q` has it.
-        """
+        """The commanded height (m) of the part's lowest point, turned by `at` (4,), at a pose (7,) begun at another."""
         turned = from_quaternions(product(at, begun[3:] * np.array([1.0, -1.0, -1.0, -1.0])))
         points = self.points @ (turned @ self.start.R).T
         return float(self.start.p[2] + q[2] - begun[2] + (points[:, 2] - self.radii).min())

@@ -227,13 +227,7 @@ def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tupl
 
 @dataclass(frozen=True, eq=False)
 class Walls:
-    """Sides around a tip that hold its hull, none for a star: what is inside has `inward` · (x, y) ≥ `offsets`.
-
-    Args:
-        inward: unit normals (n, 2).
-        offsets: (n,), m.
-        lengths: of the sides (n,), m.
-    """
+    """Sides (n) around a tip that hold its hull, none for a star: inside, `inward` · (x, y) ≥ `offsets`, m."""
 
     inward: Array
     offsets: Array

@@ -31,10 +31,6 @@ class Drawing:
     >>> drawing = fmopt.show(fmopt.read("out/square_peg/plan.json"), "margin")
     >>> drawing.save("margin.svg").stat().st_size > 10_000
     True
-
-    Args:
-        paint: fills a sheet; None for a drawing that is HTML alone.
-        fragment: gives HTML that needs nothing from outside; None for a sheet.
     """
 
     name: str

@@ -50,11 +50,7 @@ _SMALLER = "allow a larger tilt, lower the start errors"
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """How far a motion came that was not found.
-
-    Args:
-        seated: whether they come to the goal.
-    """
+    """How far a motion came that was not found."""
 
     stage: str
     moves: tuple[Move, ...]

@@ -88,13 +88,7 @@ class Synthesis:
 
 @dataclass(frozen=True)
 class Share:
-    """The largest share of all start errors for which a plan is proved.
-
-    Args:
-        share: 0 where there is none.
-        margin: the least of its motion, m.
-        late: whether time ended an attempt, so that more of it might have found more.
-    """
+    """The largest share of the start errors, or 0, that is proved, its least margin, m, and whether time ran out."""
 
     share: float
     margin: float

@@ -37,11 +37,7 @@ GRACE = 2.0  # s beyond the time limit for what is needed to make something of w
 
 @dataclass(eq=False)
 class Stages:
-    """What is being done, and how long it took.
-
-    Args:
-        seconds: that stages took, by name; time spent on compiling does not count.
-    """
+    """What is being done, and how many seconds each stage took, but for compiling."""
 
     progress: Progress = lambda _: None
     seconds: dict[str, float] = field(default_factory=dict)

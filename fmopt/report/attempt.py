@@ -30,13 +30,7 @@ _TITLE = "The closest attempt: both parts cut through the mating axis, at every 
 
 @dataclass(frozen=True)
 class Step:
-    """A move of an attempt.
-
-    Args:
-        start: pose (6,) where it begins, m and rad.
-        goal: pose (6,) where it ends.
-        margin: the least that is certified of it, m; None where nothing is.
-    """
+    """A move of an attempt between poses (6,), m and rad, and the least certified of it, m; None where nothing is."""
 
     name: str
     start: Numbers
@@ -101,10 +95,7 @@ class Failure:
     """Why there is no plan.
 
     Args:
-        late: whether the time limit ended it.
-        lack: what the closest attempt lacks; None where no motion could begin.
         box: half-widths (6,) of the start error that was asked for, m and rad.
-        nearest: the nearest problem that does work; None where none was found.
     """
 
     title: str

@@ -27,12 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of a plan.
-
-    Args:
-        name: what to call its file: cut, states, states-2…, margin, tube, budget, sets, surfaces, diagrams,
-            trajectory.
-    """
+    """A figure of a plan; its name is that of its file, too."""
 
     name: str
     title: str

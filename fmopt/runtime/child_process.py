@@ -33,10 +33,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 class Child:
-    """A process of the calling thread.
-
-    Args:
-        said: file that takes what the process writes; None for this one's standard error.
+    """A process of the calling thread, whose output goes to the file `said` or to this one's standard error.
 
     Raises:
         ResourceError: no process can be made.

@@ -134,11 +134,7 @@ def allocated(file: Path, folder: Path, progress: Callable[[str], None]) -> tupl
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a study will be: its number of runs, how many are done, seconds for the rest, and how that is known.
-
-    Args:
-        seconds: that one run takes; None when its trial failed.
-    """
+    """What a study will be: its runs, how many are done, seconds of one, unless its trial failed, and of the rest."""
 
     total: int
     done: int

@@ -33,22 +33,14 @@ _MOTIONS: dict[str, CertifiedMotion | NoAnswer] = {}  # the last of this process
 
 @dataclass(frozen=True)
 class Quantity:
-    """Something that can be computed of a problem.
-
-    Args:
-        columns: names of its answers, in the order of the table.
-    """
+    """Something that can be computed of a problem, its columns in the order of the table."""
 
     columns: tuple[str, ...]
     answer: Callable[[Solved], Mapping[str, Scalar]]
 
 
 class Solved:
-    """One problem, and what is known of it so far: each stage is done when it is first asked for.
-
-    Args:
-        kept: whether the whole plan is wanted in the end.
-    """
+    """One problem, and what is known of it so far: each stage is done when it is first asked for, wholly if `kept`."""
 
     def __init__(self, source: Source, problem: Problem, inputs: str, kept: bool) -> None:
         self._source, self.problem, self._inputs, self._kept = source, problem, inputs, kept

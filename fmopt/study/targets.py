@@ -54,13 +54,7 @@ _FIXED = {"title", "units", *SIDES}  # units would change what all other numbers
 
 @dataclass(frozen=True)
 class Target:
-    """A parameter that may vary.
-
-    Args:
-        key: its path in the problem's data.
-        dimension: of its value; None for a choice of words.
-        truth: whether the words are true and false.
-    """
+    """A parameter that may vary: its key, and its dimension, None for words, which may be the two truths."""
 
     key: Key
     dimension: Dimension | None

@@ -25,12 +25,7 @@ USUAL_UNIT = "mm"  # of the numbers of a mesh file for which nobody says one
 
 @dataclass(frozen=True)
 class Model:
-    """A valid model file with its parameters bound, or a mesh or STEP file in place of one.
-
-    Args:
-        source: its document; of a mesh or STEP file the one that would name it.
-        given: whether it is a model file.
-    """
+    """A valid model file with its parameters bound, or a mesh or STEP file in place of one that would name it."""
 
     source: Source
     file: ModelFile

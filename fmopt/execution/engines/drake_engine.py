@@ -41,11 +41,7 @@ _ON = 1e-9  # m from a plane up to which a vertex lies on it
 
 
 class DrakeEngine:
-    """n bodies in a scene; see `Engine`.
-
-    Args:
-        starts: positions (n, 3) and quaternions (n, 4) of the bodies.
-    """
+    """n bodies in a scene, begun at positions (n, 3) and quaternions (n, 4); see `Engine`."""
 
     def __init__(self, diagram: Any, starts: tuple[Array, Array]) -> None:
         n = len(starts[0])

@@ -18,12 +18,7 @@ _SHIFTS = (1e-9, -2e-9, 4e-9)  # m, by which a part is moved for a time step to 
 
 
 class MujocoEngine:
-    """n bodies in a scene; see `Engine`.
-
-    Args:
-        friction: coefficients (n,) of the bodies; None for that of the model.
-        starts: positions (n, 3) and quaternions (n, 4) of the bodies.
-    """
+    """n bodies of friction (n,), or the model's, begun at positions (n, 3) and quaternions (n, 4); see `Engine`."""
 
     def __init__(self, model: Any, starts: tuple[Array, Array], friction: Any = None, threads: int = 1) -> None:
         from mujoco.batch import Batch

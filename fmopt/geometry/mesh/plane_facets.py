@@ -36,13 +36,7 @@ _TINY = 1e-300  # m², in place of the square of no length
 
 @dataclass(frozen=True, eq=False)
 class Flattened(Value):
-    """A surface of plane faces beside the facets that it stands for.
-
-    Args:
-        body: the surface, m.
-        off: how far apart it and the facets are at most, m.
-        where: the place (3,) of that, m.
-    """
+    """A surface of plane faces, how far the facets that it stands for lie off at most, m, and where (3,), m."""
 
     body: Polyhedron
     off: float

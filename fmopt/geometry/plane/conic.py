@@ -25,11 +25,7 @@ _MAX_HALVINGS = 40  # of the arc: 2⁻⁴⁰ of its parameters, where nothing is
 
 @dataclass(frozen=True, eq=False)
 class ConicArc(Value):
-    """The conic arc from `first` to `last` (2,) in m whose end tangents meet in `shoulder` (2,).
-
-    Args:
-        weight: w > 0.
-    """
+    """The conic arc from `first` to `last` (2,) in m, of weight w > 0, whose end tangents meet in `shoulder` (2,)."""
 
     first: Array
     shoulder: Array

@@ -57,12 +57,7 @@ class Form:
 
 
 class Written(NamedTuple):
-    """What was written.
-
-    Args:
-        paths: files and folders; none where the text is for standard output.
-        text: for standard output; empty where there are files.
-    """
+    """Files and folders that were written, notes, and the text where it is for standard output."""
 
     paths: tuple[Path, ...]
     notes: tuple[str, ...]

@@ -64,11 +64,7 @@ def bounded(claims: Sequence[Claim], rho: float) -> Iterator[tuple[Claim, float]
 
 @dataclass(frozen=True, eq=False)
 class ControlledPiece:
-    """A piece of motion with its strategy.
-
-    Args:
-        move: that it is a piece of, from 0.
-    """
+    """A piece of motion with its strategy."""
 
     move: int
     claim: Claim

@@ -214,7 +214,7 @@ def order(
     box: Array,
     retries: Sequence[Sequence[float]],
 ) -> dict[str, list[int]]:
-    """In which order to try again after a move failed, `late` (its contact not felt) or `early`, with a start box (6,)."""
+    """In which order to try again after a move failed: `late`, its contact not felt, or `early`; `box` is (6,)."""
     piece = claims[-1].piece
     images = images_of(claims[-1].advance.ends.start_set, np.flatnonzero(box))
     sure = np.where(box > 0.0, box, 1.0)  # axes without error have no shift

@@ -52,11 +52,7 @@ class Care(IntFlag):
 
 @dataclass(frozen=True, eq=False)
 class Move:
-    """A move from pose to pose inside held contacts, ending as new ones are made.
-
-    Args:
-        making: contacts made at the end, all at once; the first is the one that counts.
-    """
+    """A move from pose to pose inside held contacts, ending as new ones are made at once; the first one counts."""
 
     start: Pose
     goal: Pose

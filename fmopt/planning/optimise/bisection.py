@@ -25,12 +25,7 @@ ATTEMPTS = 7  # at most, with the steps that are given
 
 @dataclass(frozen=True)
 class Trial:
-    """What a motion makes of a factor.
-
-    Args:
-        margins: of its moves, up to the first without one, or before the first that is impossible, m.
-        holds: whether all of its moves have a margin.
-    """
+    """The margins, m, of a motion's moves under a factor, up to the first without one, and whether it holds for all."""
 
     margins: tuple[float, ...]
     holds: bool

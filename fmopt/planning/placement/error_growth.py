@@ -49,12 +49,7 @@ _CLOSER = 0.25  # times the least radius and gain in the end
 
 @dataclass(frozen=True, eq=False)
 class _Grown:
-    """A sequence under a share of the errors.
-
-    Args:
-        rows: its rows; what counts is by how much more of all errors each bears, times `unit`.
-        unit: what the errors take of the row that they take most of, m.
-    """
+    """A sequence under a share of the errors: its rows, and what these take of the row that they take most of, m."""
 
     share: float
     aim: Aim

@@ -198,11 +198,7 @@ def _rows(
 
 @dataclass(frozen=True, eq=False)
 class _Gain:
-    """How much a row grows along a move, were all of it like a piece.
-
-    Args:
-        turned: how it changes with where the piece ends (6,), as the row turns.
-    """
+    """How much a row grows along a move, were all of it like a piece; `turned` (6,) by where that ends, as it turns."""
 
     growth: Growth
     turned: Array
@@ -325,11 +321,7 @@ def _surely(
 
 
 class Hold(NamedTuple):
-    """How surely a piece of a motion holds its contacts.
-
-    Args:
-        slopes: what displacements of the piece's start and goal change of it (12,), 1/m and 1/rad.
-    """
+    """How surely a piece of a motion holds its contacts; slopes (12,) by its start and goal, 1/m and 1/rad."""
 
     claim: int
     share: float

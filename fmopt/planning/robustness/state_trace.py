@@ -37,12 +37,7 @@ _BACK = (0.1, 0.4)  # shares of the last piece of a move by which a space is tak
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """A contact state on the way.
-
-    Args:
-        claim: number of the claim with which it begins, −1 for the start.
-        spaces: indices of the contact spaces that hold it, in the order of the motion.
-    """
+    """A contact state on the way, the claim with which it begins, or −1, and the contact spaces that hold it."""
 
     contacts: frozenset[str]
     claim: int

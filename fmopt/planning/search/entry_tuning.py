@@ -107,7 +107,6 @@ class _Tuning:
     """The best sequence so far, the factors of the first shape's numbers that led to it, and the tries it took.
 
     Args:
-        shape: its own, of which the numbers are varied.
         kept: whether another sequence may take its place.
     """
 

@@ -116,7 +116,6 @@ class _Course:
 
     Args:
         held: functions of the held contacts (r,) and their compliant twists (r, 6).
-        motion: rotation (3, 3), pivot (3,) in the body, the pivot (3,) and the twist (6,).
     """
 
     held: tuple[Table, Array]

@@ -49,13 +49,7 @@ Loops = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True)
 class SearchedState:
-    """A contact state that the search came to.
-
-    Args:
-        origin: number of the state that it was come to from; None where a way to begin ends in it.
-        margin: the least on it, m.
-        expanded: whether moves were looked for from it.
-    """
+    """A contact state that the search came to from that of a number, or by an entry, with the least margin on it, m."""
 
     origin: int | None
     names: tuple[str, ...]
@@ -98,11 +92,7 @@ class Searched:
 
 @dataclass(frozen=True, eq=False)
 class Attitude:
-    """One of the eight images.
-
-    Args:
-        axes: x and y of the image, and z, as rows (3, 3) in the parts' own axes.
-    """
+    """One of the eight images, with x and y of the image, and z, as rows (3, 3) in the parts' own axes."""
 
     axes: Array
 

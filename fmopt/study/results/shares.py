@@ -26,11 +26,7 @@ _DRAWS = 1000  # of the bootstrap: 25 lie outside of an interval on each side
 
 @dataclass(frozen=True)
 class Bin:
-    """What came well of how many, with an axis between two values.
-
-    Args:
-        low: least value of the axis, in the unit that people read.
-    """
+    """What came well of how many, with an axis between two values in the unit that people read."""
 
     low: float
     high: float

@@ -33,8 +33,6 @@ class Results:
     """What a folder holds: what the study says of itself, its axes, columns and lines.
 
     Args:
-        axes: in the order of the study file.
-        columns: in the order of the table.
         lines: values by column, None where a run has none; "outcome" is None for runs that are not done yet.
     """
 

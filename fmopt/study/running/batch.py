@@ -17,11 +17,7 @@ Assigned = str | int | float | bool
 
 @dataclass(frozen=True)
 class Question:
-    """What all runs of a study have in common.
-
-    Args:
-        problem: the base problem's file, relative to the folder of inputs.
-    """
+    """What all runs of a study have in common; the problem's file is relative to the folder of inputs."""
 
     problem: str
     quantities: tuple[str, ...]

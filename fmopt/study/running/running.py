@@ -33,7 +33,6 @@ class Work:
 
     Args:
         runs: of the design, in order; those with the same key are the same.
-        points: named values on the axes, of each run.
     """
 
     runs: Sequence[Run]
@@ -45,11 +44,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Tally:
-    """How far a study is; only what is durable counts.
-
-    Args:
-        interrupted: the signal that ended it, or 0.
-    """
+    """How far a study is; only what is durable counts. `interrupted` is the signal that ended it, or 0."""
 
     total: int
     done: int
@@ -76,7 +71,6 @@ class Options:
 
     Args:
         limit: rows to write at most, None for all.
-        retry_failed: whether runs whose row is a failure are done again.
         executor: where batches go, to be shut down by the caller; processes on this machine if None.
     """
 
