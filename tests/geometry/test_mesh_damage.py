@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import math
 import random
-import zipfile
 from collections.abc import Iterable
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -22,15 +20,24 @@ from fmopt.geometry.csg import Box, Difference, Placed, Prism, Solid, Union
 from fmopt.geometry.facets import merged_vertices
 from fmopt.geometry.fit.find import Fit, find
 from fmopt.geometry.inverse_csg import MESH_NOISE, apart
-from fmopt.geometry.mesh.archive import Broken, glb_shells
-from fmopt.geometry.mesh.archive import three_mf as three_mf_shells
-from fmopt.geometry.mesh.mesh_file import MAX_BYTES, read_triangles
+from fmopt.geometry.mesh.archive import Broken, glb_shells, three_mf_shells
+from fmopt.geometry.mesh.mesh_file import read_bodies, read_triangles
 from fmopt.geometry.mesh.mesh_import import load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.task.problem import load
 from fmopt.task.sizes import measured_clearance
 from tests.shared.files.mesh_damage import DAMAGES
-from tests.shared.files.mesh_files import at, glb, plate, rounded, three_mf, triangles_of, write_stl
+from tests.shared.files.mesh_files import (
+    at,
+    glb,
+    plate,
+    rounded,
+    three_mf,
+    three_mf_mesh,
+    three_mf_package,
+    triangles_of,
+    write_stl,
+)
 from tests.shared.files.others import PAIRS, PARTS
 from tests.shared.files.own import MODEL, PROBLEM
 from tests.shared.files.packed import packed_stl
@@ -204,7 +211,7 @@ def test_packages_say_unit_and_place(form: str, tmp_path: Path) -> None:
     body = load_mesh(tmp_path / f"rod.{form}", "m").body
     np.testing.assert_allclose(np.sort(body.vertices, axis=0), 1e-3 * np.sort(moved, axis=0), atol=1e-8)
     draw = random.Random(f"{form} 3")
-    read = glb_shells if form == "glb" else partial(three_mf_shells, most=MAX_BYTES)
+    read = glb_shells if form == "glb" else three_mf_shells
     for _ in range(150):
         damaged = bytearray(content)
         for _ in range(draw.randint(1, 12)):
@@ -219,27 +226,38 @@ def test_packages_say_unit_and_place(form: str, tmp_path: Path) -> None:
 
 def test_solids_that_are_put_together_without_end_are_refused(tmp_path: Path) -> None:
     """Each holds the next one twice: a file of some kilobytes would be 2³¹ solids."""
-    made = "".join(
-        f'<object id="{k}"><components><component objectid="{k + 1}"/><component objectid="{k + 1}"/></components>'
-        "</object>"
-        for k in range(31)
-    )
-    single = '<object id="31"><mesh><vertices><vertex x="0" y="0" z="0"/></vertices>'
-    single += '<triangles><triangle v1="0" v2="0" v3="0"/></triangles></mesh></object>'
-    model = f'<model unit="meter"><resources>{made}{single}</resources><build><item objectid="0"/></build></model>'
-    with zipfile.ZipFile(tmp_path / "a.3mf", "w") as archive:
-        archive.writestr("3D/3dmodel.model", model)
-    with pytest.raises(GeometryError, match="puts more than 400000 "):
-        read_triangles(tmp_path / "a.3mf")
     points, corners = triangles_of(rounded((0.012, 0.008), 0.03))
-    once = three_mf(points, corners, "millimeter", (0.0, 0.0, 0.0))
-    with zipfile.ZipFile(io.BytesIO(once)) as archive:
-        whole = archive.read("3D/3dmodel.model").decode()
-    item = whole[whole.index("<item") : whole.index("</build>")]
-    with zipfile.ZipFile(tmp_path / "a.3mf", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("3D/3dmodel.model", whole.replace(item, 20000 * item))
+    mesh = f'<object id="1" type="model">{three_mf_mesh(points, corners)}</object>'
+    made = "".join(
+        f'<object id="{k}" type="model"><components><component objectid="{k - 1}"/>'
+        f'<component objectid="{k - 1}"/></components></object>'
+        for k in range(2, 20)
+    )
+    (tmp_path / "a.3mf").write_bytes(three_mf_package(mesh + made, '<item objectid="19"/>'))
     with pytest.raises(GeometryError, match="more than 400000 points and triangles"):
         read_triangles(tmp_path / "a.3mf")
+    (tmp_path / "a.3mf").write_bytes(three_mf_package(mesh, 20001 * '<item objectid="1"/>'))
+    with pytest.raises(GeometryError, match="more than 400000 points and triangles"):
+        read_triangles(tmp_path / "a.3mf")
+
+
+def test_solids_of_solids_of_a_package_stand_where_each_puts_them(tmp_path: Path) -> None:
+    """Four rods by two levels, one of them in a mirror, and a second name in the build."""
+    points, corners = triangles_of(rounded((0.012, 0.008), 0.03))
+    mesh = f'<object id="1" name="rod" type="model">{three_mf_mesh(points, corners)}</object>'
+    pairs = "".join(
+        f'<object id="{k}" type="model"><components><component objectid="{k - 1}"/>'
+        f'<component objectid="{k - 1}" transform="{turn} 0 0 0 1 0 0 0 1 {shift} 0 0"/></components></object>'
+        for k, turn, shift in ((2, -1, 50), (3, 1, 200))
+    )
+    (tmp_path / "a.3mf").write_bytes(three_mf_package(mesh + pairs, '<item objectid="3"/><item objectid="1"/>'))
+    bodies = read_bodies(tmp_path / "a.3mf")
+    assert [name for name, _, _ in bodies] == [f"rod_{k}" for k in range(1, 6)]
+    middles = [1e3 * (np.min(points, axis=0) + np.max(points, axis=0))[0] / 2 for _, points, _ in bodies]
+    np.testing.assert_allclose(middles, [0.0, 50.0, 200.0, 250.0, 0.0], atol=1e-5)
+    for _, points, corners in bodies:
+        volume = float(np.linalg.det(points[corners]).sum()) / 6.0
+        assert volume == pytest.approx(0.012 * 0.008 * 0.03, rel=1e-6)
 
 
 def test_a_package_takes_no_unit(tmp_path: Path) -> None:

@@ -105,6 +105,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "rosbags": frozenset({"plan/export/ros2.py"}),
     "IPython": frozenset({"notebook/display.py"}),
     "typer": frozenset({"cli"}),
+    "lib3mf": frozenset({"geometry/mesh/archive.py"}),
     "trimesh": frozenset({"geometry/mesh/archive.py"}),
     "rich": frozenset({"cli/console.py"}),
     "markdown_it": frozenset({"manual"}),

@@ -1,18 +1,13 @@
 """3MF and GLB files: triangles of solids in packages that say their unit and where they put each solid.
 
-3MF is a ZIP archive with a model in XML, no more of which is unpacked than a mesh file may have; GLB is a binary glTF,
-which trimesh reads, in a process of its own.
+lib3mf and trimesh read them, in a process of its own.
 """
 
 from __future__ import annotations
 
 import io
-import lzma
-import zipfile
-import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -20,15 +15,9 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.mesh.surface import AGAIN
 from fmopt.spatial.values import Array
 
-METRES = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
-_DEEPEST = 32  # levels of solids that are made of solids
-_MOST = 400_000  # solids that are put together, points and triangles: a few lines can say to put each of them twice
-
-# What the standard library raises on archives that are damaged, encrypted or packed in a way that it does not know.
-_UNREADABLE = (
-    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
-    *(EOFError, NotImplementedError, RuntimeError, OSError, ValueError, LookupError),
-)
+_METRES = (1e-6, 1e-3, 1e-2, 0.0254, 0.3048, 1.0)  # of the units of 3MF in the order of lib3mf
+_NO_UNIT = 0x801E  # lib3mf's warning that a unit is none that 3MF knows
+_MOST = 400_000  # solids, points and triangles that are put together: a few lines can say to put each of them twice
 
 
 class Shell(NamedTuple):
@@ -43,102 +32,81 @@ class Broken(ValueError):
     """What is wrong with a package, in words."""
 
 
-def three_mf(data: bytes, most: int) -> tuple[str, list[Shell]]:
-    """The unit of a 3MF file, and its solids where its build puts them.
+def solids(path: str, reader: Callable[[bytes], list[Shell]]) -> list[tuple[str, list[list[float]], list[list[int]]]]:
+    """Name, points (n, 3), m, and triangles (m, 3) of each solid of a package, in what JSON has.
+
+    Raises:
+        GeometryError: the reader refuses it.
+    """
+    with open(path, "rb") as file:
+        data = file.read()
+    try:
+        return [(shell.name, shell.points.tolist(), shell.triangles.tolist()) for shell in reader(data)]
+    except Broken as error:
+        raise GeometryError(str(error), AGAIN) from None
+
+
+def three_mf(path: str) -> list[tuple[str, list[list[float]], list[list[int]]]]:
+    """The solids of a 3MF file, as of `solids`."""
+    return solids(path, three_mf_shells)
+
+
+def glb(path: str) -> list[tuple[str, list[list[float]], list[list[int]]]]:
+    """The solids of a GLB file, as of `solids`."""
+    return solids(path, glb_shells)
+
+
+def three_mf_shells(data: bytes) -> list[Shell]:
+    """The solids of a 3MF file where its build puts them, in m; all that are there where it has no build.
 
     Raises:
         Broken: it is none.
     """
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            names = [name for name in archive.namelist() if name.lower().endswith(".model")]
-            if len(names) != 1:
-                raise Broken(f"the archive holds {len(names)} models; only one is read")
-            with archive.open(names[0]) as model:
-                text = model.read(most + 1)  # a small archive may unpack to any size
-    # It is a ValueError, which the next branch would take for damage of the archive.
-    except Broken:
-        raise
-    except _UNREADABLE as error:
-        raise Broken(f"the archive cannot be read: {error}") from None
-    if len(text) > most:
-        raise Broken(f"its model has more than {most} bytes")
-    return _built(text)
-
-
-def _built(text: bytes) -> tuple[str, list[Shell]]:
-    """The unit of a 3MF model, and the solids of its build in their places: all that are no parts where it has none."""
-    # With a document type come entities, which a few lines can make to expand without end.
-    if b"<!DOCTYPE" in text.replace(b"\0", b""):
-        raise Broken("its model declares a document type")
+        import lib3mf
+    except ImportError as error:
+        advice = "save it as an .stl file"
+        raise GeometryError(f"3MF files need lib3mf, which is not on this machine: {error}", advice) from error
+    model = lib3mf.get_wrapper().CreateModel()
     try:
-        root = ElementTree.fromstring(text)
-        meshes = {one.attrib["id"]: _mesh(one) for one in _all(root, "object")}
-        made_of = {one.attrib["id"]: _placed(one, "component") for one in _all(root, "object")}
-        items = _placed(root, "item")
-    except ElementTree.ParseError as error:
-        raise Broken(f"its model is no XML: {error}") from None
-    except (LookupError, ValueError, OverflowError) as error:
-        if isinstance(error, Broken):
-            raise
-        raise Broken(f"its model lacks, or has no number for, {error}") from None
-    unit = root.get("unit", "millimeter")
-    if unit not in METRES:
-        raise Broken(f"its unit {unit[:20]!r} is none of {', '.join(METRES)}")
-    put = iter(range(_MOST))
-
-    def solids(name: str, place: Array, depth: int) -> Iterator[Shell]:
-        if depth > _DEEPEST or name not in meshes:
-            raise Broken(f"the solid {name[:20]!r} is not there, or made of itself")
-        if next(put, None) is None:
-            raise Broken(f"it puts more than {_MOST} solids together")
-        if all(map(len, meshes[name][1:])):
-            yield _moved(meshes[name], place)
-        for part, own in made_of[name]:
-            yield from solids(part, own @ place, depth + 1)
-
-    parts = {name for made in made_of.values() for name, _ in made}
-    alone = [(name, np.eye(4)) for name in meshes if name not in parts]
-    return unit, [*_few(shell for name, place in items or alone for shell in solids(name, place, 0))]
+        reader = model.QueryReader("3mf")
+        reader.ReadFromBuffer(data)
+        if any(reader.GetWarning(k)[0] == _NO_UNIT for k in range(reader.GetWarningCount())):
+            raise Broken("its unit is none that 3MF knows")
+        unit = _METRES[model.GetUnit()]
+        return [shell._replace(points=unit * shell.points) for shell in _few(_built(model))]
+    except lib3mf.ELib3MFException as error:
+        raise Broken(f"the package cannot be read: {error}") from None
 
 
-def _all(one: ElementTree.Element, name: str) -> list[ElementTree.Element]:
-    return one.findall(f".//{{*}}{name}")
+def _built(model: Any) -> Iterator[Shell]:
+    """The solids of a model of lib3mf in the file's own unit."""
+    of = dict[int, list[Shell]]()
+    for one in _each(model.GetObjects()):  # those that others are made of come before these
+        if one.IsMeshObject():
+            points = np.array([vertex.Coordinates[:] for vertex in one.GetVertices()]).reshape(-1, 3)
+            triangles = np.array([each.Indices[:] for each in one.GetTriangleIndices()], np.int64).reshape(-1, 3)
+            of[one.GetUniqueResourceID()] = [Shell(one.GetName(), points, triangles)]
+        else:
+            parts = [one.GetComponent(k) for k in range(one.GetComponentCount())]
+            placed = [(part.GetObjectResource(), part.GetTransform()) for part in parts]
+            of[one.GetUniqueResourceID()] = [*_few(_put(of, placed))]
+    items = [(item.GetObjectResource(), item.GetObjectTransform()) for item in _each(model.GetBuildItems())]
+    alone = (shell for one in _each(model.GetMeshObjects()) for shell in of[one.GetUniqueResourceID()])
+    yield from _put(of, items) if items else alone
 
 
-def _mesh(one: ElementTree.Element) -> Shell:
-    points = [[float(vertex.attrib[axis]) for axis in "xyz"] for vertex in _all(one, "vertex")]
-    corners = [[int(triangle.attrib[corner]) for corner in ("v1", "v2", "v3")] for triangle in _all(one, "triangle")]
-    return Shell(one.get("name", ""), np.array(points, dtype=np.float64), np.array(corners, dtype=np.int64))
+def _put(of: Mapping[int, list[Shell]], placed: Iterable[tuple[Any, Any]]) -> Iterator[Shell]:
+    for one, transform in placed:
+        place = np.eye(4)  # rows of points are multiplied by it
+        place[:, :3] = [row[:] for row in transform.Fields]
+        for shell in of[one.GetUniqueResourceID()]:
+            yield _moved(shell, place)
 
 
-def _placed(one: ElementTree.Element, name: str) -> list[tuple[str, Array]]:
-    return [(element.attrib["objectid"], _transform(element.attrib)) for element in _all(one, name)]
-
-
-def _transform(of: Mapping[str, str]) -> Array:
-    """The matrix (4, 4) that rows of points are multiplied by."""
-    made = np.eye(4)
-    if "transform" in of:
-        numbers = [float(word) for word in of["transform"].split()]
-        if len(numbers) != 12:
-            raise Broken("a transform has not twelve numbers")
-        made[:, :3] = np.array(numbers).reshape(4, 3)
-    return made
-
-
-def glb(path: str) -> list[tuple[str, list[list[float]], list[list[int]]]]:
-    """Name, points (n, 3), m, and triangles (m, 3) of each solid of a GLB file where its scene puts them.
-
-    Raises:
-        GeometryError: it is none, or its numbers are packed or elsewhere.
-    """
-    with open(path, "rb") as file:
-        data = file.read()
-    try:
-        return [(shell.name, shell.points.tolist(), shell.triangles.tolist()) for shell in glb_shells(data)]
-    except Broken as error:
-        raise GeometryError(str(error), AGAIN) from None
+def _each(several: Any) -> Iterator[Any]:
+    while several.MoveNext():
+        yield several.GetCurrent()
 
 
 def glb_shells(data: bytes) -> list[Shell]:

@@ -6,7 +6,6 @@ triangles, ears where they are not convex; points that no face uses are left out
 
 from __future__ import annotations
 
-import hashlib
 import struct
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -39,7 +38,10 @@ T = TypeVar("T")
 FORMATS = ("stl", "obj", "ply", "3mf", "glb")
 OWN_UNIT = ("3mf", "glb")  # formats that say their unit: their numbers become m
 MAX_BYTES = 50_000_000
-_TRIMESH = confined.Reader("trimesh", "fmopt.geometry.mesh.archive:glb", COARSER, AGAIN)
+_PACKAGES = {
+    "3mf": confined.Reader("lib3mf", "fmopt.geometry.mesh.archive:three_mf", COARSER, AGAIN),
+    "glb": confined.Reader("trimesh", "fmopt.geometry.mesh.archive:glb", COARSER, AGAIN),
+}
 
 
 def read_triangles(path: Path) -> tuple[Array, Indices]:
@@ -67,33 +69,25 @@ def _read(path: Path, taken: Callable[[Surface], T]) -> T:
             data = file.read(MAX_BYTES + 1)  # one byte more tells that a file is too large, without reading all of it
     except OSError as error:
         raise ResourceError(f"cannot read mesh {path}: {error.strerror}", "check the path") from error
-    readers: dict[str, Callable[[bytes], Surface]] = {"stl": _stl, "obj": _obj, "ply": read_ply, "3mf": _three_mf}
     try:
         if len(data) > MAX_BYTES:
             raise Damage(f"the file has more than {MAX_BYTES} bytes", advice=COARSER)
-        return taken(_packed(_glb(path, hashlib.sha256(data).digest())) if kind == "glb" else readers[kind](data))
+        return taken(_surface(path, kind, data))
     except Damage as damage:
         place = f"{path}, {damage.where}" if damage.where else str(path)
         raise GeometryError(f"{place}: {damage.message}", damage.advice) from None
 
 
-def _three_mf(data: bytes) -> Surface:
-    from fmopt.geometry.mesh.archive import METRES, Broken, three_mf
-
-    try:
-        unit, shells = three_mf(data, MAX_BYTES)
-    except Broken as error:
-        raise Damage(str(error)) from None
-    return _packed([shell._replace(points=METRES[unit] * shell.points) for shell in shells])
-
-
 @lru_cache(maxsize=2)
-def _glb(path: Path, digest: bytes) -> tuple[Shell, ...]:
-    """The solids of a file, read once while it has that digest."""
+def _surface(path: Path, kind: str, data: bytes) -> Surface:
+    """What a file holds, read once while it holds that."""
+    readers: dict[str, Callable[[bytes], Surface]] = {"stl": _stl, "obj": _obj, "ply": read_ply}
+    if kind in readers:
+        return readers[kind](data)
     from fmopt.geometry.mesh.archive import Shell
 
-    found = confined.read(path, _TRIMESH)
-    return tuple(Shell(name, np.array(points), np.array(triangles, np.int64)) for name, points, triangles in found)
+    found = confined.read(path, _PACKAGES[kind])
+    return _packed([Shell(name, np.array(points), np.array(triangles, np.int64)) for name, points, triangles in found])
 
 
 def _packed(shells: Sequence[Shell]) -> Surface:

@@ -79,18 +79,37 @@ def rounded(across: tuple[float, float], length: float, corner: float = 0.0) -> 
     return Prism(tuple(outline + [(-a, -b) for a, b in outline]), length)
 
 
+_TYPES = """<?xml version="1.0"?><Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
+<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
+<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>"""
+_RELATIONS = """<?xml version="1.0"?>
+<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship Id="rel0"
+Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel" Target="/3D/3dmodel.model"/></Relationships>"""
+
+
 def three_mf(points: np.ndarray, triangles: np.ndarray, unit: str, shift: tuple[float, float, float]) -> bytes:
     """A 3MF file of one solid, built where the shift puts it."""
+    place = " ".join(map(str, (1, 0, 0, 0, 1, 0, 0, 0, 1, *shift)))
+    solid = f'<object id="1" type="model">{three_mf_mesh(points, triangles)}</object>'
+    return three_mf_package(solid, f'<item objectid="1" transform="{place}"/>', unit)
+
+
+def three_mf_mesh(points: np.ndarray, triangles: np.ndarray) -> str:
     vertices = "".join(f'<vertex x="{x!r}" y="{y!r}" z="{z!r}"/>' for x, y, z in points.tolist())
     rows = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in triangles.tolist())
-    place = " ".join(map(str, (1, 0, 0, 0, 1, 0, 0, 0, 1, *shift)))
+    return f"<mesh><vertices>{vertices}</vertices><triangles>{rows}</triangles></mesh>"
+
+
+def three_mf_package(objects: str, items: str, unit: str = "millimeter") -> bytes:
+    """A 3MF file with these objects and items of its build, in XML."""
     model = (
         f'<?xml version="1.0"?><model unit="{unit}" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
-        f'<resources><object id="1" type="model"><mesh><vertices>{vertices}</vertices><triangles>{rows}</triangles>'
-        f'</mesh></object></resources><build><item objectid="1" transform="{place}"/></build></model>'
+        f"<resources>{objects}</resources><build>{items}</build></model>"
     )
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("[Content_Types].xml", _TYPES)
+        archive.writestr("_rels/.rels", _RELATIONS)
         archive.writestr("3D/3dmodel.model", model)
     return out.getvalue()
 
