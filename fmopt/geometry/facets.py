@@ -19,7 +19,7 @@ from fmopt.errors import GeometryError
 from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
-    from fmopt.geometry.polyhedron import Face, Polyhedron
+    from fmopt.geometry.polyhedron import Polyhedron
 
 MAX_FACES = 2_000  # what is planned with them takes a time that grows by their square, at least
 _MOST_PAIRS = 2_000_000  # of vertices near each other: more than any honest mesh has
@@ -310,17 +310,19 @@ def chords(body: Polyhedron) -> Iterator[tuple[tuple[int, int], tuple[float, flo
 
     Facets of width c that turn by φ from one to the next are chords of an arc with the sagitta c/2 · tan(φ/4).
     """
-    for edge in body.edges:
-        one, other = (body.faces[number] for number in edge.faces)
-        # By both sine and cosine: the cosine alone has lost the digits of a small turn.
-        turn = math.atan2(float(np.linalg.norm(np.cross(one.normal, other.normal))), float(one.normal @ other.normal))
-        if turn <= SMOOTH:
-            start, end = body.vertices[list(edge.vertices)]
-            along = (end - start) / max(float(np.linalg.norm(end - start)), np.finfo(np.float64).tiny)
-            first, second = (0.5 * _width(body, face, along) * math.tan(0.25 * turn) for face in (one, other))
-            yield edge.faces, (first, second)
-
-
-def _width(body: Polyhedron, face: Face, along: Array) -> float:
-    """Extent of a face across a direction in its plane, m."""
-    return float(np.ptp(body.vertices[list(face.vertices)] @ np.cross(face.normal, along)))
+    faces = np.array([edge.faces for edge in body.edges], dtype=np.int64).reshape(-1, 2)
+    one, other = body.normals[faces[:, 0]], body.normals[faces[:, 1]]
+    # By both sine and cosine: the cosine alone has lost the digits of a small turn.
+    turns = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.vecdot(one, other))
+    smooth = np.flatnonzero(turns <= SMOOTH)
+    ends = body.vertices[[body.edges[k].vertices for k in smooth]].reshape(-1, 2, 3)
+    along = ends[:, 1] - ends[:, 0]
+    along /= np.maximum(np.linalg.norm(along, axis=1), np.finfo(np.float64).tiny)[:, None]
+    across = np.cross(body.normals[faces[smooth]], along[:, None])
+    for k, ways in zip(smooth.tolist(), across, strict=True):
+        pair = body.edges[k].faces
+        first, second = (
+            0.5 * float(np.ptp(body.vertices[list(body.faces[number].vertices)] @ way)) * math.tan(0.25 * turns[k])
+            for number, way in zip(pair, ways, strict=True)
+        )
+        yield pair, (first, second)

@@ -108,7 +108,7 @@ class Polyhedron(Value):
         """Volume in m³, by the divergence theorem about the centre of the vertices."""
         return _volume(self.vertices, (face.loops for face in self.faces))
 
-    @property
+    @cached_property
     def diameter(self) -> float:
         """Largest distance between two vertices, m."""
         return diameter(self.vertices)

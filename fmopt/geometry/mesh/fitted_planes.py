@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.facets import Loop, place
+from fmopt.geometry.facets import Indices, Loop, place
 from fmopt.geometry.mesh.round_planes import rings
 from fmopt.geometry.polyhedron import plane_basis
 from fmopt.spatial.values import Array
 
 EXACT = 1e-12  # m: what is this close to a plane lies in it
-_LEAST_SLACK = 1e-12  # rad
 _LEAST_SLACK = 1e-12  # rad
 _LEAST_LEAN = 1e-3  # of planes that are to fix a corner
 _STRAY = 100.0  # times how far facets are off their planes: corners may move so far along an edge
@@ -37,13 +37,43 @@ _TURNS = (
 Planes = tuple[Array, Array]
 
 
-def fit(points: Array) -> tuple[Array, float]:
-    """The plane that fits points (n, 3) best, with the least largest distance for its normal."""
-    centre = points.mean(axis=0)
-    arms = points - centre
-    normal = np.linalg.eigh(arms.T @ arms)[1][:, 0]
-    heights = arms @ normal
-    return normal, float(normal @ centre + 0.5 * (heights.min() + heights.max()))
+@dataclass(frozen=True)
+class Fits:
+    """The planes that fit groups of points best, with the least largest distance for each normal.
+
+    Attributes:
+        normals, offsets: (k, 3), and in m (k,).
+        widths: the least extent of each group in its plane (k,), m.
+        off: how far any point lies off its plane at most, m.
+    """
+
+    normals: Array
+    offsets: Array
+    widths: Array
+    off: float
+
+    @staticmethod
+    def of(points: Array, groups: Sequence[Sequence[int] | Indices]) -> Fits:
+        """Fit a plane to each group of points (n, 3)."""
+        normals, offsets, widths, off = np.empty((len(groups), 3)), np.empty(len(groups)), np.empty(len(groups)), 0.0
+        for numbers, which in by_count(groups):
+            centres = points[which].mean(axis=1)
+            arms = points[which] - centres[:, None]
+            own = np.linalg.eigh(np.swapaxes(arms, 1, 2) @ arms)[1]
+            heights = (arms @ own[:, :, :1])[..., 0]
+            low, high = heights.min(axis=1), heights.max(axis=1)
+            normals[numbers], widths[numbers] = own[:, :, 0], np.ptp(arms @ own[:, :, 1:], axis=1).min(axis=1)
+            offsets[numbers] = np.vecdot(own[:, :, 0], centres) + 0.5 * (low + high)
+            off = max(off, 0.5 * float((high - low).max()))
+        return Fits(normals, offsets, widths, off)
+
+
+def by_count(groups: Sequence[Sequence[int] | Indices]) -> Iterator[tuple[NDArray[np.intp], Indices]]:
+    """The numbers (m,) of groups that have equally many members, and these members (m, n)."""
+    counts = np.array([len(group) for group in groups])
+    for count in np.unique(counts):
+        numbers = np.flatnonzero(counts == count)
+        yield numbers, np.array([groups[k] for k in numbers.tolist()], dtype=np.int64)
 
 
 def aligned(normals: Array, areas: Array, slack: Array, wide: Array) -> tuple[Array, Array]:
@@ -253,25 +283,31 @@ def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, o
     normals, offsets = planes
     if any(len(own) > 3 for own in around.values()):
         normals, offsets = _agreed(points, around, planes)
-    moved = np.array(points)
-    for vertex, own in around.items():
-        rows, wanted = normals[own], offsets[own]
-        lean = np.linalg.svd(rows, compute_uv=False)
-        if lean[2] < _LEAST_LEAN:
-            message = f"the faces at {place(frame @ points[vertex])} are {1e6 * off:.3g} µm off planes that meet there"
-            raise GeometryError(message)
+    vertices = np.array(list(around))
+    moved, lean, missed = points[vertices], np.zeros(len(vertices)), np.zeros(len(vertices))
+    for numbers, own in by_count(list(around.values())):
+        if own.shape[1] < 3:
+            continue
+        rows, wanted, found = normals[own], offsets[own], moved[numbers]
+        lean[numbers] = np.linalg.svd(rows, compute_uv=False)[:, 2]
+        inverse = np.linalg.pinv(rows)
         # Once more for what rounding left.
         for _ in range(2):
-            moved[vertex] += np.linalg.lstsq(rows, wanted - rows @ moved[vertex], rcond=None)[0]
+            found += np.einsum("nij,nj->ni", inverse, wanted - np.einsum("nij,nj->ni", rows, found))
         # Across an axis the coordinate is the offset to the bit, not but for the rounding of a solution.
-        for normal, offset in zip(rows, wanted, strict=True):
-            if np.count_nonzero(normal) == 1:
-                moved[vertex, np.abs(normal) == 1.0] = normal.sum() * offset
-        missed = float(np.abs(rows @ moved[vertex] - wanted).max())
-        if missed > EXACT or np.linalg.norm(moved[vertex] - points[vertex]) > _STRAY * max(off, EXACT):
-            message = f"the faces at {place(frame @ points[vertex])} have no corner in common near it"
-            raise GeometryError(message)
-    return moved
+        one, plane = np.nonzero(np.count_nonzero(rows, axis=2) == 1)
+        found[one, np.abs(rows[one, plane]).argmax(axis=1)] = rows[one, plane].sum(axis=1) * wanted[one, plane]
+        missed[numbers] = np.abs(np.einsum("nij,nj->ni", rows, found) - wanted).max(axis=1)
+        moved[numbers] = found
+    strayed = np.linalg.norm(moved - points[vertices], axis=1) > _STRAY * max(off, EXACT)
+    if len(bad := np.flatnonzero((lean < _LEAST_LEAN) | (missed > EXACT) | strayed)):
+        at = place(frame @ points[vertices[bad[0]]])
+        if lean[bad[0]] < _LEAST_LEAN:
+            raise GeometryError(f"the faces at {at} are {1e6 * off:.3g} µm off planes that meet there")
+        raise GeometryError(f"the faces at {at} have no corner in common near it")
+    whole = np.array(points)
+    whole[vertices] = moved
+    return whole
 
 
 def _agreed(points: Array, around: dict[int, list[int]], planes: Planes) -> Planes:

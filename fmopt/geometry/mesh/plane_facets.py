@@ -17,7 +17,7 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, Loop, Patchwork, faces_of, patchwork
-from fmopt.geometry.mesh.fitted_planes import EXACT, aligned, corners_of, fit
+from fmopt.geometry.mesh.fitted_planes import EXACT, Fits, aligned, corners_of
 from fmopt.geometry.mesh.open_edges import MOST_OFF
 from fmopt.geometry.mesh.round_planes import evenly_out, is_even, through_columns
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, plane_basis
@@ -160,12 +160,6 @@ class _Heap:
         return np.asarray(np.linalg.norm(self.areas[which], axis=1) / np.sqrt(np.maximum(spread, 1e-24)))
 
 
-def _off_plane(points: Array) -> float:
-    """How far points (n, 3) are off the plane that fits them best, m, at most."""
-    normal, offset = fit(points)
-    return float(np.abs(points @ normal - offset).max())
-
-
 def _gaps(costs: Sequence[float], floor: float) -> Iterator[int]:
     """How many pairs to join, the widest gap between what is joined and what is not first."""
     running = np.maximum.accumulate(np.maximum(costs, floor)) if costs else np.zeros(0)
@@ -195,30 +189,33 @@ def _made_plane(parts: Patchwork, region: Indices, noise: float) -> Flattened:
     region = np.unique(region, return_inverse=True)[1].astype(np.int64)
     members = [np.flatnonzero(region == k) for k in range(int(region.max()) + 1)]
     corners = [np.unique(parts.triangles[which]) for which in members]
-    off = max(_off_plane(parts.vertices[which]) for which in corners)
-    surface = _Surface(parts, faces, members, corners)
+    fits = Fits.of(parts.vertices, corners)
+    surface, off = _Surface(parts, faces, members, corners, fits), fits.off
     if off <= EXACT:  # rounding turns side faces of a prism, which stay plane
         kept = Flattened(from_faces(parts.vertices, faces), 0.0, parts.vertices[0])
         straight = _attempt(surface, noise, _TURN[0]) if noise > 0.0 else kept
         return straight if isinstance(straight, Flattened) and EXACT < straight.off <= 4.0 * noise else kept
     off = max(off + noise, 0.1 * _NOISE * float(np.linalg.norm(np.ptp(parts.vertices, axis=0))))
-    far, near = (_attempt(surface, off, times) for times in _TURN)
-    if isinstance(near, GeometryError) and isinstance(far, GeometryError):
+    far = _attempt(surface, off, _TURN[0])
+    if isinstance(far, Flattened) and far.off <= 4.0 * off:
+        return far
+    near = _attempt(surface, off, _TURN[1])
+    if isinstance(near, Flattened):
+        return near if isinstance(far, GeometryError) or far.off > 2.0 * near.off else far
+    if isinstance(far, GeometryError):
         raise near
-    if isinstance(far, GeometryError) or (isinstance(near, Flattened) and far.off > max(4.0 * off, 2.0 * near.off)):
-        assert isinstance(near, Flattened)
-        return near
     return far
 
 
 @dataclass(frozen=True)
 class _Surface:
-    """Facets with the faces that they are to become: loops, triangles and vertices of each."""
+    """Facets with the faces that they are to become: loops, triangles, vertices and plane of each."""
 
     parts: Patchwork
     faces: Sequence[Sequence[Loop]]
     members: Sequence[Indices]
     corners: Sequence[Indices]
+    fits: Fits
 
     def turns(self, normals: Array) -> Array:
         """The least angle (k,) between the normal of each face and those of the faces beside it, rad."""
@@ -238,16 +235,12 @@ def _attempt(surface: _Surface, off: float, times: float) -> Flattened | Geometr
     """The surface where normals may be turned by so many times what the noise does, or why there is none."""
     parts = surface.parts
     areas = np.array([parts.areas[which].sum(axis=0) for which in surface.members])
-    found, slack = [], []
-    for which, area in zip(surface.corners, areas, strict=True):
-        normal = fit(parts.vertices[which])[0]
-        found.append(normal if normal @ area > 0.0 else -normal)
-        slack.append(times * off / max(_width(parts.vertices[which], normal), off))
-    normals = np.array(found)
+    normals = np.where(np.vecdot(surface.fits.normals, areas) > 0.0, 1.0, -1.0)[:, None] * surface.fits.normals
+    slack = times * off / np.maximum(surface.fits.widths, off)
     turns = surface.turns(normals)
     wide = np.minimum(slack, _APART * turns)
     turn, straight = aligned(
-        normals, np.linalg.norm(areas, axis=1), np.minimum(wide, np.multiply(slack, np.minimum(turns, 1.0))), wide
+        normals, np.linalg.norm(areas, axis=1), np.minimum(wide, slack * np.minimum(turns, 1.0)), wide
     )
     points = parts.vertices @ turn
     offsets = np.array([_middle(points[which] @ n) for which, n in zip(surface.corners, straight, strict=True)])
@@ -267,28 +260,26 @@ def _middle(heights: Array) -> float:
     return 0.5 * float(heights.min() + heights.max())
 
 
-def _width(points: Array, normal: Array) -> float:
-    """The least extent of points (n, 3) of a plane, m."""
-    flat = (points - points.mean(axis=0)) @ plane_basis(normal)
-    axes = np.linalg.eigh(flat.T @ flat)[1]
-    return float(np.ptp(flat @ axes, axis=0).min())
-
-
 def _apart(surface: _Surface, moved: Array) -> tuple[float, Array]:
     """How far facets and faces are apart at most, m, and where: facets from their face, corners from their facets."""
-    from shapely import Polygon, distance
+    from shapely import distance, linearrings, polygons
     from shapely import points as dots
 
-    parts, most, where = surface.parts, 0.0, moved[0]
-    for corners, loops in zip(surface.corners, surface.faces, strict=True):
-        normal, offset = fit(moved[[vertex for loop in loops for vertex in loop]])
-        basis = plane_basis(normal)
-        outer, *holes = (moved[list(loop)] @ basis for loop in loops)
-        beside = distance(Polygon(outer, holes), dots(parts.vertices[corners] @ basis))
-        apart = np.hypot(beside, parts.vertices[corners] @ normal - offset)
-        if apart.max() > most:
-            most, where = float(apart.max()), parts.vertices[corners[int(apart.argmax())]]
-    used = np.unique([vertex for loops in surface.faces for loop in loops for vertex in loop])
+    parts = surface.parts
+    outlines = [[vertex for loop in loops for vertex in loop] for loops in surface.faces]
+    fits = Fits.of(moved, outlines)
+    bases = np.array([plane_basis(normal) for normal in fits.normals])
+    face = np.repeat(np.arange(len(outlines)), [len(outline) for outline in outlines])
+    lengths = [len(loop) for loops in surface.faces for loop in loops]
+    flat = np.einsum("ni,nij->nj", moved[np.concatenate(outlines)], bases[face])
+    rings = linearrings(flat, indices=np.repeat(np.arange(len(lengths)), lengths))
+    plates = polygons(rings, indices=np.repeat(np.arange(len(outlines)), [len(loops) for loops in surface.faces]))
+    own = np.repeat(np.arange(len(outlines)), [len(corners) for corners in surface.corners])
+    corners = parts.vertices[np.concatenate(surface.corners)]
+    beside = distance(plates[own], dots(np.einsum("ni,nij->nj", corners, bases[own])))
+    apart = np.hypot(beside, np.vecdot(corners, fits.normals[own]) - fits.offsets[own])
+    most, where = float(apart.max()), corners[int(apart.argmax())]
+    used = np.unique(np.concatenate(outlines))
     numbers, slots = np.nonzero(np.isin(parts.triangles, used))
     around = parts.triangles[numbers, slots]
     near = np.full(len(moved), np.inf)
