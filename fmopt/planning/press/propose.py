@@ -13,6 +13,7 @@ from fmopt.planning.press.library import LIBRARY, corner_attempt
 from fmopt.planning.press.round_pin import is_short, round_presses
 from fmopt.planning.press.straight import straight_presses
 from fmopt.planning.press.task import PressTask
+from fmopt.planning.press.touch_top import touching_first
 from fmopt.planning.press.yaw_sweep import yaw_sweeps
 
 _LONG = 2.0  # sides of the mouth, from which a part leans along the longer one as well
@@ -49,6 +50,7 @@ def corner_presses(task: PressTask) -> Iterator[Attempt]:
         for lean in leans:
             for numbers in LIBRARY:
                 try:
-                    yield corner_attempt(task, corner, numbers, lean)
+                    attempt = corner_attempt(task, corner, numbers, lean)
+                    yield touching_first(task, attempt, corner.at, corner.walls, numbers.down * task.size)
                 except SearchError:  # another corner may have room where this one has none
                     break

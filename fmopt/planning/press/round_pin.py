@@ -12,6 +12,7 @@ from fmopt.plan.press import Attempt
 from fmopt.planning.press.entry import Entry, attitude, low_vertex, lowest_height
 from fmopt.planning.press.library import CornerPress, come_down, direction, into_the_mouth
 from fmopt.planning.press.task import PressTask
+from fmopt.planning.press.touch_top import touching_first
 from fmopt.spatial.se3 import Pose
 
 _DIRECTIONS = (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)
@@ -37,8 +38,11 @@ def round_presses(task: PressTask) -> Iterator[Attempt]:
             u = direction(angle)
             R = attitude(angle, chosen.tilt) @ task.goal.R
             tip = low_vertex(task, R, u[:2])
-            place = (task.goal.R @ tip + task.goal.p - min(chosen.distance * task.lateral, 0.5 * task.size) * u)[:2]
+            seat = task.goal.R @ tip + task.goal.p
+            place = (seat - min(chosen.distance * task.lateral, 0.5 * task.size) * u)[:2]
             height = lowest_height(task, R, tip)
             pose = Pose(np.append(place, height) - R @ tip, R)
-            down = come_down(task, Entry(pose, height, 1.0), chosen.down * task.size)
-            yield Attempt(numbers(pose.vector()), (down, *into_the_mouth(task, u, angle, chosen)), "round")
+            below = chosen.down * task.size
+            presses = come_down(task, Entry(pose, height, 1.0), below), *into_the_mouth(task, u, angle, chosen)
+            attempt = Attempt(numbers(pose.vector()), presses, "round")
+            yield touching_first(task, attempt, seat[:2], u[None, :2], below)

@@ -158,6 +158,11 @@ class PressTask:
         return self._opening(0.0)
 
     @cached_property
+    def top(self) -> BaseGeometry:
+        """Material of the fixed part just below the mouth's plane, m."""
+        return section_limit(self.fixed.bodies, _level(0.0), -1)
+
+    @cached_property
     def round(self) -> bool:
         """Whether the part turns freely about its axis: the circle around it is inside the opening all the way down."""
         axis = self.outline.centroid

@@ -25,6 +25,7 @@ from fmopt.planning.press.library import (
     turn_upright,
 )
 from fmopt.planning.press.task import Corner, PressTask
+from fmopt.planning.press.touch_top import touching_first
 
 _ARMS = 0.9  # of the area of its convex hull, below which a mouth has arms
 _TILTS = ((math.radians(18.0), 0.05), (math.radians(13.0), 0.06))  # and depth of the tip before it is pressed, in sizes
@@ -63,4 +64,5 @@ def _sweep(task: PressTask, corner: Corner, tilt: float, below: float, sign: flo
         come_down(task, entry, below), press_aside(task, u, _KAPPA), lower, sweep,
         *turn_upright(task, _SWEPT, lean, turning, yaw=True), *to_the_goal(task, u, _END, rock=False),
     )  # fmt: skip
-    return Attempt(numbers(entry.pose.vector()), presses, "yaw sweep")
+    attempt = Attempt(numbers(entry.pose.vector()), presses, "yaw sweep")
+    return touching_first(task, attempt, corner.at, corner.walls, below)

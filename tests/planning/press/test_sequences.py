@@ -12,7 +12,7 @@ import pytest
 from fmopt.execution.press_trials import carry_out, count_presses, vertex_errors
 from fmopt.plan.press import Attempt, Conditions
 from fmopt.planning.press.choice import Choosing
-from fmopt.planning.press.library import robot_of
+from fmopt.planning.press.library import LIBRARY, corner_attempt, robot_of
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.task import PressTask
 from fmopt.task.problem import load
@@ -57,3 +57,13 @@ def test_a_sequence_made_for_a_mouth_seats_where_corner_presses_do_not(
 @pytest.mark.parametrize("family", ["6-gon", "keyed", "triangle"])
 def test_mouths_that_are_wide_and_have_no_arms_are_entered_at_once(family: str, tmp_path: Path) -> None:
     assert {one.source for one in proposals(task_of(family, 104, tmp_path))} == {"corner"}
+
+
+def test_the_top_is_touched_first_where_the_height_is_unknown_by_more_than_the_tip_goes_in(tmp_path: Path) -> None:
+    known = task_of("4-gon", 104, tmp_path)
+    assert all(one.presses[0].name == "come down" for one in proposals(known)[:2])
+    task = replace(known, box=known.box * (1.0, 1.0, 4.0, 1.0, 1.0, 1.0))
+    touching = proposals(task)[0]
+    assert [one.name for one in touching.presses[:4]] == ["touch the top", "lift", "go over the mouth", "come down"]
+    plain = corner_attempt(task, task.few_corners[0], LIBRARY[0])
+    assert seated(task, touching) == VERTICES > seated(task, plain) + 2
