@@ -16,7 +16,7 @@ from fmopt.certificate.remainder import AtEnd, Course, Ends
 from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array
 
 Chooser = Callable[[Assembly, Facing, Course], Sequence[Sequence[Separation | None]]]

@@ -18,7 +18,7 @@ import numpy as np
 from fmopt.certificate.assembly import NEAR, Assembly, beyond, in_plane, on_line, same_side
 from fmopt.certificate.rows import Mask
 from fmopt.contact.primitive import Kind, PrimitiveContact
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import cross, length, lengths
 from fmopt.spatial.values import Array, remembered, there
 

@@ -138,10 +138,12 @@ def draw_found(problem: Problem, target: Path) -> Path:
 def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool, bool]) -> None:
     """Says what is found on one part, as JSON or not at all by `form`, and draws it where that is asked for."""
     from fmopt.notebook.parts import load_part, part_facts, part_words
-    from fmopt.notebook.views import part_sheet
 
-    parts = load_part(file, unit)
-    drawn = [] if out is None else [part_sheet(*parts, name="found").save(out)]
+    parts, drawn = load_part(file, unit), list[Path]()
+    if out is not None:
+        from fmopt.notebook.views import part_sheet
+
+        drawn.append(part_sheet(*parts, name="found").save(out))
     facts = {"valid": True, "parts": [part_facts(part) for part in parts], "written": [str(path) for path in drawn]}
     lines = [line for part in parts for line in part_words(part)]
     hint = f"drawn by: fmopt check {file} --out {file.stem}.svg" if out is None else f"wrote {out}"

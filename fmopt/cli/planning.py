@@ -63,7 +63,8 @@ def solve(
     from fmopt.cli.console import Stages, print_solved
     from fmopt.planning.pipeline import RESERVED, synthesise
     from fmopt.runtime import output
-    from fmopt.runtime.compiled import announce, clock
+    from fmopt.runtime.clock import clock
+    from fmopt.runtime.compiled import announce
     from fmopt.task.mesh_source import MESHES
     from fmopt.task.problem import load
 

@@ -27,7 +27,7 @@ from fmopt.contact.detection import (
     vertices_at_faces,
 )
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, remembered
 

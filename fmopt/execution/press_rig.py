@@ -35,7 +35,7 @@ from fmopt.execution.rotation import between, product, quaternions
 from fmopt.execution.summary import SHARE, Fit, reasons_at_rest
 from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import PressPlan
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array
 
 _WINDOW = 0.4  # s, the longest window of a standstill

@@ -42,7 +42,7 @@ from fmopt.geometry.polyhedron import (
     placed,
 )
 from fmopt.geometry.upright_prisms import upright_axes
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, remembered
 

@@ -20,7 +20,7 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import snapped
 from fmopt.geometry.facets import Indices
 from fmopt.geometry.polyhedron import Polyhedron, manifold_of, of_manifold, placed, plane_basis, with_vertices
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
 

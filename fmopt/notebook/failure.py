@@ -13,7 +13,7 @@ from fmopt.report.attempt import Failure, Lack, Nearest, Step, failure_page
 from fmopt.report.bodies import stated_part
 from fmopt.report.naming import quantity
 from fmopt.runtime import output
-from fmopt.runtime.compiled import clock, until
+from fmopt.runtime.clock import clock, until
 from fmopt.task.problem import Problem
 from fmopt.task.sizes import short_of_height
 

@@ -371,7 +371,7 @@ def solve(problem: task.Problem, progress: Callable[[str], None] = lambda _: Non
         InfeasibleError: no bias force holds the contacts; `failure` as above.
     """
     from fmopt.planning.pipeline import RESERVED, synthesise
-    from fmopt.runtime.compiled import clock
+    from fmopt.runtime.clock import clock
 
     begun = clock()  # what is explained of a failure shares the time limit
     try:

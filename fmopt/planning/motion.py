@@ -29,7 +29,7 @@ from fmopt.planning.search.entry_sampling import Drawing, beginnings
 from fmopt.planning.search.entry_tuning import Limits, tuned
 from fmopt.planning.search.successors import ASKEW, Costs, Task
 from fmopt.planning.search.symmetry import Image, Searched, images
-from fmopt.runtime.compiled import clock, until
+from fmopt.runtime.clock import clock, until
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem

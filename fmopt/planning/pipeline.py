@@ -33,7 +33,8 @@ from fmopt.planning.posed import Posed, Progress, Stages, under_errors
 from fmopt.planning.robustness.contact_space import contact_spaces
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion, error_tolerance
 from fmopt.planning.robustness.state_trace import Visited, visited
-from fmopt.runtime.compiled import clock, deadline, heed, undisturbed, until
+from fmopt.runtime.clock import clock, deadline, heed, until
+from fmopt.runtime.compiled import undisturbed
 from fmopt.runtime.process import cores
 from fmopt.task.object_model.command import Answer, answer
 from fmopt.task.problem import Problem, Settings, VelocityError

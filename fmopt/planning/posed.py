@@ -23,7 +23,7 @@ from fmopt.planning.placement.sequence_rows import Hold
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion, Motion
 from fmopt.planning.search.entry import start_spread
 from fmopt.planning.search.symmetry import Image, Searched
-from fmopt.runtime.compiled import clock, deadline, until
+from fmopt.runtime.clock import clock, deadline, until
 from fmopt.spatial.se3 import length, log
 from fmopt.task.problem import Problem
 from fmopt.task.sizes import characteristic_length, measured_clearance

@@ -5,20 +5,17 @@ cache. Numba looks at the file of a kernel alone to tell whether that is still v
 is therefore in files named kernels….py, and what they contain names the folder; all else kernels call, and the named
 tuples that they take, is in their own file.
 
-The clock that time limits go by, which does not count compiling, the moment that all stages of a computation heed, and
-how Python and the libraries are set meanwhile: for many small objects and many small matrices.
+How Python and the libraries are set while fmopt computes: for many small objects and many small matrices.
 """
 
 from __future__ import annotations
 
 import gc
 import hashlib
-import math
 import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 from threading import Lock
@@ -28,7 +25,7 @@ from numba import config, njit
 from numba.core import event
 from threadpoolctl import threadpool_limits
 
-from fmopt.errors import OverdueError
+from fmopt.runtime.clock import leave_out
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -92,10 +89,10 @@ def part(function: Callable[P, R]) -> Callable[P, R]:
 
 
 class _Compiling(event.Listener):  # type: ignore[misc]
-    """How long this process has been compiling, s, and who is told when it begins to."""
+    """Leaves the time of compiling out of the clock, and tells when it begins."""
 
     def __init__(self) -> None:
-        self.seconds, self.told, self._depth, self._since = 0.0, list[Callable[[str], None]](), 0, 0.0
+        self.told, self._depth, self._since = list[Callable[[str], None]](), 0, 0.0
         self._before: dict[str, Any] = {}
 
     def on_start(self, event: Any) -> None:
@@ -112,7 +109,7 @@ class _Compiling(event.Listener):  # type: ignore[misc]
         self._depth -= 1
         if self._depth == 0:
             self._set(self._before)
-            self.seconds += time.monotonic() - self._since
+            leave_out(time.monotonic() - self._since)
 
     @staticmethod
     def _set(values: dict[str, Any]) -> None:
@@ -127,39 +124,6 @@ event.register("numba:compile", _compiling)
 def announce(tell: Callable[[str], None]) -> None:
     """Has somebody told, from now on, when this process begins to compile."""
     _compiling.told.append(tell)
-
-
-def clock() -> float:
-    """Seconds since some moment, but for those spent on compiling kernels, which time limits do not count."""
-    return time.monotonic() - _compiling.seconds
-
-
-_moment: ContextVar[float] = ContextVar("moment", default=math.inf)  # one for each thread
-
-
-def deadline() -> float:
-    """The `clock()` at which a computation is to stop; infinite where there is none."""
-    return _moment.get()
-
-
-@contextmanager
-def until(moment: float) -> Iterator[None]:
-    """What runs inside is to stop at a `clock()`, whatever moment was set around it; it heeds that where it is long."""
-    token = _moment.set(moment)
-    try:
-        yield
-    finally:
-        _moment.reset(token)
-
-
-def heed() -> None:
-    """Goes on if there is time left.
-
-    Raises:
-        OverdueError: there is none.
-    """
-    if clock() > _moment.get():
-        raise OverdueError("the time limit is used up", advice="raise settings.time_limit")
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from fmopt.planning.pipeline import certified_motion, planned, synthesise
 from fmopt.planning.placement.sequence_program import certified
 from fmopt.planning.posed import Posed, placement
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
-from fmopt.runtime.compiled import clock, deadline, heed, until
+from fmopt.runtime.clock import clock, deadline, heed, until
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem
 from fmopt.verify import verify

@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array
 
 MERGED = 1e-5  # of the extent along the direction: corners whose heights differ by less are on one level

@@ -17,7 +17,7 @@ from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.fit.layers import Outline
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array
 
 _NONE = 1e30  # daqp's infinity

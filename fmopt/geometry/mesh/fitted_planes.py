@@ -153,7 +153,7 @@ def _near_axes(turn: Array, slack: float) -> Array:
 
 def _common_turn(angle: Array, areas: Array, slack: Array) -> float:
     """By how much side faces at equal turns from the largest are turned from it on average, rad."""
-    parts = np.array([_whole_part(a, s) for a, s in zip(angle, slack, strict=True)])
+    parts = _whole_parts(angle, slack)
     known = parts != angle
     weight = areas[known] / slack[known] ** 2
     whole = float(weight.sum())  # nothing where the only ones are facets without area
@@ -166,7 +166,7 @@ def _families(angle: Array, areas: Array, slacks: tuple[Array, Array]) -> Array:
     Those that go with x come first, then those that go with the largest of the others, and so on.
     """
     turns = (*_TURNS, len(angle), 2 * len(angle)) if len(angle) > 2 else _TURNS
-    made, left, base = np.array(angle), list(range(len(angle))), 0.0
+    made, left, base = np.array(angle), np.arange(len(angle)), 0.0
     slack, wide = slacks
     for ring, step, spread in rings(angle, wide):
         off = angle[ring] - step * np.round(angle[ring] / step)
@@ -174,36 +174,38 @@ def _families(angle: Array, areas: Array, slacks: tuple[Array, Array]) -> Array:
         phase = math.atan2(float(np.sin(off * (math.tau / step)).mean()), float(np.cos(off * (math.tau / step)).mean()))
         phase *= step / math.tau
         # Three standard errors of the mean.
-        phase = _whole_part(phase, 3.0 * spread / math.sqrt(len(ring)), (round(math.tau / step), *_TURNS))
+        error = 3.0 * spread / math.sqrt(len(ring))
+        phase = float(_whole_parts(np.array([phase]), np.array([error]), (round(math.tau / step), *_TURNS))[0])
         made[ring] = phase + step * np.round((angle[ring] - phase) / step)
-        left = [k for k in left if k not in set(ring.tolist())]
-    while left:
-        parts = {k: _whole_part(float(angle[k]) - base, float(slack[k]), turns) for k in left}
-        own = [k for k in left if abs(float(angle[k]) - base - parts[k]) <= slack[k] and _is_whole(parts[k], turns)]
+        left = np.setdiff1d(left, ring)
+    while len(left):
+        parts = _whole_parts(angle[left] - base, slack[left], turns)
+        near = (np.abs(angle[left] - base - parts) <= slack[left]) & _are_whole(parts, turns)
+        own, parts = left[near], parts[near]
         # x is the mean of its family already, by `_common_turn`.
         if base != 0.0:
             weight = areas[own] / np.maximum(slack[own], _LEAST_SLACK) ** 2
-            base += float(weight @ np.array([float(angle[k]) - base - parts[k] for k in own]) / weight.sum())
-        for k in own:
-            made[k] = base + parts[k]
-        left = [k for k in left if k not in own]
-        if left:
-            base = float(angle[max(left, key=lambda k: areas[k])])
+            base += float(weight @ (angle[own] - base - parts) / weight.sum())
+        made[own], left = base + parts, left[~near]
+        if len(left):
+            base = float(angle[left[np.argmax(areas[left])]])
     return made
 
 
-def _is_whole(angle: float, turns: Sequence[int]) -> bool:
-    return any(angle == 2.0 * math.pi / parts * round(angle / (2.0 * math.pi / parts)) for parts in turns)
+def _are_whole(angle: Array, turns: Sequence[int]) -> NDArray[np.bool_]:
+    steps = np.array([2.0 * math.pi / parts for parts in turns])
+    return np.asarray(np.any(angle[:, None] == steps * np.round(angle[:, None] / steps), axis=1))
 
 
-def _whole_part(angle: float, slack: float, turns: Sequence[int] = _TURNS) -> float:
-    """The whole part of a turn nearest to an angle, within the slack; else the angle itself."""
-    for parts in turns:
-        step = 2.0 * math.pi / parts
-        near = step * round(angle / step)
-        if abs(angle - near) <= slack:
-            return near
-    return angle
+def _whole_parts(angle: Array, slack: Array, turns: Sequence[int] = _TURNS) -> Array:
+    """The whole parts of a turn nearest to angles (k,), of the first division that has one within the slack (k,).
+
+    Angles without any stay as they are.
+    """
+    steps = np.array([2.0 * math.pi / parts for parts in turns])
+    near = steps * np.round(angle[:, None] / steps)
+    within = np.abs(angle[:, None] - near) <= slack[:, None]
+    return np.where(within.any(axis=1), near[np.arange(len(angle)), within.argmax(axis=1)], angle)
 
 
 def _direction(angle: float) -> tuple[float, float, float]:
@@ -239,14 +241,13 @@ def _leaning(normals: Array, areas: Array, slack: Array, sides: Array) -> Array:
 
 def _shared(angle: Array, areas: Array, slack: Array, known: Array) -> Array:
     """Angles (k,), rad: half-turns from known ones, whole parts of a turn, or half-turns from the mean of like ones."""
-    made, like = np.array(angle), np.full(len(angle), -1)
+    made, like = _whole_parts(angle, slack), np.full(len(angle), -1)
+    alone = made == angle
     for k in np.argsort(-areas, kind="stable").tolist():
         near = known[np.argmin(_off_half_turn(angle[k] - known))] if len(known) else angle[k]
         if len(known) and _off_half_turn(angle[k] - near) <= slack[k]:
             made[k] = near + math.pi * round((angle[k] - near) / math.pi)
-            continue
-        made[k] = _whole_part(float(angle[k]), float(slack[k]))
-        if made[k] == angle[k]:
+        elif alone[k]:
             others = np.flatnonzero((like >= 0) & (_off_half_turn(angle - angle[k]) <= slack[k]))
             like[k] = like[others[0]] if len(others) else k
     for first in np.unique(like[like >= 0]):

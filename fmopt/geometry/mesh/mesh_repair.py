@@ -39,6 +39,9 @@ def turned_alike(points: Array, triangles: Indices) -> Indices:
 
 def _turns(points: Array, triangles: Indices) -> NDArray[np.bool_]:
     """Which triangles (m,) have to be turned."""
+    ways = np.vstack([triangles[:, [k, (k + 1) % 3]] for k in range(3)]) @ (len(points), 1)
+    if len(np.unique(ways)) == len(ways):  # none run along a side in the same direction
+        return np.zeros(len(triangles), dtype=bool)
     sides: dict[tuple[int, int], list[tuple[int, bool]]] = {}
     for number, (a, b, c) in enumerate(triangles.tolist()):
         for u, v in ((a, b), (b, c), (c, a)):

@@ -26,6 +26,7 @@ _MANY = 16  # planes about one axis stand for a round surface
 _MOSTLY = 0.8  # of the side faces: as many are evenly around
 _SPREAD = 0.15  # of the turn from one to the next: what normals that are evenly around are off on average
 _EVEN = 1e-9  # rad
+_FARTHEST = 0.7  # of how far planes are off one axis at most, above which they are left out together
 _FLAT = 1e-4  # rad: triangles that meet at less are one facet
 _ALIKE = 1e-6  # relative, of chord errors of one part in two frames
 
@@ -87,7 +88,7 @@ def _around_axis(normals: Array, offsets: Array, ring: NDArray[np.intp], slack: 
         if off <= slack:
             break
         away = np.abs(level - offsets[ring])
-        ring = ring[away < away.max()]
+        ring = ring[away < max(_FARTHEST * float(away.max()), slack)]
     return ring
 
 

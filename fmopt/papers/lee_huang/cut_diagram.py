@@ -42,7 +42,7 @@ from fmopt.geometry.plane.boolean import difference, intersection, union
 from fmopt.geometry.plane.conic import ConicArc
 from fmopt.geometry.plane.curve import Arc, Curve, Segment
 from fmopt.geometry.plane.region import Region
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array
 

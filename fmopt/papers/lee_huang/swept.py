@@ -25,7 +25,7 @@ from fmopt.geometry.csg import Placed, Solid, Sphere, Union, exact_pose, sagitta
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory
 from fmopt.papers.lee_huang.shrink_expand import enclosing, finer
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, Value, frozen
 

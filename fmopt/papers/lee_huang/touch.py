@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.geometry.polyhedron import Face, Polyhedron, plane_basis
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import cross
 from fmopt.spatial.values import Array, Value
 

@@ -22,7 +22,7 @@ from fmopt.errors import InfeasibleError
 from fmopt.planning.moves import constrained_path as keeping
 from fmopt.planning.moves.contact_transition import described, on_wall
 from fmopt.planning.moves.separating_planes import choose_separations, choose_tightest
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose, length
 from fmopt.spatial.values import Array, remembered

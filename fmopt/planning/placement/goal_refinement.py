@@ -31,7 +31,7 @@ from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement
 from fmopt.planning.placement.nonlinear_program import SurfacePlacement, place_on_surfaces
 from fmopt.planning.placement.sequence_program import Aim, Placed, better, state_rows
 from fmopt.planning.placement.sequence_rows import pairs_of
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array
 
 _WALL = 1e-3  # factor of rows that must hold and of bounds in the cost

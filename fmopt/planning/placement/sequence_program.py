@@ -27,7 +27,7 @@ from fmopt.geometry.section import lowest_point
 from fmopt.planning.moves.moves import Care, Move, Reached, in_a_row, onto_surfaces, unroll
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solver
 from fmopt.planning.placement.sequence_rows import Hold, SequenceRows, hold_rows, sequence_rows
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose, length
 from fmopt.spatial.values import Array
 

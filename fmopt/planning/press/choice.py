@@ -18,7 +18,7 @@ from fmopt.execution.evidence import Examination, examine
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
 from fmopt.plan.evidence import MAX_EXAMINED, VERTICES, Evidence, TrialOutcome
 from fmopt.plan.press import MAX_ATTEMPTS, Attempt, Conditions, PressPlan, PressRobot, Seat
-from fmopt.runtime.compiled import clock, deadline, heed
+from fmopt.runtime.clock import clock, deadline, heed
 from fmopt.runtime.process import cores
 
 _ROUNDS = (8, 16, 32)  # draws that a candidate has seen after each round

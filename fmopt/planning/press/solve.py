@@ -23,7 +23,7 @@ from fmopt.planning.press.choice import Choosing, Pace, examined, halved, with_r
 from fmopt.planning.press.library import robot_of
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.task import PressTask
-from fmopt.runtime.compiled import clock, deadline, until
+from fmopt.runtime.clock import clock, deadline, until
 from fmopt.task.problem import Problem
 
 _TRACE_SECONDS = 30.0  # for a single trial, which is shown even where the time limit is used up

@@ -33,7 +33,7 @@ from fmopt.papers.lee_huang.nominal_trajectory import CriticalPose
 from fmopt.plan.description import CriticalPoint
 from fmopt.plan.diagnostics import Graph, State
 from fmopt.plan.field_types import numbers
-from fmopt.runtime.compiled import heed
+from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value
 

@@ -27,7 +27,7 @@ from fmopt.planning.search.entry import Entry, Leant
 from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, insides, meetings, neighbourhood, tips
 from fmopt.planning.search.successors import ASKEW, Costs, Node, Task, successor_by, successors, ways_on
 from fmopt.planning.search.symmetry import Searched, SearchedState
-from fmopt.runtime.compiled import clock
+from fmopt.runtime.clock import clock
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 

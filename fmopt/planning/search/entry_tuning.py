@@ -22,7 +22,7 @@ from fmopt.errors import OverdueError
 from fmopt.planning.search.best_first import MoveSequence, begin
 from fmopt.planning.search.entry import Entry, Shape
 from fmopt.planning.search.successors import Node, Task, follow
-from fmopt.runtime.compiled import clock
+from fmopt.runtime.clock import clock
 from fmopt.spatial.values import Array
 
 _STEPS = (0.16, 0.08, 0.04)  # shares of the first shape's numbers

@@ -14,7 +14,7 @@ from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import Attempt, Force, Press, Time
 from fmopt.planning.press import choice
 from fmopt.planning.press.choice import Choosing, Pace, Trialled, examined, halved, strength, with_retries
-from fmopt.runtime.compiled import clock, until
+from fmopt.runtime.clock import clock, until
 from tests.shared.plans.press_plan import press_choosing, press_plan
 
 ZERO = (0.0, 0.0, 0.0)
