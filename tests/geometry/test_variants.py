@@ -166,9 +166,12 @@ def test_coarse_screw_holes_beside_a_fine_bore_add_nothing_to_the_errors(tmp_pat
 
     plate = Manifold.cube((60, 60, 12)).translate((-30, -30, 0)) - turned(96, 8.2, -1, 13)
     screwed = plate - turned(12, 2.5, -1, 13).translate((22, 22, 0))
-    found = [asked(tmp_path, turned(96, 8, 0, 30), one).start_box[0] for one in (plate, screwed)]
+    flanged = turned(96, 8, 0, 30) + Manifold.cube((60, 60, 5)).translate((-30, -30, 11))
+    bored = flanged - turned(12, 2.5, 10, 17).translate((22, 22, 0))
+    pairs = ((turned(96, 8, 0, 30), plate), (turned(96, 8, 0, 30), screwed), (flanged, plate), (bored, screwed))
+    found = [asked(tmp_path, *one).start_box[0] for one in pairs]
     assert found[0] == pytest.approx(3e-4 + 16.2e-3 * (1 - math.cos(math.pi / 96)), rel=1e-3)
-    assert found[1] == pytest.approx(found[0], abs=1e-9)
+    assert found[1:] == pytest.approx([found[0]] * 3, abs=1e-9)
 
 
 @pytest.mark.parametrize("case", [case for case in FITS if case[0] == "K"])

@@ -26,6 +26,7 @@ _MANY = 16  # planes about one axis stand for a round surface
 _MOSTLY = 0.8  # of the side faces: as many are evenly around
 _SPREAD = 0.15  # of the turn from one to the next: what normals that are evenly around are off on average
 _EVEN = 1e-9  # rad
+_LANDED = 1e-6  # m: what gets less far below the mouth stays on it
 _FARTHEST = 0.7  # of how far planes are off one axis at most, above which they are left out together
 _FLAT = 1e-4  # rad: triangles that meet at less are one facet
 _ALIKE = 1e-6  # relative, of chord errors of one part in two frames
@@ -186,7 +187,8 @@ def sagitta(points: Array, triangles: Indices) -> float:
 def met(moving: Part, fixed: Part, depth: float, beside: float) -> tuple[Part, Part]:
     """Two parts in their mating frames, charged only with curved surfaces that meet the other one's on the way in.
 
-    These are the ones of the moving part that get below the mouth, and of the fixed part those beside what does.
+    These are the ones of the moving part that get below the mouth, and of the fixed part those beside what does. The
+    holes of a flange that lands on the mouth stay above.
 
     Args:
         depth: of the goal, m.
@@ -194,11 +196,11 @@ def met(moving: Part, fixed: Part, depth: float, beside: float) -> tuple[Part, P
     """
     from shapely import MultiPoint
 
-    below = moving.polyhedron.vertices[moving.polyhedron.vertices[:, 2] <= depth + beside, :2]
+    below = moving.polyhedron.vertices[moving.polyhedron.vertices[:, 2] < depth - _LANDED, :2]
     around = MultiPoint(below).convex_hull.buffer(beside)
 
     return (
-        _charged(moving, lambda corners: bool(corners[:, 2].min() <= depth + beside)),
+        _charged(moving, lambda corners: bool(corners[:, 2].min() < depth - _LANDED)),
         _charged(fixed, lambda corners: around.intersects(MultiPoint(corners[:, :2]).convex_hull)),
     )
 
