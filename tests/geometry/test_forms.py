@@ -64,7 +64,7 @@ def check_motion(family: str, seed: int, motion: int, folder: Path) -> Problem:
 )
 def test_a_fit_does_not_depend_on_how_the_files_lie(family: str, seed: int, motion: int, tmp_path: Path) -> None:
     problem = check_motion(family, seed, motion, tmp_path)
-    if (seed, motion) == (101, 2):  # a corner of it has no exact coordinates
+    if (seed, motion) == (102, 1):  # a corner of it has no exact coordinates
         assert problem.moving.enclosed
         assert "warning: nothing is certified of these parts" in "; ".join(problem.fixed.notes)
 

@@ -352,7 +352,9 @@ def _first(seats: Sequence[_Seat], depth: float | None) -> _Seat:
             there = [group for group in groups if _same_opening(group[0].candidate, seat.candidate)]
             groups += [] if there else [[]]
             (there or groups[-1:])[0].append(seat)
-    roomy = [_roomiest(group) for group in groups]
+    # Sections across an oblique way may leave less room by accident, along fewer walls.
+    walled = [group for group in groups if max(seat.walls[-1] for seat in group) >= (1.0 - _EQUAL) * most]
+    roomy = [_roomiest(group) for group in walled]
     free = [seat for seat in roomy if seat.clearance > 0.0]
     best = min(free, key=lambda seat: seat.clearance) if free else max(roomy, key=lambda seat: seat.clearance)
     near = sorted((seat for group in groups for seat in group), key=lambda seat: seat.clearance)

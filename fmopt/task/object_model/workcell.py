@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 from fmopt.errors import TaskError
 from fmopt.geometry.clearance import deepest
 from fmopt.geometry.convex_pieces import pieces
-from fmopt.geometry.csg import Solid, Union
+from fmopt.geometry.csg import Difference, Solid, Union
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Value
 from fmopt.task.object_model.tree import UNIQUE, Feature, ObjectTree, chain_solid, moved
@@ -140,10 +140,15 @@ def _touching(tree: ObjectTree, name: str) -> tuple[Ref, ...]:
         return ()
     body = tree.feature(name).body
     return tuple(
-        Ref(tree.name, other.name)
-        for other in tree.features
-        if other.name != name and deepest(pieces(body), pieces(other.body)) >= -_TOUCH
+        Ref(tree.name, other.name) for other in tree.features if other.name != name and _touch(body, other.body)
     )
+
+
+def _touch(one: Solid, other: Solid) -> bool:
+    # A body touches what is left of it, which may be in very many pieces.
+    if any(isinstance(a, Difference) and a.base == b for a, b in ((one, other), (other, one))):
+        return True
+    return deepest(pieces(one), pieces(other)) >= -_TOUCH
 
 
 @dataclass(frozen=True, eq=False)
