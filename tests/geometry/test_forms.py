@@ -60,11 +60,12 @@ def check_motion(family: str, seed: int, motion: int, folder: Path) -> Problem:
 
 
 @pytest.mark.parametrize(
-    ("family", "seed", "motion"), [("tapered", 102, 1), ("tapered", 102, 7), ("tapered", 101, 2), ("chamfered", 101, 0)]
+    ("family", "seed", "motion"),
+    [("tapered", 102, 1), ("tapered", 102, 7), ("tapered", 101, 20), ("chamfered", 101, 0)],
 )
 def test_a_fit_does_not_depend_on_how_the_files_lie(family: str, seed: int, motion: int, tmp_path: Path) -> None:
     problem = check_motion(family, seed, motion, tmp_path)
-    if (seed, motion) == (102, 1):  # a corner of it has no exact coordinates
+    if (seed, motion) == (101, 20):  # a corner of it has no exact coordinates
         assert problem.moving.enclosed
         assert "warning: nothing is certified of these parts" in "; ".join(problem.fixed.notes)
 

@@ -20,6 +20,7 @@ from fmopt.errors import GeometryError, InputError, InterferenceError
 from fmopt.geometry.fit.find import find
 from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.step.step_import import load_step
+from fmopt.planning.pipeline import tried
 from fmopt.spatial.se3 import exp
 from tests.shared.files import step_parts
 from tests.shared.files.asked import keyed, rectangle, regular
@@ -172,6 +173,18 @@ def test_coarse_screw_holes_beside_a_fine_bore_add_nothing_to_the_errors(tmp_pat
     found = [asked(tmp_path, *one).start_box[0] for one in pairs]
     assert found[0] == pytest.approx(3e-4 + 16.2e-3 * (1 - math.cos(math.pi / 96)), rel=1e-3)
     assert found[1:] == pytest.approx([found[0]] * 3, abs=1e-9)
+
+
+def test_a_pair_with_a_part_that_is_enclosed_is_tried(tmp_path: Path) -> None:
+    bores = [
+        Manifold.cylinder(10, 2, 2, 24).translate((12 * x - 42, 15 * y - 30, -1)) for x in range(8) for y in range(5)
+    ]
+    plate = Manifold.cube((100, 80, 8)).translate((-50, -40, 0)) - Manifold.cube((20.1, 20.1, 30), True)
+    for bore in bores:
+        plate = plate - bore
+    problem = asked(tmp_path, Manifold.cube((20, 20, 30)), plate)
+    assert problem.fixed.enclosed
+    assert tried(problem).per_side == pytest.approx(5e-5, abs=1e-8)
 
 
 @pytest.mark.parametrize("case", [case for case in FITS if case[0] == "K"])
