@@ -8,6 +8,7 @@ import random
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -210,6 +211,10 @@ def test_packages_say_unit_and_place(form: str, tmp_path: Path) -> None:
     (tmp_path / f"rod.{form}").write_bytes(content)
     body = load_mesh(tmp_path / f"rod.{form}", "m").body
     np.testing.assert_allclose(np.sort(body.vertices, axis=0), 1e-3 * np.sort(moved, axis=0), atol=1e-8)
+    if form == "3mf":
+        with ZipFile(tmp_path / "rod.3mf") as whole, ZipFile(tmp_path / "bare.3mf", "w") as bare:
+            bare.writestr("3D/3dmodel.model", whole.read("3D/3dmodel.model"))
+        assert load_mesh(tmp_path / "bare.3mf", "m").body.volume == body.volume
     draw = random.Random(f"{form} 3")
     read = glb_shells if form == "glb" else three_mf_shells
     for _ in range(150):

@@ -6,6 +6,8 @@ lib3mf and trimesh read them, in a process of its own.
 from __future__ import annotations
 
 import io
+import struct
+import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -16,6 +18,13 @@ from fmopt.geometry.mesh.surface import AGAIN
 from fmopt.spatial.values import Array
 
 _METRES = (1e-6, 1e-3, 1e-2, 0.0254, 0.3048, 1.0)  # of the units of 3MF in the order of lib3mf
+_TYPES = """<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
+<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
+<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>"""
+_RELATIONS = """<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
+<Relationship Id="model" Target="/{model}" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
+</Relationships>"""
+_DAMAGED = zipfile.BadZipFile, OSError, ValueError, LookupError, RuntimeError, struct.error
 _NO_UNIT = 0x801E  # lib3mf's warning that a unit is none that 3MF knows
 _MOST = 400_000  # solids, points and triangles that are put together: a few lines can say to put each of them twice
 
@@ -70,13 +79,30 @@ def three_mf_shells(data: bytes) -> list[Shell]:
     model = lib3mf.get_wrapper().CreateModel()
     try:
         reader = model.QueryReader("3mf")
-        reader.ReadFromBuffer(data)
+        reader.ReadFromBuffer(_with_relations(data))
         if any(reader.GetWarning(k)[0] == _NO_UNIT for k in range(reader.GetWarningCount())):
             raise Broken("its unit is none that 3MF knows")
         unit = _METRES[model.GetUnit()]
         return [shell._replace(points=unit * shell.points) for shell in _few(_built(model))]
     except lib3mf.ELib3MFException as error:
         raise Broken(f"the package cannot be read: {error}") from None
+
+
+def _with_relations(data: bytes) -> bytes:
+    """A package with the entries that say where its only model is, which simple writers leave out."""
+    whole = io.BytesIO(data)
+    try:
+        with zipfile.ZipFile(whole, "a") as archive:
+            names = archive.namelist()
+            models = [name for name in names if name.lower().endswith(".model")]
+            entries = {"[Content_Types].xml": _TYPES, "_rels/.rels": _RELATIONS.format(model="".join(models))}
+            if len(models) != 1 or not entries.keys().isdisjoint(names):
+                return data
+            for name, text in entries.items():
+                archive.writestr(name, text)
+    except _DAMAGED:
+        return data
+    return whole.getvalue()
 
 
 def _built(model: Any) -> Iterator[Shell]:
