@@ -341,7 +341,7 @@ class _Seat:
 
 
 def _first(seats: Sequence[_Seat], depth: float | None) -> _Seat:
-    """The seat in the opening with the least room, at the end with the most of it there.
+    """The seat in the opening with the least room, of those with the most walls, at the end with the most room there.
 
     Of equals the deepest, then that with the smaller end first, then into the wider mouth, then the least turned one.
     """
@@ -354,7 +354,8 @@ def _first(seats: Sequence[_Seat], depth: float | None) -> _Seat:
             (there or groups[-1:])[0].append(seat)
     # Sections across an oblique way may leave less room by accident, along fewer walls.
     walled = [group for group in groups if max(seat.walls[-1] for seat in group) >= (1.0 - _EQUAL) * most]
-    roomy = [_roomiest(group) for group in walled]
+    goes_in = any(seat.clearance > 0.0 for group in walled for seat in group)
+    roomy = [_roomiest(group) for group in (walled if goes_in else groups)]
     free = [seat for seat in roomy if seat.clearance > 0.0]
     best = min(free, key=lambda seat: seat.clearance) if free else max(roomy, key=lambda seat: seat.clearance)
     near = sorted((seat for group in groups for seat in group), key=lambda seat: seat.clearance)

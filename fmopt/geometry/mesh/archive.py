@@ -1,6 +1,6 @@
 """3MF and GLB files: triangles of solids in packages that say their unit and where they put each solid.
 
-lib3mf and trimesh read them, in a process of its own.
+lib3mf and trimesh read them, in processes of their own.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import struct
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -22,7 +23,7 @@ _TYPES = """<Types xmlns="http://schemas.openxmlformats.org/package/2006/content
 <Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
 <Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>"""
 _RELATIONS = """<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
-<Relationship Id="model" Target="/{model}" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
+<Relationship Id="model" Target={model} Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
 </Relationships>"""
 _DAMAGED = zipfile.BadZipFile, OSError, ValueError, LookupError, RuntimeError, struct.error
 _NO_UNIT = 0x801E  # lib3mf's warning that a unit is none that 3MF knows
@@ -66,7 +67,7 @@ def glb(path: str) -> list[tuple[str, list[list[float]], list[list[int]]]]:
 
 
 def three_mf_shells(data: bytes) -> list[Shell]:
-    """The solids of a 3MF file where its build puts them, in m; all that are there where it has no build.
+    """The solids of a 3MF file where its build puts them, in m; all that are no parts of others where it has no build.
 
     Raises:
         Broken: it is none.
@@ -76,8 +77,8 @@ def three_mf_shells(data: bytes) -> list[Shell]:
     except ImportError as error:
         advice = "save it as an .stl file"
         raise GeometryError(f"3MF files need lib3mf, which is not on this machine: {error}", advice) from error
-    model = lib3mf.get_wrapper().CreateModel()
     try:
+        model = lib3mf.get_wrapper().CreateModel()
         reader = model.QueryReader("3mf")
         reader.ReadFromBuffer(_with_relations(data))
         if any(reader.GetWarning(k)[0] == _NO_UNIT for k in range(reader.GetWarningCount())):
@@ -95,11 +96,13 @@ def _with_relations(data: bytes) -> bytes:
         with zipfile.ZipFile(whole, "a") as archive:
             names = archive.namelist()
             models = [name for name in names if name.lower().endswith(".model")]
-            entries = {"[Content_Types].xml": _TYPES, "_rels/.rels": _RELATIONS.format(model="".join(models))}
-            if len(models) != 1 or not entries.keys().isdisjoint(names):
+            relations = _RELATIONS.format(model=quoteattr("/" + "".join(models)))
+            entries = {"[Content_Types].xml": _TYPES, "_rels/.rels": relations}
+            if len(models) != 1 or entries.keys() <= set(names):
                 return data
             for name, text in entries.items():
-                archive.writestr(name, text)
+                if name not in names:
+                    archive.writestr(name, text)
     except _DAMAGED:
         return data
     return whole.getvalue()
@@ -107,18 +110,21 @@ def _with_relations(data: bytes) -> bytes:
 
 def _built(model: Any) -> Iterator[Shell]:
     """The solids of a model of lib3mf in the file's own unit."""
-    of = dict[int, list[Shell]]()
+    of, parts_of_others = dict[int, list[Shell]](), set[int]()
     for one in _each(model.GetObjects()):  # those that others are made of come before these
         if one.IsMeshObject():
             points = np.array([vertex.Coordinates[:] for vertex in one.GetVertices()]).reshape(-1, 3)
             triangles = np.array([each.Indices[:] for each in one.GetTriangleIndices()], np.int64).reshape(-1, 3)
             of[one.GetUniqueResourceID()] = [Shell(one.GetName(), points, triangles)]
-        else:
+        elif one.IsComponentsObject():
             parts = [one.GetComponent(k) for k in range(one.GetComponentCount())]
             placed = [(part.GetObjectResource(), part.GetTransform()) for part in parts]
             of[one.GetUniqueResourceID()] = [*_few(_put(of, placed))]
+            parts_of_others |= {part.GetUniqueResourceID() for part, _ in placed}
+        else:
+            raise Broken(f"its object {one.GetName()[:20]!r} is not made of triangles")
     items = [(item.GetObjectResource(), item.GetObjectTransform()) for item in _each(model.GetBuildItems())]
-    alone = (shell for one in _each(model.GetMeshObjects()) for shell in of[one.GetUniqueResourceID()])
+    alone = (shell for name, shells in of.items() if name not in parts_of_others for shell in shells)
     yield from _put(of, items) if items else alone
 
 

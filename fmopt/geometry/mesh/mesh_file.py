@@ -80,7 +80,7 @@ def _read(path: Path, taken: Callable[[Surface], T]) -> T:
 
 @lru_cache(maxsize=2)
 def _surface(path: Path, kind: str, data: bytes) -> Surface:
-    """What a file holds, read once while it holds that."""
+    """What a file holds; it is not read again before it changes."""
     readers: dict[str, Callable[[bytes], Surface]] = {"stl": _stl, "obj": _obj, "ply": read_ply}
     if kind in readers:
         return readers[kind](data)

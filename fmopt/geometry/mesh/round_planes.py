@@ -196,11 +196,15 @@ def met(moving: Part, fixed: Part, depth: float, beside: float) -> tuple[Part, P
     """
     from shapely import MultiPoint
 
-    below = moving.polyhedron.vertices[moving.polyhedron.vertices[:, 2] < depth - _LANDED, :2]
-    around = MultiPoint(below).convex_hull.buffer(beside)
+    def is_below(corners: Array) -> bool:
+        return bool(corners[:, 2].min() < depth - _LANDED)
 
+    vertices = moving.polyhedron.vertices
+    some = (vertices[list(face.vertices)] for face in moving.polyhedron.faces)
+    below = [vertices[vertices[:, 2] < depth - _LANDED], *(corners for corners in some if is_below(corners))]
+    around = MultiPoint(np.vstack(below)[:, :2]).convex_hull.buffer(beside)
     return (
-        _charged(moving, lambda corners: bool(corners[:, 2].min() < depth - _LANDED)),
+        _charged(moving, is_below),
         _charged(fixed, lambda corners: around.intersects(MultiPoint(corners[:, :2]).convex_hull)),
     )
 

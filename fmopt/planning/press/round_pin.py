@@ -33,16 +33,18 @@ def round_presses(task: PressTask) -> Iterator[Attempt]:
     """Attempts for a round part in a round hole; none for any other."""
     if not task.round:
         return
+    rim = np.array(task.mouth.exterior.coords)
     for angle in _DIRECTIONS:
         for chosen in _NUMBERS[2:] if is_short(task) else _NUMBERS:
             u = direction(angle)
             R = attitude(angle, chosen.tilt) @ task.goal.R
             tip = low_vertex(task, R, u[:2])
             seat = task.goal.R @ tip + task.goal.p
+            edge = rim[int(np.argmax(rim @ u[:2]))]
             place = (seat - min(chosen.distance * task.lateral, 0.5 * task.size) * u)[:2]
             height = lowest_height(task, R, tip)
             pose = Pose(np.append(place, height) - R @ tip, R)
             below = chosen.down * task.size
             presses = come_down(task, Entry(pose, height, 1.0), below), *into_the_mouth(task, u, angle, chosen)
             attempt = Attempt(numbers(pose.vector()), presses, "round")
-            yield touching_first(task, attempt, seat[:2], u[None, :2], below)
+            yield touching_first(task, attempt, edge, u[None, :2], below)

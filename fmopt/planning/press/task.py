@@ -159,8 +159,9 @@ class PressTask:
 
     @cached_property
     def top(self) -> BaseGeometry:
-        """Material of the fixed part just below the mouth's plane, m."""
-        return section_limit(self.fixed.bodies, _level(0.0), -1)
+        """Where the fixed part ends in the mouth's plane, m."""
+        below, above = (section_limit(self.fixed.bodies, _level(0.0), side) for side in (-1, 1))
+        return below.difference(above)
 
     @cached_property
     def round(self) -> bool:

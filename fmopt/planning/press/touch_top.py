@@ -9,7 +9,7 @@ import numpy as np
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Attempt, Press, Time
 from fmopt.planning.press.entry import Entry, low_vertex, support
-from fmopt.planning.press.library import LATERAL_SPEED, SPEEDS, come_down
+from fmopt.planning.press.library import DELAY, LATERAL_SPEED, SPEEDS, come_down
 from fmopt.planning.press.task import PressTask
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -38,7 +38,8 @@ def touching_first(task: PressTask, attempt: Attempt, at: Array, walls: Array, b
     place, lift = (pose.p + arm)[:2], max(_LIFT * task.size, _LEAST_LIFT)
     outside = [_OUTSIDE * support(task, np.append(wall, 0.0), arm) for wall in walls]
     way = float(np.max(((at - place) @ walls.T + outside) / (walls @ u[:2])))
-    if not task.top.contains(Point(place + way * u[:2]).buffer(support(task, u, arm))):
+    reach = max(support(task, direction, arm) for direction in (u, np.cross(_UP, u)))
+    if not task.top.contains(Point(place + way * u[:2]).buffer(reach)):
         return attempt
     beside = Pose(pose.p + way * u, pose.R)
     height = float((pose.p + arm)[2])
@@ -50,7 +51,7 @@ def touching_first(task: PressTask, attempt: Attempt, at: Array, walls: Array, b
 
 
 def _led(name: str, way: Array) -> Press:
-    """A way (3,), m, with all axes held."""
+    """A way (3,), m, with all axes held; the next press begins where the part is measured, which is a delay ago."""
     seconds = float(np.linalg.norm(way)) / LATERAL_SPEED
     twist = numbers(np.append(way / seconds, np.zeros(3)))
-    return Press(name, (False,) * 6, twist, (0.0,) * 6, SPEEDS, (1.0, 1.0), (Time(seconds, "next"),))
+    return Press(name, (False,) * 6, twist, (0.0,) * 6, SPEEDS, (1.0, 1.0), (Time(seconds + DELAY, "next"),))
