@@ -71,6 +71,7 @@ def three_mf_shells(data: bytes) -> list[Shell]:
 
     Raises:
         Broken: it is none.
+        GeometryError: there is no lib3mf on this machine.
     """
     try:
         import lib3mf

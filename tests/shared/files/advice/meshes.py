@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Solid, Union
 from fmopt.geometry.mating_features import Feature
+from fmopt.geometry.mesh.archive import three_mf_shells
 from fmopt.geometry.mesh.mesh_file import OWN_UNIT
 from fmopt.geometry.mesh.mesh_import import load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part
@@ -147,6 +150,11 @@ def in_metres(folder: Path, mesh: Mesh, decimals: int) -> float:
     return read(folder, stl_text(np.round(1e-3 * mesh[0], decimals), mesh[1]), unit="m")
 
 
+def without_lib3mf(_: Path) -> None:
+    with patch.dict(sys.modules, {"lib3mf": None}):
+        three_mf_shells(b"")
+
+
 ROUND, ROUNDER = (0.03 * 0.5 * n * 0.006**2 * math.sin(2.0 * math.pi / n) for n in (64, 200))
 
 CASES = (
@@ -162,6 +170,7 @@ CASES = (
         every_format,
         (ROD_SIZE,) * 6,
     ),
+    Case("no lib3mf", "save it as an .stl file", without_lib3mf, lambda f: from_mesh(f, ROD), ROD_SIZE),
     Case(
         "no such mesh",
         "check the path",
