@@ -13,14 +13,14 @@ from fmopt.notebook.parts import holds_several, is_part
 from fmopt.task.toml.source import read
 
 if TYPE_CHECKING:
+    from fmopt.geometry.part import Part
     from fmopt.task.problem import Problem
 
 PROBLEM = "problem.toml"
 _EXAMPLE = 'fmopt solve peg.step plate.step --error "1 mm, 1 deg"'
 _WARNING = "warning: "
 
-Options = tuple[str | None, str | None, str | None, str | None]
-"""--error, --unit, --moving and --fixed."""
+Options = tuple[str | None, str | None, str | None, str | None]  # --error, --unit, --moving and --fixed
 
 
 def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
@@ -125,25 +125,22 @@ def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
         raise
     output.save(commented(asked, target.parent, problem, clearance, stated).encode(), target)
     told(problem)
-    return [target, draw_found(problem, target.with_suffix(".svg"))]
+    return [target, draw_found((problem.moving, problem.fixed), target.with_suffix(".svg"))]
 
 
-def draw_found(problem: Problem, target: Path) -> Path:
-    """Draws what was taken for what on both parts of a problem."""
+def draw_found(parts: Sequence[Part], target: Path) -> Path:
+    """Draws what was taken for what on parts."""
     from fmopt.notebook.views import part_sheet
 
-    return part_sheet(problem.moving, problem.fixed, name="found").save(target)
+    return part_sheet(*parts, name="found").save(target)
 
 
 def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool, bool]) -> None:
     """Says what is found on one part, as JSON or not at all by `form`, and draws it where that is asked for."""
     from fmopt.notebook.parts import load_part, part_facts, part_words
 
-    parts, drawn = load_part(file, unit), list[Path]()
-    if out is not None:
-        from fmopt.notebook.views import part_sheet
-
-        drawn.append(part_sheet(*parts, name="found").save(out))
+    parts = load_part(file, unit)
+    drawn = [] if out is None else [draw_found(parts, out)]
     facts = {"valid": True, "parts": [part_facts(part) for part in parts], "written": [str(path) for path in drawn]}
     lines = [line for part in parts for line in part_words(part)]
     hint = f"drawn by: fmopt check {file} --out {file.stem}.svg" if out is None else f"wrote {out}"

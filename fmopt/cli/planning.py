@@ -267,7 +267,7 @@ def check(
         return
     problem = load(file)
     clearance = tried(problem)
-    drawn = [] if out is None else [draw_found(problem, out)]
+    drawn = [] if out is None else [draw_found((problem.moving, problem.fixed), out)]
     words = "\n".join([explain(problem, clearance), *(f"wrote {path}" for path in drawn)])
     answer({**facts(problem, clearance), "written": [str(path) for path in drawn]}, words, as_json, quiet)
 

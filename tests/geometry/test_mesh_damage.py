@@ -229,32 +229,28 @@ def test_packages_say_unit_and_place(form: str, tmp_path: Path) -> None:
         read_triangles(tmp_path / f"a.{form}")
 
 
+def twice(number: int, place: str = "1 0 0 0 1 0 0 0 1 0 0 0") -> str:
+    """The object of a 3MF file that is made of the one before it twice, the second time in a place."""
+    one = f'<component objectid="{number - 1}"'
+    return f'<object id="{number}" type="model"><components>{one}/>{one} transform="{place}"/></components></object>'
+
+
 def test_solids_that_are_put_together_without_end_are_refused(tmp_path: Path) -> None:
     """Each holds the next one twice: a file of some kilobytes would be 2³¹ solids."""
     points, corners = triangles_of(rounded((0.012, 0.008), 0.03))
     mesh = f'<object id="1" type="model">{three_mf_mesh(points, corners)}</object>'
-    made = "".join(
-        f'<object id="{k}" type="model"><components><component objectid="{k - 1}"/>'
-        f'<component objectid="{k - 1}"/></components></object>'
-        for k in range(2, 20)
-    )
-    (tmp_path / "a.3mf").write_bytes(three_mf_package(mesh + made, '<item objectid="19"/>'))
-    with pytest.raises(GeometryError, match="more than 400000 points and triangles"):
-        read_triangles(tmp_path / "a.3mf")
-    (tmp_path / "a.3mf").write_bytes(three_mf_package(mesh, 20001 * '<item objectid="1"/>'))
-    with pytest.raises(GeometryError, match="more than 400000 points and triangles"):
-        read_triangles(tmp_path / "a.3mf")
+    doubled = mesh + "".join(map(twice, range(2, 20)))
+    for objects, items in ((doubled, '<item objectid="19"/>'), (mesh, 20001 * '<item objectid="1"/>')):
+        (tmp_path / "a.3mf").write_bytes(three_mf_package(objects, items))
+        with pytest.raises(GeometryError, match="more than 400000 points and triangles"):
+            read_triangles(tmp_path / "a.3mf")
 
 
 def test_solids_of_solids_of_a_package_stand_where_each_puts_them(tmp_path: Path) -> None:
     """Four rods by two levels, one of them in a mirror, and a second name in the build."""
     points, corners = triangles_of(rounded((0.012, 0.008), 0.03))
     mesh = f'<object id="1" name="rod" type="model">{three_mf_mesh(points, corners)}</object>'
-    pairs = "".join(
-        f'<object id="{k}" type="model"><components><component objectid="{k - 1}"/>'
-        f'<component objectid="{k - 1}" transform="{turn} 0 0 0 1 0 0 0 1 {shift} 0 0"/></components></object>'
-        for k, turn, shift in ((2, -1, 50), (3, 1, 200))
-    )
+    pairs = twice(2, "-1 0 0 0 1 0 0 0 1 50 0 0") + twice(3, "1 0 0 0 1 0 0 0 1 200 0 0")
     (tmp_path / "a.3mf").write_bytes(three_mf_package(mesh + pairs, '<item objectid="3"/><item objectid="1"/>'))
     bodies = read_bodies(tmp_path / "a.3mf")
     assert [name for name, _, _ in bodies] == [f"rod_{k}" for k in range(1, 6)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import struct
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
@@ -42,28 +42,19 @@ class Broken(ValueError):
     """What is wrong with a package, in words."""
 
 
-def solids(path: str, reader: Callable[[bytes], list[Shell]]) -> list[tuple[str, list[list[float]], list[list[int]]]]:
-    """Name, points (n, 3), m, and triangles (m, 3) of each solid of a package, in what JSON has.
+def solids(path: str, kind: str) -> list[tuple[str, list[list[float]], list[list[int]]]]:
+    """Name, points (n, 3), m, and triangles (m, 3) of each solid of a "3mf" or "glb" package, in what JSON has.
 
     Raises:
-        GeometryError: the reader refuses it.
+        GeometryError: it is none, or cannot be read.
     """
+    shells = {"3mf": three_mf_shells, "glb": glb_shells}[kind]
     with open(path, "rb") as file:
         data = file.read()
     try:
-        return [(shell.name, shell.points.tolist(), shell.triangles.tolist()) for shell in reader(data)]
+        return [(shell.name, shell.points.tolist(), shell.triangles.tolist()) for shell in shells(data)]
     except Broken as error:
         raise GeometryError(str(error), AGAIN) from None
-
-
-def three_mf(path: str) -> list[tuple[str, list[list[float]], list[list[int]]]]:
-    """The solids of a 3MF file, as of `solids`."""
-    return solids(path, three_mf_shells)
-
-
-def glb(path: str) -> list[tuple[str, list[list[float]], list[list[int]]]]:
-    """The solids of a GLB file, as of `solids`."""
-    return solids(path, glb_shells)
 
 
 def three_mf_shells(data: bytes) -> list[Shell]:

@@ -153,7 +153,7 @@ def _near_axes(turn: Array, slack: float) -> Array:
 
 def _common_turn(angle: Array, areas: Array, slack: Array) -> float:
     """By how much side faces at equal turns from the largest are turned from it on average, rad."""
-    parts = _whole_parts(angle, slack)
+    parts, _ = _whole_parts(angle, slack)
     known = parts != angle
     weight = areas[known] / slack[known] ** 2
     whole = float(weight.sum())  # nothing where the only ones are facets without area
@@ -175,12 +175,11 @@ def _families(angle: Array, areas: Array, slacks: tuple[Array, Array]) -> Array:
         phase *= step / math.tau
         # Three standard errors of the mean.
         error = 3.0 * spread / math.sqrt(len(ring))
-        phase = float(_whole_parts(np.array([phase]), np.array([error]), (round(math.tau / step), *_TURNS))[0])
+        phase = float(_whole_parts(np.array([phase]), np.array([error]), (round(math.tau / step), *_TURNS))[0][0])
         made[ring] = phase + step * np.round((angle[ring] - phase) / step)
         left = np.setdiff1d(left, ring)
     while len(left):
-        parts = _whole_parts(angle[left] - base, slack[left], turns)
-        near = (np.abs(angle[left] - base - parts) <= slack[left]) & _are_whole(parts, turns)
+        parts, near = _whole_parts(angle[left] - base, slack[left], turns)
         own, parts = left[near], parts[near]
         # x is the mean of its family already, by `_common_turn`.
         if base != 0.0:
@@ -192,20 +191,16 @@ def _families(angle: Array, areas: Array, slacks: tuple[Array, Array]) -> Array:
     return made
 
 
-def _are_whole(angle: Array, turns: Sequence[int]) -> NDArray[np.bool_]:
-    steps = np.array([2.0 * math.pi / parts for parts in turns])
-    return np.asarray(np.any(angle[:, None] == steps * np.round(angle[:, None] / steps), axis=1))
-
-
-def _whole_parts(angle: Array, slack: Array, turns: Sequence[int] = _TURNS) -> Array:
+def _whole_parts(angle: Array, slack: Array, turns: Sequence[int] = _TURNS) -> tuple[Array, NDArray[np.bool_]]:
     """The whole parts of a turn nearest to angles (k,), of the first division that has one within the slack (k,).
 
-    Angles without any stay as they are.
+    Angles without any stay as they are. The other value says which have one.
     """
     steps = np.array([2.0 * math.pi / parts for parts in turns])
     near = steps * np.round(angle[:, None] / steps)
     within = np.abs(angle[:, None] - near) <= slack[:, None]
-    return np.where(within.any(axis=1), near[np.arange(len(angle)), within.argmax(axis=1)], angle)
+    found = np.asarray(within.any(axis=1))
+    return np.where(found, near[np.arange(len(angle)), within.argmax(axis=1)], angle), found
 
 
 def _direction(angle: float) -> tuple[float, float, float]:
@@ -241,7 +236,7 @@ def _leaning(normals: Array, areas: Array, slack: Array, sides: Array) -> Array:
 
 def _shared(angle: Array, areas: Array, slack: Array, known: Array) -> Array:
     """Angles (k,), rad: half-turns from known ones, whole parts of a turn, or half-turns from the mean of like ones."""
-    made, like = _whole_parts(angle, slack), np.full(len(angle), -1)
+    (made, _), like = _whole_parts(angle, slack), np.full(len(angle), -1)
     alone = made == angle
     for k in np.argsort(-areas, kind="stable").tolist():
         near = known[np.argmin(_off_half_turn(angle[k] - known))] if len(known) else angle[k]

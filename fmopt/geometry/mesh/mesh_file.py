@@ -38,10 +38,7 @@ T = TypeVar("T")
 FORMATS = ("stl", "obj", "ply", "3mf", "glb")
 OWN_UNIT = ("3mf", "glb")  # formats that say their unit: their numbers become m
 MAX_BYTES = 50_000_000
-_PACKAGES = {
-    "3mf": confined.Reader("lib3mf", "fmopt.geometry.mesh.archive:three_mf", COARSER, AGAIN),
-    "glb": confined.Reader("trimesh", "fmopt.geometry.mesh.archive:glb", COARSER, AGAIN),
-}
+_PACKAGES = {"3mf": "lib3mf", "glb": "trimesh"}  # what reads them, in a process of its own
 
 
 def read_triangles(path: Path) -> tuple[Array, Indices]:
@@ -86,7 +83,8 @@ def _surface(path: Path, kind: str, data: bytes) -> Surface:
         return readers[kind](data)
     from fmopt.geometry.mesh.archive import Shell
 
-    found = confined.read(path, _PACKAGES[kind])
+    reader = confined.Reader(_PACKAGES[kind], "fmopt.geometry.mesh.archive:solids", COARSER, AGAIN)
+    found = confined.read(path, reader, kind)
     return _packed([Shell(name, np.array(points), np.array(triangles, np.int64)) for name, points, triangles in found])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Attempt, Force, Press, Time, Travel
-from fmopt.planning.press.entry import Entry, attitude, low_vertex, lowest_height
+from fmopt.planning.press.entry import attitude, low_vertex, lowest_height
 from fmopt.planning.press.library import COME_DOWN, ONLY_Z, XYZ_YAW, CornerPress, come_down, direction, into_the_mouth
 from fmopt.planning.press.task import PressTask
 from fmopt.spatial.se3 import Pose
@@ -48,7 +48,7 @@ def _crossing(task: PressTask, lean: float, chosen: CornerPress) -> Attempt:
     place = (seat - _ALONG * task.lateral * along - _BESIDE * task.lateral * across)[:2]
     height = lowest_height(task, R, low_vertex(task, R, along[:2]))
     pose = Pose(np.append(place, height) - R @ middle, R)
-    beside = come_down(task, Entry(pose, height, 1.0), chosen.down * task.size)
+    beside = come_down(height + chosen.down * task.size)
     way = 2.6 * _BESIDE * task.lateral + 0.3 * task.size
     slide = Press(
         "cross the mouth", ONLY_Z, (*(_SPEED * across).tolist(), 0.0, 0.0, 0.0),

@@ -10,7 +10,7 @@ import numpy as np
 from fmopt.plan import Numbers
 from fmopt.plan.field_types import numbers as numbers_of
 from fmopt.plan.press import Attempt, End, Gives, Level, Point, Press, PressRobot, Rocking, Standstill, Time, Travel
-from fmopt.planning.press.entry import Entry, corner_entry
+from fmopt.planning.press.entry import corner_entry
 from fmopt.planning.press.task import Corner, PressTask, Shelf
 from fmopt.spatial.values import Array
 
@@ -106,7 +106,7 @@ def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: 
     distance = corner_distance(task, corner, numbers.distance)
     entry = corner_entry(task, corner, numbers.tilt, lean, distance, below)
     u = direction(corner.angle)
-    down = come_down(task, entry, below)
+    down = come_down(entry.descent + below)
     return Attempt(numbers_of(entry.pose.vector()), (down, *into_the_mouth(task, u, lean, numbers)), "corner")
 
 
@@ -159,10 +159,9 @@ def standstill(displacement: float = 3e-5, window: float = 0.15) -> Standstill:
     return Standstill(displacement, window, 0.1)
 
 
-def come_down(task: PressTask, entry: Entry, below: float) -> Press:
-    """Down from the start under a light force, the other axes held, until the tip is below the mouth or stands."""
+def come_down(way: float) -> Press:
+    """Come down by a way, m, or until the part stands, under a light force, the other axes held."""
     force, speed = COME_DOWN
-    way = entry.descent + below
     speeds = (*SPEEDS[:2], speed, *SPEEDS[3:])
     ends = (Travel(distance=way), standstill(5e-5, 0.1), Time(4.0 * way / speed + 1.0, "retry"))
     return Press("come down", ONLY_Z, (0.0,) * 6, (0.0, 0.0, -force, 0.0, 0.0, 0.0), speeds, (2.0 * way, 1.0), ends)

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Attempt
-from fmopt.planning.press.entry import Entry, attitude, low_vertex, lowest_height
+from fmopt.planning.press.entry import attitude, low_vertex, lowest_height
 from fmopt.planning.press.library import CornerPress, come_down, direction, into_the_mouth
 from fmopt.planning.press.task import PressTask
 from fmopt.planning.press.touch_top import touching_first
@@ -35,16 +35,16 @@ def round_presses(task: PressTask) -> Iterator[Attempt]:
         return
     rim = np.array(task.mouth.exterior.coords)
     for angle in _DIRECTIONS:
+        u = direction(angle)
+        edge = rim[int(np.argmax(rim @ u[:2]))]
         for chosen in _NUMBERS[2:] if is_short(task) else _NUMBERS:
-            u = direction(angle)
             R = attitude(angle, chosen.tilt) @ task.goal.R
             tip = low_vertex(task, R, u[:2])
             seat = task.goal.R @ tip + task.goal.p
-            edge = rim[int(np.argmax(rim @ u[:2]))]
             place = (seat - min(chosen.distance * task.lateral, 0.5 * task.size) * u)[:2]
             height = lowest_height(task, R, tip)
             pose = Pose(np.append(place, height) - R @ tip, R)
             below = chosen.down * task.size
-            presses = come_down(task, Entry(pose, height, 1.0), below), *into_the_mouth(task, u, angle, chosen)
+            presses = come_down(height + below), *into_the_mouth(task, u, angle, chosen)
             attempt = Attempt(numbers(pose.vector()), presses, "round")
             yield touching_first(task, attempt, edge, u[None, :2], below)

@@ -8,7 +8,7 @@ import numpy as np
 
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Attempt
-from fmopt.planning.press.entry import Entry, lowest_height, support
+from fmopt.planning.press.entry import lowest_height, support
 from fmopt.planning.press.library import come_down, direction, to_the_goal
 from fmopt.planning.press.task import PressTask
 from fmopt.spatial.se3 import Pose
@@ -28,6 +28,6 @@ def straight_presses(task: PressTask) -> Iterator[Attempt]:
     height = lowest_height(task, task.goal.R, task.tip[0])
     place = np.append(task.goal.p[:2], height - float(task.tip[0, 2]))
     pose = Pose(place, task.goal.R)
-    down = come_down(task, Entry(pose, height, 1.0), 0.0)
+    down = come_down(height)
     for end in (0.0, 0.05):
         yield Attempt(numbers(pose.vector()), (down, *to_the_goal(task, direction(0.0), end, task.round)), "straight")

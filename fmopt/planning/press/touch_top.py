@@ -8,7 +8,7 @@ import numpy as np
 
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Attempt, Press, Time
-from fmopt.planning.press.entry import Entry, low_vertex, support
+from fmopt.planning.press.entry import low_vertex, support
 from fmopt.planning.press.library import DELAY, LATERAL_SPEED, SPEEDS, come_down
 from fmopt.planning.press.task import PressTask
 from fmopt.spatial.se3 import Pose
@@ -41,13 +41,11 @@ def touching_first(task: PressTask, attempt: Attempt, at: Array, walls: Array, b
     reach = max(support(task, direction, arm) for direction in (u, np.cross(_UP, u)))
     if not task.top.contains(Point(place + way * u[:2]).buffer(reach)):
         return attempt
+    down = come_down(2.0 * float((pose.p + arm)[2]))
+    touch = replace(down, name="touch the top", ends=down.ends[1:])
+    over = _led("lift", lift * _UP), _led("go over the mouth", -way * u), come_down(lift + below)
     beside = Pose(pose.p + way * u, pose.R)
-    height = float((pose.p + arm)[2])
-    touch = come_down(task, Entry(beside, height, 1.0), height)
-    touch = replace(touch, name="touch the top", ends=touch.ends[1:])
-    down = come_down(task, Entry(pose, lift, 1.0), below)
-    presses = (touch, _led("lift", lift * _UP), _led("go over the mouth", -way * u), down, *attempt.presses[1:])
-    return replace(attempt, start=numbers(beside.vector()), presses=presses)
+    return replace(attempt, start=numbers(beside.vector()), presses=(touch, *over, *attempt.presses[1:]))
 
 
 def _led(name: str, way: Array) -> Press:

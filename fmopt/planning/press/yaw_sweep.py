@@ -61,7 +61,7 @@ def _sweep(task: PressTask, corner: Corner, tilt: float, below: float, sign: flo
         (*levels(task), standstill(), Time(5.0 * yaw / _SPEED + 1.0, "next")),
     )  # fmt: skip
     presses = (
-        come_down(task, entry, below), press_aside(task, u, _KAPPA), lower, sweep,
+        come_down(entry.descent + below), press_aside(task, u, _KAPPA), lower, sweep,
         *turn_upright(task, _SWEPT, lean, turning, yaw=True), *to_the_goal(task, u, _END, rock=False),
     )  # fmt: skip
     attempt = Attempt(numbers(entry.pose.vector()), presses, "yaw sweep")

@@ -57,6 +57,7 @@ class Task(Value):
     """A task command by its five attributes.
 
     Args:
+        goal: pose of the moving feature's frame in the `base_frame`, m and rad, entries may be "free".
         grasp: pose of the moving feature's frame in the hand's frame, H_ho.
     """
 
