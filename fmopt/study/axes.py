@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -75,9 +75,7 @@ class _Reader:
     targets: Mapping[str, Target]
     key: Key
     names: list[str]
-
-    def __post_init__(self) -> None:
-        self.faults: list[Fault] = []
+    faults: list[Fault] = field(default_factory=list)
 
     def _fault(self, key: Key, code: str, message: str, advice: str) -> None:
         self.faults.append(self.source.place((*self.key, *key)).fault(code, message, advice))
@@ -113,7 +111,8 @@ class _Reader:
             else:
                 found.append((goal, expression))
         # Paths with arithmetic are judged by what it gives, in `_expression_faults`.
-        kinds = {_kind(goal) for goal, expression in found if not expression}
+        plain = [goal for goal, expression in found if not expression]
+        kinds = {"true or false" if goal.truth else str(goal.dimension or "a choice of words") for goal in plain}
         if len(kinds) > 1:
             words = " and ".join(sorted(kinds))
             self._fault(("sets",), "wrong-unit", f"one value is to be {words}", "make two linked axes of it")
@@ -148,9 +147,8 @@ class _Reader:
                 self._fault((), "missing-key", "the axis has neither values nor a range", "add values, or low and high")
             return None
         if others:
-            self._fault(
-                (others[0],), "conflict", "the axis has values already", f"remove {', '.join(others)}, or values"
-            )
+            advice = f"remove {', '.join(others)}, or values"
+            self._fault((others[0],), "conflict", "the axis has values already", advice)
         if not axis.values:
             self._fault(("values",), "empty-axis", "the axis has no values", "give it at least one")
         if dimension is None:
@@ -173,14 +171,12 @@ class _Reader:
         if dimension is None:
             self._fault((), "conflict", "words have no range", "give the axis values")
             return None
-        numbers = {
-            name: self._quantity(getattr(axis, name), dimension, name)
+        low, high, mean, deviation = (
+            None if getattr(axis, name) is None else self._quantity(getattr(axis, name), dimension, name)
             for name in ("low", "high", "mean", "deviation")
-            if getattr(axis, name) is not None
-        }
+        )
         if self.faults:
             return None
-        low, high, mean, deviation = (numbers.get(name) for name in ("low", "high", "mean", "deviation"))
         sampled = self.file.sampling.method in CUBES
         if (mean is None) != (deviation is None):
             self._fault((), "missing-key", "a normal distribution has mean and deviation", "give both")
@@ -216,10 +212,6 @@ class _Reader:
         return None
 
 
-def _kind(goal: Target) -> str:
-    return "true or false" if goal.truth else str(goal.dimension or "a choice of words")
-
-
 def _faults_between(source: Source, axes: Sequence[Axis]) -> list[Fault]:
     """What one axis cannot see: parameters set twice, chains of links, expressions that do not fit."""
     faults, seen = [], dict[Key, str]()
@@ -228,12 +220,12 @@ def _faults_between(source: Source, axes: Sequence[Axis]) -> list[Fault]:
         # `points_of` follows a single link.
         if axis.linked is not None and axes[axis.linked].linked is not None:
             place = source.place((*axis.place, "linked"))
-            faults.append(
-                place.fault("conflict", "the axis it is linked to is linked itself", "link both to the first")
-            )
+            words = "the axis it is linked to is linked itself"
+            faults.append(place.fault("conflict", words, "link both to the first"))
+        key = (*axis.place, "sets")
+        stated = table.items() if isinstance(table := source.get(key), Mapping) else ()
         for goal, expression in axis.sets:
-            key = (*axis.place, "sets")
-            place = source.place((*key, *[p for p in (_path(source, key, expression),) if p]))
+            place = source.place((*key, *[path for path, text in stated if text == expression][:1]))
             if goal.key in seen:
                 words = f"{dotted(goal.key)} is set by axis {seen[goal.key]!r} already"
                 faults.append(place.fault("conflict", words, "let one axis set it, by arithmetic on both names"))
@@ -241,11 +233,6 @@ def _faults_between(source: Source, axes: Sequence[Axis]) -> list[Fault]:
             if expression:
                 faults += _expression_faults(place, expression, goal, names)
     return faults
-
-
-def _path(source: Source, key: Key, expression: str) -> str:
-    table = source.get(key)
-    return next((path for path, text in table.items() if text == expression), "") if isinstance(table, Mapping) else ""
 
 
 def _expression_faults(place: Place, expression: str, goal: Target, names: Mapping[str, Quantity]) -> list[Fault]:

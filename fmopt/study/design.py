@@ -55,11 +55,10 @@ class Study:
 
     def runs(self) -> Iterator[Run]:
         """The runs, point by point."""
-        question, code = self.question, program()
+        question, base, code = self.question, self.base, program()
         # Once for all runs, as it may be long; without the name of the problem's file, which changes nothing of them.
-        common = canonical_digest(
-            [code, self.base.content, question.quantities, question.keep, {"problem": self.base.problem.data}]
-        )
+        problem = {"problem": base.problem.data}
+        common = canonical_digest([code, base.content, question.quantities, question.keep, problem])
         for point in self.points:
             given = assignments(self.axes, point)
             # Sorted, as the order of axes in the file changes nothing of what is computed.
@@ -111,12 +110,12 @@ def load_study(path: Path) -> Study:
     if file is None:
         raise InputError(*faults)
     problem = Path(normpath(path.parent / file.problem))
+    place = source.place(("problem",))
     if not isfile(problem):  # also where no file can have such a name
-        place = source.place(("problem",))
         advice = "correct the path; it is relative to the study file"
         raise InputError(*faults, place.fault("file-missing", f"{problem} does not exist", advice))
     if {"axes", "compute"} & set(read(problem).data):
-        place, advice = source.place(("problem",)), "name the problem that it varies"
+        advice = "name the problem that it varies"
         raise InputError(*faults, place.fault("file-kind", f"{problem} is a study, not a problem", advice))
     # Its faults are told by themselves, with places in its own file: what follows takes it for sound.
     load(problem)
@@ -147,9 +146,8 @@ def _quantity_faults(source: Source, file: files.StudyFile) -> Iterator[Fault]:
         taken = {*_COMMON, *(column for quantity in QUANTITIES.values() for column in quantity.columns)}
         if axis.name in taken:
             advice = "choose another name, such as " + repr(axis.name + "_set")
-            yield source.place(("axes", n, "name")).fault(
-                "bad-name", f"a column is called {axis.name!r} already", advice
-            )
+            place = source.place(("axes", n, "name"))
+            yield place.fault("bad-name", f"a column is called {axis.name!r} already", advice)
     if file.keep and not {"plan", "margins"} & set(file.compute):
         place = source.place(("keep",))
         yield place.fault("conflict", "plans are to be kept but none is computed", 'add "plan" to compute')
@@ -164,10 +162,8 @@ def _sampling_faults(source: Source, file: files.StudyFile) -> Iterator[Fault]:
             advice = f"add {name} = {64 if name == 'runs' else 1} to [sampling]"
             yield place.fault("missing-key", f"{sampling.method} sampling needs {name!r}", advice)
         elif not sampled and getattr(sampling, name) is not None:
-            where = source.place(("sampling", name))
-            yield where.fault(
-                "conflict", f"a {sampling.method} has no {name!r}", f"remove {name}, or choose another method"
-            )
+            where, words = source.place(("sampling", name)), f"a {sampling.method} has no {name!r}"
+            yield where.fault("conflict", words, f"remove {name}, or choose another method")
     runs = sampling.runs
     if sampling.method in ("sobol", "saltelli") and runs is not None and runs & (runs - 1):
         near = 1 << (runs.bit_length() - 1)
@@ -182,11 +178,8 @@ def _size_faults(source: Source, file: files.StudyFile, axes: Sequence[Axis]) ->
             again = next(n for n, value in enumerate(axis.values) if value in axis.values[:n])
             place = source.place((*axis.place, "values", again))
             yield place.fault("conflict", "this value is there already", "leave it out, or take a list for a sampling")
-        other = None
-        if method == "list":
-            other = axes[0]
-        elif method == "grid" and axis.linked is not None:
-            other = axes[axis.linked]
+        linked = axes[axis.linked] if method == "grid" and axis.linked is not None else None
+        other = axes[0] if method == "list" else linked
         if other is not None and len(other.values) != len(axis.values):
             message = f"{len(axis.values)} values go along with {len(other.values)} of axis {other.name!r}"
             yield source.place(axis.place, of_key=True).fault("wrong-length", message, "give both the same number")

@@ -92,9 +92,7 @@ class Solved:
     def _written(self) -> dict[str, Any] | NoAnswer:
         from fmopt.planning.pipeline import planned, proved
 
-        if self._kept:
-            return _tried(lambda: planned(self.problem, self.motion)[0])
-        return _tried(lambda: proved(self.problem, self.motion)[0])
+        return _tried(lambda: (planned if self._kept else proved)(self.problem, self.motion)[0])
 
 
 def _tried(stage: Callable[[], T]) -> T | NoAnswer:

@@ -15,8 +15,6 @@ from fmopt.study.running.store import Scalar
 if TYPE_CHECKING:
     import polars
 
-    from fmopt.study.results.view import View
-
 _SHOWN = 12  # lines of the table that a notebook shows
 
 
@@ -52,8 +50,9 @@ class Outcome:
     def figures(self) -> Mapping[str, tuple[str, str]]:
         """The figures by name: what each shows, and its SVG."""
         from fmopt.study.results.figures import figures
+        from fmopt.study.results.view import View
 
-        return figures(self._view)
+        return figures(View(self.results))
 
     def report(self) -> tuple[Path, ...]:
         """Writes report, table and, with polars, Parquet beside the results, and names the files.
@@ -65,12 +64,6 @@ class Outcome:
         from fmopt.study.command import report
 
         return tuple(report(self.folder))
-
-    @cached_property
-    def _view(self) -> View:
-        from fmopt.study.results.view import View
-
-        return View(self.results)
 
     def __repr__(self) -> str:
         done = sum(line["outcome"] is not None for line in self.lines)

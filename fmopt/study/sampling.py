@@ -88,12 +88,7 @@ def cube(method: Method, dimensions: int, runs: int, seed: int) -> Array:
             # One sequence over 2d axes fills A and B evenly together; two sequences over d axes need not.
             both = np.asarray(qmc.Sobol(2 * dimensions, rng=rng).random_base2(runs.bit_length() - 1), dtype=np.float64)
             A, B = both[:, :dimensions], both[:, dimensions:]
-            mixed = []
-            for i in range(dimensions):
-                AB = A.copy()
-                AB[:, i] = B[:, i]
-                mixed.append(AB)
-            return np.concatenate([A, B, *mixed])
+            return np.concatenate([A, B, *(np.where(axis, B, A) for axis in np.eye(dimensions, dtype=bool))])
         case "grid" | "list":
             raise ValueError(f"{method} has no points in a cube")
 

@@ -17,36 +17,23 @@ from fmopt.geometry.bodies import MAX_MESH_BYTES
 from fmopt.study.running.batch import Assigned
 from fmopt.task.mesh_source import MESHES
 from fmopt.task.model import parameter_values
+from fmopt.task.toml import units
 from fmopt.task.toml.problem_file import ProblemFile, spelled_out
 from fmopt.task.toml.source import Key, Source, read, read_bytes
 from fmopt.task.toml.tables import Measured, Table
-from fmopt.task.toml.units import (
-    ANGLE,
-    AREA,
-    FORCE,
-    LENGTH,
-    MASS,
-    RATIO,
-    SPEED,
-    STIFFNESS,
-    TIME,
-    TORQUE,
-    Dimension,
-    Quantity,
-    did_you_mean,
-)
+from fmopt.task.toml.units import RATIO, Dimension, Quantity, did_you_mean
 
 SIDES = ("moving", "fixed")
 UNIT_NAMES = {
-    LENGTH: "m",
-    ANGLE: "rad",
-    TIME: "s",
-    SPEED: "m/s",
-    FORCE: "N",
-    TORQUE: "N*m",
-    MASS: "kg",
-    STIFFNESS: "N/m",
-    AREA: "m*m",  # what a model may work out for a section
+    units.LENGTH: "m",
+    units.ANGLE: "rad",
+    units.TIME: "s",
+    units.SPEED: "m/s",
+    units.FORCE: "N",
+    units.TORQUE: "N*m",
+    units.MASS: "kg",
+    units.STIFFNESS: "N/m",
+    units.AREA: "m*m",  # what a model may work out for a section
 }
 _LETTERS = "xyz"  # what the entries of a vector are called
 _FIXED = {"title", "units", *SIDES}  # units would change what all other numbers mean; models vary by their parameters

@@ -115,9 +115,7 @@ def allocate(question: Question, progress: Callable[[str], None] = lambda _: Non
     return answer
 
 
-def _with_motion(
-    question: Question, done: CertifiedMotion, motions: int, progress: Callable[[str], None]
-) -> Allocation:
+def _with_motion(question: Question, done: CertifiedMotion, number: int, progress: Callable[[str], None]) -> Allocation:
     """The answer for one motion, with a plan made anew at it."""
     tolerances = question.tolerances
     now = np.array([allowed.now for allowed in tolerances])
@@ -125,7 +123,7 @@ def _with_motion(
 
     def margins(u: Array) -> Mapping[str, float] | str:
         counted[0] += 1
-        progress(f"motion {motions}, certificate {counted[0]}")
+        progress(f"motion {number}, certificate {counted[0]}")
         placed = _certified(done, question.problem((u * now).tolist()))
         return placed if isinstance(placed, str) else _margins(placed)
 
@@ -144,7 +142,7 @@ def _with_motion(
     document, _ = planned(problem, same)
     anew, verdict, margin = _anew(problem, progress)
     before, cost = float(weights.sum()), float(np.sum(weights * now / np.array(values)))
-    return Allocation(question, found, values, cost, before, placed.margin, document, verdict, margin, motions, anew)
+    return Allocation(question, found, values, cost, before, placed.margin, document, verdict, margin, number, anew)
 
 
 def _certified(done: CertifiedMotion, problem: Problem) -> Placed | str:

@@ -94,8 +94,7 @@ def cheapest(margins: Margins, weights: Array, low: Array, high: Array, required
     reached = search.at(best)
     if isinstance(reached, str):
         raise InfeasibleError(f"not even for the tightest tolerances: {reached}", advice="allow tighter tolerances")
-    if min(reached.values()) < required:
-        least = min(reached.values())
+    if (least := min(reached.values())) < required:
         message = f"the tightest tolerances leave {1e6 * least:.4g} um, not {1e6 * required:.4g} um"
         raise InfeasibleError(message, required - least, "lower the margin asked for, or allow tighter tolerances")
     cuts = search.cuts(best, reached)
@@ -179,9 +178,8 @@ class _Search:
             for name, slope in slopes.items():
                 # A move may be cut into other pieces there: a margin without a counterpart counts as level.
                 slope[i] = (here[name] - there.get(name, here[name])) / step
-        return [
-            _Cut(name, u, _MICRO * value, _MICRO * slopes[name]) for name, value in here.items() if slopes[name].any()
-        ]
+        moving = {name: slope for name, slope in slopes.items() if slope.any()}
+        return [_Cut(name, u, _MICRO * here[name], _MICRO * slope) for name, slope in moving.items()]
 
 
 def _evaluable(search: _Search, good: Array, wanted: Array) -> Array:
@@ -226,18 +224,10 @@ def _program(cuts: list[_Cut], weights: Array, low: Array, high: Array, required
     G = np.vstack([np.hstack([eye, eye]), *(np.append(cut.slope, np.zeros(p))[None] for cut in reach)])
     h = np.append(np.zeros(p), [cut.value - float(cut.slope @ cut.at) - _MICRO * required for cut in reach])
     W = np.vstack([eye, np.zeros((len(reach), p))])
-    rows = [np.vstack([np.zeros(2 * p), np.append(-eye[i], eye[i])]) for i in range(p)]
-    norms = tuple(Norm(F, np.array([2.0, 0.0])) for F in rows)
-    program = ConeProgram(
-        np.append(np.zeros(p), -weights),
-        G=G,
-        h=h,
-        W=W,
-        norms=norms,
-        lower=np.append(low, np.zeros(p)),
-        upper=np.append(high, 2.0 / low),  # s need be no more than 1/low
-        units=np.append(high, 1.0 / low),
-    )
+    norms = tuple(Norm(np.vstack([np.zeros(2 * p), np.append(-e, e)]), np.array([2.0, 0.0])) for e in eye)
+    lower, upper = np.append(low, np.zeros(p)), np.append(high, 2.0 / low)  # s need be no more than 1/low
+    c, units = np.append(np.zeros(p), -weights), np.append(high, 1.0 / low)
+    program = ConeProgram(c, G=G, h=h, W=W, norms=norms, lower=lower, upper=upper, units=units)
     solution = ClarabelSolver(tolerance=1e-10).solve(program)
     # The solver keeps to the box but for its tolerance.
     u = np.clip(solution.x[:p], low, high)

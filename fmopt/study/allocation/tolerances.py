@@ -81,18 +81,11 @@ def load_allocation(path: Path) -> Question:
     load(problem)
     base = Base.read(problem)
     if not file.tolerances:
-        faults.append(
-            source.place(("tolerances",)).fault("empty-axis", "there are no tolerances", "add [[tolerances]]")
-        )
-    tolerances = []
-    for n, table in enumerate(file.tolerances):
-        found = _allowed(source, reading, base, table, n)
-        if isinstance(found, Fault):
-            faults.append(found)
-        else:
-            tolerances.append(found)
-    unusable(faults)
-    return Question(file, base, tuple(tolerances))
+        place = source.place(("tolerances",))
+        faults.append(place.fault("empty-axis", "there are no tolerances", "add [[tolerances]]"))
+    found = [_allowed(source, reading, base, table, n) for n, table in enumerate(file.tolerances)]
+    unusable([*faults, *(one for one in found if isinstance(one, Fault))])
+    return Question(file, base, tuple(one for one in found if isinstance(one, Allowed)))
 
 
 def _allowed(source: Source, reading: Reading, base: Base, table: Tolerance, n: int) -> Allowed | Fault:

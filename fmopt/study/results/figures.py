@@ -206,13 +206,16 @@ def _shares(view: View, figure: Figure) -> None:
 
 def _verdicts(view: View, grid: _Grid, figure: Figure) -> None:
     """A map of what became of each run; every kind with its own grey or colour, and its own letter."""
+    from matplotlib.colors import ListedColormap
+
     axes = figure.subplots()
     kinds = sorted(set(view.kinds), key=lambda kind: (kind not in _GOOD, kind))
     number = np.array([kinds.index(kind) for kind in view.kinds])[grid.run]
     rest = [kind for kind in kinds if kind not in _GOOD]
     shades = [_GOOD[kind] if kind in _GOOD else _REST[rest.index(kind) % len(_REST)] for kind in kinds]
     # The number of a kind is in the middle of its colour's range.
-    axes.pcolormesh(*grid.borders, number, cmap=_colours(shades), vmin=-0.5, vmax=len(kinds) - 0.5, edgecolors="white")
+    colours, most = ListedColormap(shades), len(kinds) - 0.5
+    axes.pcolormesh(*grid.borders, number, cmap=colours, vmin=-0.5, vmax=most, edgecolors="white")
     letters = dict(zip(kinds, string.ascii_uppercase, strict=False))
     for row, column in np.ndindex(number.shape):
         letter = letters.get(kinds[number[row, column]], "…")
@@ -220,12 +223,6 @@ def _verdicts(view: View, grid: _Grid, figure: Figure) -> None:
         axes.text(*place, letter, ha="center", va="center", color="white", weight="bold")
     _labelled(view, axes, view.free[0], view.free[1])
     axes.set_title(fill("; ".join(f"{letters.get(kind, '…')}: {kind}" for kind in kinds), _LINE))
-
-
-def _colours(shades: Sequence[str]) -> Any:
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap(list(shades))
 
 
 def _strip(view: View, figure: Figure) -> None:

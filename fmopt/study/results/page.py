@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -87,9 +87,7 @@ def _share_table(view: View, axis: Varied) -> str:
 
 def _bin_table(view: View, axis: Varied, found: Sequence[Bin], words: tuple[str, str]) -> str:
     places = _places(view, axis, [(b.low, b.high) for b in found])
-    rows = [
-        (place, str(b.good), str(b.total), _interval(b.share, 100.0)) for place, b in zip(places, found, strict=True)
-    ]
+    rows = [(p, str(b.good), str(b.total), _interval(b.share, 100.0)) for p, b in zip(places, found, strict=True)]
     return table(f"Over {axis_label(axis)}", (axis_label(axis), *words, "% (95 % interval)"), rows, "nnnn")
 
 
@@ -138,17 +136,15 @@ def _failures(view: View) -> str:
     """Runs that have no answer, then those whose answer is that there is no motion, each by reason."""
     failed = [n for n, line in enumerate(view.results.lines) if line["outcome"] not in ("done", None)]
     without = [n for n, line in enumerate(view.results.lines) if line["outcome"] == "done" and line["reason"]]
-    return _reasons(view, "Runs without answers, by reason", failed) + _reasons(
-        view, "Runs without a motion, by reason; … stands for numbers that differ", without
-    )
+    caption = "Runs without a motion, by reason; … stands for numbers that differ"
+    return _reasons(view, "Runs without answers, by reason", failed) + _reasons(view, caption, without)
 
 
 def _reasons(view: View, caption: str, numbers: Sequence[int]) -> str:
     groups: dict[tuple[str, str], list[int]] = {}
     for number in numbers:
-        groups.setdefault((view.kinds[number], _NUMBER.sub("…", str(view.results.lines[number]["reason"]))), []).append(
-            number
-        )
+        group = view.kinds[number], _NUMBER.sub("…", str(view.results.lines[number]["reason"]))
+        groups.setdefault(group, []).append(number)
     rows = []
     for (kind, reason), mine in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0])):
         said = {str(view.results.lines[number]["reason"]) for number in mine}
@@ -163,11 +159,6 @@ def _provenance(view: View) -> str:
     if how in CUBES:
         how += f", {sampling['runs']} points, seed {sampling['seed']}"
 
-    def rows() -> Iterator[tuple[str, str]]:
-        yield "problem", facts.get("problem", "")
-        yield "sampling", how
-        yield "program", facts.get("program", "")
-        for axis in view.results.axes:
-            yield axis.name, f"unit {axis.unit or 'none'} in the table"
-
-    return table("", ("", ""), list(rows()))
+    rows = [("problem", facts.get("problem", "")), ("sampling", how), ("program", facts.get("program", ""))]
+    rows += [(axis.name, f"unit {axis.unit or 'none'} in the table") for axis in view.results.axes]
+    return table("", ("", ""), rows)

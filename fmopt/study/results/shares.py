@@ -17,10 +17,8 @@ from fmopt.study.results.table import Varied
 from fmopt.study.results.view import View
 
 _NORMAL_95 = 1.959963984540054  # standard deviations either way that hold 95 % of a normal distribution
-
 _VALUES = 16  # of an axis, above which neighbours are put together
 _BINS = 8
-
 _DRAWS = 1000  # of the bootstrap: 25 lie outside of an interval on each side
 
 

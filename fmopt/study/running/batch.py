@@ -95,7 +95,7 @@ def laid_out(inputs: Mapping[str, bytes], home: Path | None) -> Path:
     # By content: what is there under this name need not be written, and changed files get a folder of their own.
     name = digest(inputs)[:16]
     if home is None:
-        home = _own_folder(name)
+        home = _FOLDERS[name] = _FOLDERS.get(name) or output.own_folder()
     folder = home / name
     try:
         if not folder.is_dir():
@@ -106,9 +106,3 @@ def laid_out(inputs: Mapping[str, bytes], home: Path | None) -> Path:
         if not folder.is_dir():  # unless another thread was faster
             raise
     return folder
-
-
-def _own_folder(name: str) -> Path:
-    if name not in _FOLDERS:
-        _FOLDERS[name] = output.own_folder()
-    return _FOLDERS[name]

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from fmopt.errors import InputError, ResourceError
 from fmopt.runtime.output import synchronise
@@ -165,7 +165,7 @@ def recorded(folder: Path) -> tuple[dict[str, str], list[Recorded]]:
     )
     with _reading(folder) as file:
         facts = dict(file.execute("SELECT name, value FROM facts"))
-        return facts, [_recorded(record) for record in file.execute(query)]
+        return facts, [_recorded(*record) for record in file.execute(query)]
 
 
 def kept(folder: Path, key: str) -> bytes | None:
@@ -196,8 +196,7 @@ def _reading(folder: Path) -> Iterator[sqlite3.Connection]:
             file.close()
 
 
-def _recorded(record: Sequence[Any]) -> Recorded:
-    number, key, point, outcome, reason, answers = record
+def _recorded(number: int, key: str, point: str, outcome: Outcome | None, reason: str, answers: str) -> Recorded:
     row = None if outcome is None else Row(key, outcome, reason, json.loads(answers))
     return Recorded(Numbered(number, key, json.loads(point)), row)
 

@@ -183,9 +183,8 @@ def run_batch(batch: Batch) -> Returned:
         deaths += killed
         if word is not None and (not killed or deaths == ATTEMPTS):
             run, reason = batch.runs[len(rows)], _reason(word, code, batch.limits)
-            rows.append(
-                (Row(run.key, "killed" if killed else word, reason, {}), Effort(time.perf_counter() - began, 0))
-            )
+            row = Row(run.key, "killed" if killed else word, reason, {})
+            rows.append((row, Effort(time.perf_counter() - began, 0)))
             deaths = 0
     return Returned(tuple(rows))
 
