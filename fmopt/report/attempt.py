@@ -130,10 +130,7 @@ class Failure:
 
     def lines(self) -> list[str]:
         """The same for a terminal, line by line."""
-        found = [f"stage: {self.stage}; {self.reason}"]
-        if self.nearest is not None:
-            found.append(self.nearest_words)
-        return found
+        return [f"stage: {self.stage}; {self.reason}", *([] if self.nearest is None else [self.nearest_words])]
 
     @property
     def nearest_words(self) -> str:
@@ -190,10 +187,8 @@ class Failure:
 
 def move_ends(failure: Failure) -> list[End]:
     """The start and the end of every move."""
-    ends = [
-        End(f"end of move {number}", Pose.from_vector(step.goal), step.made)
-        for number, step in enumerate(failure.steps, start=1)
-    ]
+    steps = enumerate(failure.steps, start=1)
+    ends = [End(f"end of move {number}", Pose.from_vector(step.goal), step.made) for number, step in steps]
     return [End("start", Pose.from_vector(failure.steps[0].start), ()), *ends]
 
 
@@ -205,13 +200,10 @@ def _paint(failure: Failure, ends: Sequence[End], sheet: Sheet) -> None:
 def failure_page(failure: Failure, svgs: Mapping[str, str]) -> str:
     """The page: what is missing first, then the closest attempt, what would work, and what was asked."""
     drawn = "".join(figure(svgs[name], d.alt, d.title, d.size) for name, d in failure.figures.items())
+    works = _paragraph(_sentence(failure.nearest_words)) + bullets(map(_sentence, failure.advice))
     chapters = [
         ("attempt", "The closest attempt", drawn + _moves(failure)),
-        (
-            "works",
-            "What does work",
-            _paragraph(_sentence(failure.nearest_words)) + bullets(map(_sentence, failure.advice)),
-        ),
+        ("works", "What does work", works),
         ("asked", "What was asked", _paragraph(f"Start errors: {box_words(failure.box)}.")),
     ]
     limit = "The time limit ended this. " if failure.late else ""

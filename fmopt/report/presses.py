@@ -64,9 +64,8 @@ def _ends(press: Press) -> Iterator[str]:
             case Level():
                 words = f"z at {millimetres(end.z)} mm"
             case Travel():
-                words = (
-                    f"after {millimetres(end.distance)} mm" if end.distance else f"after {degrees(end.angle or 0.0)}°"
-                )
+                way = f"{millimetres(end.distance)} mm" if end.distance else f"{degrees(end.angle or 0.0)}°"
+                words = f"after {way}"
             case Force():
                 words = f"at {end.force:.3g} N on held axes"
             case Time():

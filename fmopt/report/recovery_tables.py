@@ -149,11 +149,8 @@ def rates(plan: Plan) -> list[tuple[str, str, str]]:
             gain, words = -math.inf, "the motion fails"  # the costliest of all, listed first
         else:
             gain = entry.change / entry.step * one
-            words = (
-                "no change"
-                if abs(gain) < _LEAST
-                else f"{signed(1e6 * gain, '+.2g' if abs(gain) < _LARGE else '+.0f')} µm"
-            )
+            form = "+.2g" if abs(gain) < _LARGE else "+.0f"
+            words = "no change" if abs(gain) < _LEAST else f"{signed(1e6 * gain, form)} µm"
         step = {"start": "0.1°" if turns else "0.1 mm", "velocity": "1 %", "clearance": "0.01 mm"}[kind]
         name = _WORDS.get(kind, f"{'error' if kind == 'start' else 'velocity error,'} {axis}")
         rows.append((-abs(gain), (name, _value(kind, axis, entry.value), f"{step} more: {words}")))

@@ -128,18 +128,17 @@ def _press_data(plan: Plan) -> dict[str, Any]:
     """What the viewer shows of presses: the way of a trial without errors, press by press."""
     trace = plan.description.trace
     legs = [Leg(one.press, one.pose, other.pose) for one, other in pairwise(trace)]
-    presses = presses_of(plan).attempts[0].presses
-    rows = press_rows(presses_of(plan).attempts[0])
+    first = presses_of(plan).attempts[0]
     captions = [
         {
             "words": f"{press.name}: wrench {row[3]}, twist {row[2]}",
             "held": f"all but what follows: {row[1]}",
             "margin": row[4],
         }
-        for press, row in zip(presses, rows, strict=True)
+        for press, row in zip(first.presses, press_rows(first), strict=True)
     ]
-    start = Leg(0, start_of(plan), start_of(plan))
-    return {**_data(plan.moving, plan.fixed, legs or [start]), "moves": captions}
+    still = [Leg(0, start_of(plan), start_of(plan))]
+    return {**_data(plan.moving, plan.fixed, legs or still), "moves": captions}
 
 
 def _data(moving: Part, fixed: Part, legs: Sequence[Leg]) -> dict[str, Any]:

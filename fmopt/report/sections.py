@@ -175,12 +175,8 @@ def critical_table(plan: Plan) -> str:
         sure += "".join(f"; {n} {_VERDICTS[name]}" for name, n in other if n and name in _VERDICTS)
         rows.append((point.name, pose_words(point.pose), str(len(point.contacts)), by_dimension or "–", sure))
     head = ("critical point", "pose", "primitive contacts", "contact states", "confirmed on the true surfaces")
-    return table(
-        "Contact spaces, at the critical points of the nominal trajectory and where contacts are made",
-        head,
-        rows,
-        "..n.n",
-    )
+    caption = "Contact spaces, at the critical points of the nominal trajectory and where contacts are made"
+    return table(caption, head, rows, "..n.n")
 
 
 def margin_words_of(plan: Plan) -> str:

@@ -106,9 +106,7 @@ def paint(listed: Shares, figure: Figure) -> None:
     for k, (name, _) in enumerate(listed):
         face, hatch = _FILLS[k % len(_FILLS)]
         width = np.array([100.0 * parts[k] for _, parts, _ in bars])
-        axes.barh(
-            places, width, left=left, height=0.62, label=name, facecolor=face, hatch=hatch, edgecolor=INK, linewidth=0.6
-        )
+        axes.barh(places, width, 0.62, left, label=name, facecolor=face, hatch=hatch, edgecolor=INK, linewidth=0.6)
         left = left + width
     axes.set_yticks(places, [name for name, _, _ in bars])
     axes.set_xlim(0.0, 100.0)

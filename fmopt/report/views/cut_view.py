@@ -143,14 +143,10 @@ def _degrees(angle: float) -> str:
 
 def _head(end: End) -> list[tuple[str, dict[str, Any]]]:
     """The lines above a panel, each with its style: where, in which plane, what was made."""
-    leans = f", lean {_degrees(end.lean)}" if end.lean > _UPRIGHT else ""
+    where = end.plane + (f", lean {_degrees(end.lean)}" if end.lean > _UPRIGHT else "")
     # Ids of contacts have hyphens, at which they are not to be torn apart.
     made = wrap(", ".join(end.made), _LETTERS, break_on_hyphens=False, max_lines=3, placeholder=" …")
-    return [
-        (end.name, {"fontweight": "bold"}),
-        (f"{end.plane}{leans}", {}),
-        *((line, {"color": RUST}) for line in made),
-    ]
+    return [(end.name, {"fontweight": "bold"}), (where, {}), *((line, {"color": RUST}) for line in made)]
 
 
 def sections(plan: Parts, end: End) -> tuple[MultiPolygon, MultiPolygon]:
@@ -176,9 +172,7 @@ def _section_panel(axes: Axes, plan: Parts, end: End, peg: MultiPolygon, block: 
 
 def move_ends(plan: Plan) -> list[End]:
     """The start and the end of every move."""
-    ends = [
-        End(f"end of move {move.number}", Pose.from_vector(move.segments[-1].goal), move.new) for move in moves(plan)
-    ]
+    ends = [End(f"end of move {m.number}", Pose.from_vector(m.segments[-1].goal), m.new) for m in moves(plan)]
     return [End("start", Pose.from_vector(plan.segments[0].start), ()), *ends]
 
 

@@ -54,13 +54,9 @@ def paper(count: int) -> tuple[float, float]:
 
 def alt(items: Sequence[Diagram]) -> str:
     """What is to be seen, for who cannot see it."""
-    words = (
-        "Operand 2 cut by the planes of the mouth's frame (G), and expanded by operand 1 (GE), which becomes a line L. "
-    )
-    said = []
-    for item in items:
-        said.append(f"{_name(item)}: ball {quantity(item.radius)}, cone {math.degrees(item.half_angle):.3g}°")
-    return words + "Uncertainty: " + "; ".join(said) + "."
+    words = "Operand 2 cut by the planes of the mouth's frame (G), and expanded by operand 1 (GE)"
+    said = [f"{_name(i)}: ball {quantity(i.radius)}, cone {math.degrees(i.half_angle):.3g}°" for i in items]
+    return f"{words}, which becomes a line L. Uncertainty: {'; '.join(said)}."
 
 
 def paint(items: Sequence[Diagram], figure: Figure) -> None:

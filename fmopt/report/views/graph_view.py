@@ -110,10 +110,9 @@ def _draw_links(axes: Axes, graph: StateGraph, places: Array) -> None:
         ends = places[np.array(graph.links)]
         broken = np.concatenate([ends, np.full((len(ends), 1, 2), np.nan)], axis=1).reshape(-1, 2)
         axes.plot(broken[:, 0], broken[:, 1], color=PALE, linewidth=0.4, zorder=1)
+    arrow = {"arrowstyle": "-|>", "color": RUST, "lw": 1.8, "shrinkB": 7}
     for a, b in pairwise(graph.chosen):
-        axes.annotate(
-            "", places[b], places[a], zorder=3, arrowprops={"arrowstyle": "-|>", "color": RUST, "lw": 1.8, "shrinkB": 7}
-        )
+        axes.annotate("", places[b], places[a], zorder=3, arrowprops=arrow)
 
 
 def _draw_states(axes: Axes, graph: StateGraph, places: Array) -> None:

@@ -107,14 +107,8 @@ def _point_at_smallest(axes: Axes, run: tuple[Move, ...], edges: list[Array]) ->
     name = "smallest: " if move.margin > 0.0 else ""
     axes.plot([place], [margins[piece]], "o", color=RUST, markersize=5, markerfacecolor="white", markeredgewidth=1.6)
     side = -1 if place > 0.6 * len(run) else 1
-    axes.annotate(
-        name + margin_words(move.margin),
-        (place, margins[piece]),
-        (side * 8, -11),
-        textcoords="offset points",
-        ha="left" if side > 0 else "right",
-        color=RUST,
-    )
+    style: Any = {"textcoords": "offset points", "ha": "left" if side > 0 else "right", "color": RUST}
+    axes.annotate(name + margin_words(move.margin), (place, margins[piece]), (side * 8, -11), **style)
 
 
 def _legend(axes: Axes, plan: Plan) -> None:

@@ -59,11 +59,8 @@ def paint_surfaces(surfaces: Sequence[Surface], figure: Figure, upright: str = "
         _nominal(axes, surface.slices)
         name = f"CU of {surface.contact}, {surface.kind}"
         figure.text(left + 0.04, top - 0.07 * row, name, fontweight="bold", fontsize=9.0)
-        for axis, label, pad in (
-            (axes.xaxis, "x, mm", 0.0),
-            (axes.yaxis, f"{upright}, mm", 1.0),
-            (axes.zaxis, "φ, °", 0.0),
-        ):
+        labels = ((axes.xaxis, "x, mm", 0.0), (axes.yaxis, f"{upright}, mm", 1.0), (axes.zaxis, "φ, °", 0.0))
+        for axis, label, pad in labels:
             axis.set_major_locator(MaxNLocator(5, prune="both"))
             axis.set_label_text(label)
             axis.labelpad = pad
@@ -87,10 +84,8 @@ def _slices(axes: Any, slices: Sequence[Slice]) -> None:
     skin.set_edgecolor((0.106, 0.31, 0.541, 0.6))
     axes.add_collection3d(skin)
     points = np.vstack(faces)
-    for setter, low, high in zip(
-        (axes.set_xlim, axes.set_ylim, axes.set_zlim), points.min(axis=0), points.max(axis=0), strict=True
-    ):
-        setter(low, high)
+    for k, setter in enumerate((axes.set_xlim, axes.set_ylim, axes.set_zlim)):
+        setter(points[:, k].min(), points[:, k].max())
 
 
 def _nominal(axes: Any, slices: Sequence[Slice]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -66,9 +67,8 @@ def paint(course: Course, figure: Figure) -> None:
         if forces:
             _bands(row[1], course.nominal, axis)
             _force(row[1], forces, axis)
-    grid[0, 0].set_title(
-        "position P(t), Pa(t), and S(t)" if forces else "nominal position P(t) and freedoms S(t)", pad=14.0
-    )
+    title = "position P(t), Pa(t), and S(t)" if forces else "nominal position P(t) and freedoms S(t)"
+    grid[0, 0].set_title(title, pad=14.0)
     if forces:
         grid[0, 1].set_title("reaction Fa(t); applied: −Fa(t)", pad=14.0)
     for axes in grid[-1]:
@@ -91,14 +91,8 @@ def _bands(axes: Axes, nominal: Nominal, axis: int) -> None:
 
 def _runs(nominal: Nominal, axis: int) -> list[tuple[float, float, int]]:
     """The stretches of time over which one value of S stays the same."""
-    found: list[tuple[float, float, int]] = []
-    for item in nominal.intervals:
-        code = item.s[axis]
-        if found and found[-1][2] == code:
-            found[-1] = (found[-1][0], item.end, code)
-        else:
-            found.append((item.start, item.end, code))
-    return found
+    runs = [(code, [*run]) for code, run in groupby(nominal.intervals, key=lambda item: item.s[axis])]
+    return [(run[0].start, run[-1].end, code) for code, run in runs]
 
 
 def _switches(grid: Any, nominal: Nominal) -> None:
@@ -161,9 +155,8 @@ def _legend(figure: Figure, forces: bool) -> None:
 
     handles: list[Any] = [Line2D([], [], color=INK, label="P(t)")]
     if forces:
-        handles.append(
-            Line2D([], [], color=BLUE, linestyle="--", linewidth=1.6, label="Pa(t), where position is servoed")
-        )
+        servoed = "Pa(t), where position is servoed"
+        handles.append(Line2D([], [], color=BLUE, linestyle="--", linewidth=1.6, label=servoed))
         handles.append(Line2D([], [], color=RUST, linewidth=1.6, label="Fa(t), where force is servoed"))
         handles.append(Line2D([], [], color=RUST, linewidth=1.6, linestyle=":", label="either sign"))
     handles += [Patch(linewidth=0, label=f"S: {STOPS[code]}", **style) for code, style in _BANDS.items()]
