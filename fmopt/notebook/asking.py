@@ -201,13 +201,10 @@ def problem(
     place = Path(folder) if folder is not None else output.own_folder()
     output.prepare(place)
     one, two = (_file(part, place / name, unit) for part, name in ((peg, "peg"), (hole, "hole")))
-    text = error if isinstance(error, str) else _error_text(error)
-    return Asked((one[0], two[0]), text, (one[1], two[1])).written(place / "problem.toml")
-
-
-def _error_text(error: tuple[Size, Size]) -> str:
-    pairs = zip(error, ("m", "rad"), strict=True)
-    return ", ".join(size if isinstance(size, str) else f"{float(size)!r} {unit}" for size, unit in pairs)
+    if not isinstance(error, str):
+        pairs = zip(error, ("m", "rad"), strict=True)
+        error = ", ".join(size if isinstance(size, str) else f"{float(size)!r} {unit}" for size, unit in pairs)
+    return Asked((one[0], two[0]), error, (one[1], two[1])).written(place / "problem.toml")
 
 
 def _file(part: Part, stem: Path, unit: str | None) -> tuple[Path, str | None]:

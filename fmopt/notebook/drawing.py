@@ -131,9 +131,8 @@ def show(value: Any, what: str | None = None) -> Drawing:
     if what is None:
         return next(iter(found.values()))
     if what not in found:
-        raise ChoiceError(
-            f"there is no drawing {what!r} of this {type(value).__name__}", f"choose from {', '.join(found)}"
-        )
+        message = f"there is no drawing {what!r} of this {type(value).__name__}"
+        raise ChoiceError(message, f"choose from {', '.join(found)}")
     return found[what]
 
 

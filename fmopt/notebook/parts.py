@@ -83,10 +83,8 @@ def part_words(part: Part) -> Iterator[str]:
     extent = " x ".join(_mm(width) for width in np.ptp(shape.vertices, axis=0).tolist())
     pieces = "1 convex piece" if len(part.pieces) == 1 else f"{len(part.pieces)} convex pieces"
     yield f"{'part':<10} {part.name}: {extent} mm, volume {1e9 * shape.volume:.6g} mm3"
-    yield (
-        f"{'surface':<10} {len(shape.faces)} faces, {len(shape.edges)} edges, {len(shape.vertices)} corners, closed; "
-        f"{pieces}"
-    )
+    sizes = f"{len(shape.faces)} faces, {len(shape.edges)} edges, {len(shape.vertices)} corners"
+    yield f"{'surface':<10} {sizes}, closed; {pieces}"
     said = f"facets lie up to {_mm(part.chord_error)} mm off the true surface, which adds to the start error"
     yield f"{'deviation':<10} {said if part.chord_error else 'none: every face is plane'}"
     if part.form:

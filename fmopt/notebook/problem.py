@@ -29,9 +29,7 @@ from fmopt.task.toml.units import LENGTH, did_you_mean
 if TYPE_CHECKING:
     from fmopt.geometry.clearance import Clearance
 
-
 Given: TypeAlias = float | str
-
 _STEP = 1e-5  # m, by which a dimension is varied to see what it does
 _STEPS = 4
 _SAME = 1e-8  # m, between the clearance that was asked for and the measured one
@@ -121,9 +119,8 @@ class Problem(task.Problem):
             path = name if name in known else spoken.get(name)
             if path is None:
                 advice = did_you_mean(name, [*known, *spoken]) or "problem.targets lists the paths"
-                faults.append(
-                    Fault("with_", 1, 1, name, "unknown-path", "nothing of this problem has this path", advice)
-                )
+                message = "nothing of this problem has this path"
+                faults.append(Fault("with_", 1, 1, name, "unknown-path", message, advice))
                 continue
             key = known[path].key
             placed.append((key, value))
@@ -161,8 +158,7 @@ def load(path: str | PathLike[str]) -> Problem:
 
 
 def _problem(source: Source) -> Problem:
-    found = problem_of(source)
-    return Problem(**vars(found), source=source)
+    return Problem(**vars(problem_of(source)), source=source)
 
 
 def resized(problem: Problem, asked: str) -> Problem:

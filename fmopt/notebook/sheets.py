@@ -83,9 +83,7 @@ def pose_sheet(pose: Any) -> str:
 
 def freedom_sheet(freedoms: Sequence[Any]) -> str:
     """S(t): a line for each interval, a column for each axis."""
-    rows = [
-        (f"{i.start:.4g} to {i.end:.4g} s", *(f"{s:+d}" if s in (-1, 1) else str(s) for s in i.s)) for i in freedoms
-    ]
+    rows = [(f"{i.start:.4g} to {i.end:.4g} s", *(f"{s:+d}" if abs(s) == 1 else str(s) for s in i.s)) for i in freedoms]
     return _sheet(table("S(t): 0 free, ±1 stopped on one side, 2 on both", ("t", *AXES), rows, ".nnnnnn"))
 
 

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from fmopt.planning.plan_record import Nominal
     from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 
-
 Progress = Callable[[str], None]
 
 

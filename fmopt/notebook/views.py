@@ -32,9 +32,7 @@ if TYPE_CHECKING:
     from fmopt.papers.lee_huang.mapping import Mapping as Diagrams
     from fmopt.task.problem import Problem
 
-
 _SCENE, _STILL = (8.2, 8.0), (8.2, 6.5)  # inches
-
 _PAIRS = ((0, 1), (0, 2), (3, 4))
 _MANY = 1500  # lines of a graph that can still be told apart
 
@@ -66,13 +64,8 @@ def _problem(problem: Problem) -> Iterable[Drawing]:
     title = f"{problem.moving.name} and {problem.fixed.name}"
     yield part_sheet(problem.moving, problem.fixed, name="parts")
     yield Drawing("scene", f"{title}, seated along the axis", title, _SCENE, fragment=partial(_seating, problem))
-    yield Drawing(
-        "diagrams",
-        diagram_view.TITLE,
-        f"{title}: cut-diagrams G and GE on three planes.",
-        diagram_view.paper(3),
-        paint=partial(_paint_diagrams, problem),
-    )
+    alt, paint = f"{title}: cut-diagrams G and GE on three planes.", partial(_paint_diagrams, problem)
+    yield Drawing("diagrams", diagram_view.TITLE, alt, diagram_view.paper(3), paint)
 
 
 def _seating(problem: Problem) -> str:
@@ -95,15 +88,9 @@ def _diagrams(mapping: Diagrams) -> Iterable[Drawing]:
     from fmopt.papers.lee_huang.mapping import diagrams
     from fmopt.report.views import diagram_view
 
-    length = float(-mapping.path.nodes[-1, 2]) or 0.01
-    found = diagrams(mapping, length)
-    yield Drawing(
-        "diagrams",
-        diagram_view.TITLE,
-        diagram_view.alt(found),
-        diagram_view.size(found),
-        paint=partial(diagram_view.paint, found),
-    )
+    found = diagrams(mapping, float(-mapping.path.nodes[-1, 2]) or 0.01)
+    alt, size = diagram_view.alt(found), diagram_view.size(found)
+    yield Drawing("diagrams", diagram_view.TITLE, alt, size, partial(diagram_view.paint, found))
 
 
 def _part(part: Part) -> Iterable[Drawing]:
@@ -137,17 +124,15 @@ def _region(region: Region) -> Iterable[Drawing]:
 
 def _graph(graph: ContactGraph) -> Iterable[Drawing]:
     counts = ", ".join(f"{n} of dimension {d}" for d, n in reversed(graph.count().items()))
-    alt = f"{len(graph.states)} contact states: {counts}. Each row is a dimension, lines join states that touch."
-    yield Drawing(
-        "states", f"{len(graph.states)} contact states by dimension", alt, (7.0, 4.6), partial(paint_graph, graph)
-    )
+    states = f"{len(graph.states)} contact states"
+    alt = f"{states}: {counts}. Each row is a dimension, lines join states that touch."
+    yield Drawing("states", f"{states} by dimension", alt, (7.0, 4.6), partial(paint_graph, graph))
 
 
 def _errors(errors: ErrorSet) -> Iterable[Drawing]:
     alt = f"Half-widths of the set of errors: {box_words(errors.support(np.eye(6)).tolist())}."
-    yield Drawing(
-        "errors", "Set of pose errors, seen along pairs of axes", alt, (7.0, 2.9), partial(paint_errors, errors)
-    )
+    title = "Set of pose errors, seen along pairs of axes"
+    yield Drawing("errors", title, alt, (7.0, 2.9), partial(paint_errors, errors))
 
 
 VIEWS: Mapping[str, Callable[[Any], Iterable[Drawing]]] = {
