@@ -110,9 +110,8 @@ def contacts(plan: Plan) -> dict[str, Contact]:
     try:
         return {contact.id: _contact(contact, sides) for contact in plan.contacts}
     except ValueError as error:
-        raise PlanFormatError(
-            f"the plan's contacts cannot be taken: {error}", "give a plan.json that fmopt solve wrote"
-        ) from error
+        message = f"the plan's contacts cannot be taken: {error}"
+        raise PlanFormatError(message, "give a plan.json that fmopt solve wrote") from error
 
 
 class _Side:

@@ -53,7 +53,6 @@ class Graph:
     """The contact graph of a critical point.
 
     Attributes:
-        critical_point: what the point is called.
         sons: of each state, by index.
         verdicts: what was found of each state on the true surfaces.
         chosen: the states that the motion goes through, by index, in order.
@@ -79,9 +78,7 @@ class Visit:
     """A contact state that the motion comes to.
 
     Attributes:
-        contacts: those that touch.
         segment: with which it begins, −1 for the start.
-        change: how it begins.
         held_in: critical points, by index, and the name of the state in the graph of each.
     """
 
@@ -312,8 +309,6 @@ class Planar:
     Attributes:
         position, angle: deviations at the start, m and rad.
         nominal: parts of the nominal trajectory, s.
-        agreement: of these sets with S(t).
-        segments: parts of each segment.
         sets, surfaces: those worth drawing.
         aside, height: how far to the side and how far above its start the part is carried without a contact, m; the
             height is None beyond the size of the part.
@@ -362,8 +357,7 @@ class Diagnostics:
     Attributes:
         graphs: of the critical points, those of the motion first.
         sequence: the contact states that the motion comes to.
-        diagrams: cut-diagrams of the T-C mapping.
-        freedom_on_planes: S(t) as these show it.
+        freedom_on_planes: S(t) as the diagrams show it.
         budget: where the start errors come from.
         measured_clearance: on each side along x and y, m; None where nothing stops the part.
         imported: what to know of parts that came as meshes.
@@ -371,7 +365,6 @@ class Diagnostics:
         hand: what the hand does, where that is not what the plan says of the moving part.
         tolerated: how much error the motion tolerates, where that was asked for.
         reduced: that the plan is for smaller errors than the problem states.
-        planar: sets of possible contact, of a planar problem.
         unplanned: contacts that moves do not plan and larger errors would make, in the order of the moves.
     """
 

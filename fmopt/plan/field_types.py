@@ -39,9 +39,8 @@ Point = tuple[Number, Number]
 Polyline = Many[Point]
 Loops = Many[Polyline]
 Pair = Annotated[Polyline, Field(min_length=2, max_length=2)]
-Freedom = Annotated[
-    int, Field(strict=True, ge=-1, le=2)
-]  # 0 free, stopped in one direction or the other, stopped in both
+# 0 free, stopped in one direction or the other, stopped in both.
+Freedom = Annotated[int, Field(strict=True, ge=-1, le=2)]
 StateVerdict = Annotated[str, one_of("confirmed", "blocked", "out_of_bounds", "split", "undecided")]
 MotionKind = Annotated[str, one_of("gross", "fine", "blocked")]
 MoveName = Annotated[str, Field(pattern=r"^([+-]r?[xyz]|[a-z]{1,16})$")]

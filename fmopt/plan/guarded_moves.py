@@ -152,9 +152,8 @@ def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, 
     hybrid = row.hybrid
     frame = Pose.from_vector(hybrid.frame)
     V = frozen(hybrid.velocity, 6)
-    position_axes, force_axes = (
-        np.reshape(np.array(axes, dtype=np.float64), (-1, 6)) for axes in (hybrid.position_axes, hybrid.force_axes)
-    )
+    axes = hybrid.position_axes, hybrid.force_axes
+    position_axes, force_axes = (np.array(rows, dtype=np.float64).reshape(-1, 6) for rows in axes)
     held = from_frame(frame, force_axes, goal.p)
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
     hold = frozen(hybrid.bias, 6)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,8 +66,7 @@ def export(plan: Plan, base: Pose, rate: float, folder: Path, caution: str = "")
         _write_bag(list(_samples(rows, base, rate)), partial, notes)
         # Before the bag comes to its place: a folder that holds one is refused, so that it stands for all three.
         output.save(_controllers(frames[0], notes).encode(), controllers)
-        listed = [_segment(*pair, base, plan.rho) for pair in zip(rows, frames, strict=True)]
-        output.save(_segments(plan, rows, listed, base, notes).encode(), segments)
+        output.save(_segments(plan, rows, frames, base, notes).encode(), segments)
     return bag, controllers, segments
 
 
@@ -110,12 +110,10 @@ def _messages(types: Mapping[str, Any], sample: _Sample) -> dict[str, Any]:
     nanoseconds = round(1e9 * sample.time)
     stamp = types["builtin_interfaces/msg/Time"](nanoseconds // 10**9, nanoseconds % 10**9)
     header = types["std_msgs/msg/Header"](stamp, BASE_LINK)
-    vector, force, torque = types["geometry_msgs/msg/Vector3"], sample.wrench[:3], sample.wrench[3:]
-    position = types["geometry_msgs/msg/Point"](*(float(value) for value in sample.pose.p))
+    vector = types["geometry_msgs/msg/Vector3"]
+    position = types["geometry_msgs/msg/Point"](*map(float, sample.pose.p))
     turn = types["geometry_msgs/msg/Quaternion"](*_quaternion(sample.pose))
-    wrench = types["geometry_msgs/msg/Wrench"](
-        vector(*(float(value) for value in force)), vector(*(float(value) for value in torque))
-    )
+    wrench = types["geometry_msgs/msg/Wrench"](*(vector(*map(float, half)) for half in np.split(sample.wrench, 2)))
     return {
         "PoseStamped": types["geometry_msgs/msg/PoseStamped"](header, types["geometry_msgs/msg/Pose"](position, turn)),
         "WrenchStamped": types["geometry_msgs/msg/WrenchStamped"](header, wrench),
@@ -155,24 +153,20 @@ def _controllers(first: TaskFrame, notes: tuple[str, ...]) -> str:
     )
 
 
-def _segments(
-    plan: Plan, rows: tuple[Move, ...], listed: list[dict[str, Any]], base: Pose, notes: tuple[str, ...]
-) -> str:
-    begun = 0.0
-    for move, entry in zip(rows, listed, strict=True):
-        entry["begins"] = begun
-        begun += move.duration
+def _segments(plan: Plan, rows: tuple[Move, ...], frames: list[TaskFrame], base: Pose, notes: tuple[str, ...]) -> str:
+    begun = accumulate((move.duration for move in rows[:-1]), initial=0.0)
+    listed = [_segment(*row, base, plan.rho) for row in zip(rows, frames, begun, strict=True)]
     turning = turning_words([move.twist for move in rows], [move.number for move in rows])
     count = "segment and move count from 0, as in the plan file"
     said = (*notes, insertion_words(base), turning, count)
     return _yaml({"plan": plan.sha256, "frame_id": BASE_LINK, "segments": listed}, said)
 
 
-def _segment(move: Move, task: TaskFrame, base: Pose, rho: float) -> dict[str, Any]:
+def _segment(move: Move, task: TaskFrame, begun: float, base: Pose, rho: float) -> dict[str, Any]:
     return {
         "segment": move.segment,
         "move": move.number,
-        "begins": 0.0,
+        "begins": begun,
         "held": list(move.state),
         "stiffness": _stiffness(task),
         "set_force_mode": _request(move, task, base, rho),
@@ -217,7 +211,7 @@ def _stop(move: Move, base: Pose) -> dict[str, Any]:
 
 
 def _xyz(values: Array) -> dict[str, float]:
-    return dict(zip("xyz", (float(value) for value in values), strict=True))
+    return dict(zip("xyz", map(float, values), strict=True))
 
 
 def _yaml(value: Mapping[str, Any], notes: tuple[str, ...]) -> str:

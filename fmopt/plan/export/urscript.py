@@ -260,9 +260,7 @@ def _segment(plan: Plan, rows: Sequence[Move], index: int, base: Pose, settings:
     return lines
 
 
-def _guard(
-    rows: Sequence[Move], index: int, base: Pose, rho: float, settings: Settings, pace: float
-) -> tuple[str, ...]:
+def _guard(rows: Sequence[Move], index: int, base: Pose, rho: float, settings: Settings, pace: float) -> list[str]:
     """The arguments of a guarded move: twist, what tells its share of a speed, gain, forces, and times, s."""
     move = rows[index]
     stop = move.stop
@@ -280,7 +278,7 @@ def _guard(
     held = stop.gain @ np.column_stack([move.hold_start, move.hold])
     # The program counts time: the way is as commanded until something is touched.
     times = (travel / speed, timeout, max(due, 0.0) / speed)
-    return (*map(_list, lists), _number(force), _list(held), *map(_number, times))
+    return [*map(_list, lists), _number(force), _list(held), *map(_number, times)]
 
 
 def _pace(move: Move, settings: Settings) -> float:

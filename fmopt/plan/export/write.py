@@ -50,9 +50,8 @@ class Form:
     def frame(self) -> Pose:
         """The pose of the hole's frame in the robot's base."""
         if self.base is None:
-            raise ValueError(
-                f"{self.to} needs the hole's frame in the robot's base: give --base X Y Z RX RY RZ, in m and rad"
-            )
+            advice = "give --base X Y Z RX RY RZ, in m and rad"
+            raise ValueError(f"{self.to} needs the hole's frame in the robot's base: {advice}")
         return base_pose(self.base)
 
 
@@ -88,9 +87,8 @@ def export(plan: Plan, form: Form, target: Path) -> Written:
     text = text_of(plan, form) if target == STDIO else ""
     paths = () if target == STDIO else exported(plan, form, target)
     if not form.for_robots:
-        return Written(
-            paths, () if form.base is None else (f"{form.to} is in the hole's frame: --base is not used",), text
-        )
+        notes = () if form.base is None else (f"{form.to} is in the hole's frame: --base is not used",)
+        return Written(paths, notes, text)
     return Written(paths, (insertion_words(form.frame), _turning(plan, form.to)), text)
 
 
@@ -104,16 +102,9 @@ def _turning(plan: Plan, to: str) -> str:
 
 
 def _require_guarded_moves(plan: Plan) -> None:
-    """Refuse a plan of presses.
-
-    Raises:
-        PlanFormatError: the plan has presses.
-    """
     if plan.press_plan is not None:
-        raise PlanFormatError(
-            "a plan of presses is not exported yet",
-            'ask for evidence = "certified", whose guarded moves are; or read the presses from the plan file',
-        )
+        advice = 'ask for evidence = "certified", whose guarded moves are; or read the presses from the plan file'
+        raise PlanFormatError("a plan of presses is not exported yet", advice)
 
 
 def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
