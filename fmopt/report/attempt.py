@@ -92,11 +92,7 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Failure:
-    """Why there is no plan.
-
-    Args:
-        box: half-widths (6,) of the start error that was asked for, m and rad.
-    """
+    """Why there is no plan; `box` has the half-widths (6,) of the start error that was asked for, m and rad."""
 
     title: str
     stage: str

@@ -136,11 +136,8 @@ def jamming_table(plan: Plan) -> str:
     """The worst piece of every move, how many may jam, and what the numbers mean; nothing where none is stated."""
     rows = []
     for move in moves(plan):
-        stated = [
-            (k, piece.hybrid, free)
-            for k, piece in enumerate(move.segments, start=1)
-            if (free := piece.hybrid.jam_free) is not None
-        ]
+        ranges = [(k, piece.hybrid, piece.hybrid.jam_free) for k, piece in enumerate(move.segments, start=1)]
+        stated = [(k, hybrid, free) for k, hybrid, free in ranges if free is not None]
         if not stated:
             continue
         k, worst, free = min(stated, key=lambda item: _room(item[2]))
@@ -163,12 +160,8 @@ def jamming_table(plan: Plan) -> str:
 
 def jamming_words(plan: Plan) -> str:
     """Which pieces may jam and what push that takes, and how far the wrenches of the others turn; "" if unstated."""
-    stated = [
-        (move.number, free)
-        for move in moves(plan)
-        for piece in move.segments
-        if (free := piece.hybrid.jam_free) is not None
-    ]
+    ranges = [(move.number, piece.hybrid.jam_free) for move in moves(plan) for piece in move.segments]
+    stated = [(number, free) for number, free in ranges if free is not None]
     if not stated:
         return ""
     angles = [item.angle for _, item in stated if item.angle > 0.0]
@@ -195,11 +188,8 @@ def jamming_cells(hybrid: Hybrid, free: JamFree, rho: float) -> tuple[str, str, 
         return push, "may wedge", "–"
     if not free.angle > 0.0:
         return push, "may jam", "–"
-    narrow = [
-        f"{_degrees(away)} from, {_degrees(to)} to {_towards(hybrid, name, rho)}"
-        for name, (away, to) in free.planes
-        if min(away, to) < _WIDE
-    ]
+    near = ((name, away, to) for name, (away, to) in free.planes if min(away, to) < _WIDE)
+    narrow = [f"{_degrees(away)} from, {_degrees(to)} to {_towards(hybrid, name, rho)}" for name, away, to in near]
     return push, _degrees(free.angle), "; ".join(narrow) or "none below 90°"
 
 

@@ -56,14 +56,21 @@ def _press_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, str
 
 def _guarded_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, str, str]]:
     """Chapters of guarded moves: what they do, why it holds, what it tolerates."""
+    drawings = "".join(shown[name] for name in shown if name == "states" or name.startswith("states-"))
+    states = sections.why(plan) + drawings + sections.contact_table(plan) + sections.critical_table(plan)
+    # Where the start errors come from, what becomes of them on the way, and what they take of the clearance.
+    sources = budget_table(plan) + shown.get("budget", "")
+    budget = sources + sections.error_table(plan) + shown.get("tube", "") + sections.taken(plan)
+    tables = control_tables.force_table(plan) + control_tables.motion_table(plan)
+    course = shown.get("diagrams", "") + shown.get("trajectory", "") + tables
     planar = possible_contacts(plan)
     return [
         ("moves", "The moves", sections.move_table(plan)),
-        ("states", "Contact states, and why this sequence", _states(plan, shown)),
+        ("states", "Contact states, and why this sequence", states),
         ("margins", "Margins and what binds them", sections.margin_words_of(plan) + shown.get("margin", "")),
-        ("budget", "Uncertainty budget", _budget(plan, shown)),
+        ("budget", "Uncertainty budget", budget),
         ("plane", "Possible contacts in the plane", planar + shown.get("sets", "") + shown.get("surfaces", "")),
-        ("trajectory", "Position and force over time", _nominal(plan, shown)),
+        ("trajectory", "Position and force over time", course),
         ("hybrid", "Hybrid strategies", control_tables.hybrid_table(plan) + jamming_table(plan)),
         ("tolerance", "Tolerated errors and sensitivities", tolerance_chapter(plan)),
         ("recovery", "When a move fails", recovery_chapter(plan)),
@@ -78,22 +85,6 @@ def _verdict_box(plan: Plan, found: Verdict) -> str:
     text += "" if plan.press_plan is not None else f"<p>{escape(sections.worst_move(plan))}</p>\n"
     text += f'<p>{escape(sections.asked_words(plan))} More under <a href="#asked">what was asked</a>.</p>\n'
     return text + "</div>"
-
-
-def _budget(plan: Plan, shown: Mapping[str, str]) -> str:
-    """Where the start errors come from, what becomes of them on the way, and what they take of the clearance."""
-    sources = budget_table(plan) + shown.get("budget", "")
-    return sources + sections.error_table(plan) + shown.get("tube", "") + sections.taken(plan)
-
-
-def _states(plan: Plan, shown: Mapping[str, str]) -> str:
-    drawings = "".join(shown[name] for name in shown if name == "states" or name.startswith("states-"))
-    return sections.why(plan) + drawings + sections.contact_table(plan) + sections.critical_table(plan)
-
-
-def _nominal(plan: Plan, shown: Mapping[str, str]) -> str:
-    tables = control_tables.force_table(plan) + control_tables.motion_table(plan)
-    return shown.get("diagrams", "") + shown.get("trajectory", "") + tables
 
 
 def _shown(plan: Plan, figures: Mapping[str, str]) -> dict[str, str]:
@@ -143,10 +134,7 @@ def _becomes(parts: Sequence[PlanarSegment]) -> str:
 
 
 def _nominal_table(found: Planar) -> str:
-    rows = [
-        (f"{phase.start:.3f} to {phase.end:.3f} s", phase.kind, ", ".join(phase.contacts) or "none")
-        for phase in found.nominal
-    ]
+    rows = [(f"{p.start:.3f} to {p.end:.3f} s", p.kind, ", ".join(p.contacts) or "none") for p in found.nominal]
     said = found.agreement
     text = (
         f"Both for {said.both:.3f} s, neither for {said.neither:.3f} s, only a contact possible for "

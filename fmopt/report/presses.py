@@ -24,10 +24,7 @@ def presses_of(plan: Plan) -> PressPlan:
 
 def press_rows(attempt: Attempt) -> list[tuple[str, ...]]:
     """One row per press: name, S as the letters of force axes, twist, wrench, ends."""
-    return [
-        (press.name, _s_words(press), _twist_words(press), _wrench_words(press), "; ".join(_ends(press)))
-        for press in attempt.presses
-    ]
+    return [(p.name, _s_words(p), _twist_words(p), _wrench_words(p), "; ".join(_ends(p))) for p in attempt.presses]
 
 
 def _s_words(press: Press) -> str:
@@ -39,11 +36,8 @@ def _s_words(press: Press) -> str:
 def _twist_words(press: Press) -> str:
     if press.rocking is not None:
         return f"cone of {degrees(press.rocking.angle)}°, {press.rocking.rate:g} times a second"
-    moving = [
-        f"{axis} {1e3 * rate:+.3g} mm/s" if k < 3 else f"{axis} {degrees(rate)}°/s"
-        for k, (axis, rate) in enumerate(zip(AXES, press.twist, strict=True))
-        if rate
-    ]
+    rates = enumerate(zip(AXES, press.twist, strict=True))
+    moving = [f"{axis} {1e3 * v:+.3g} mm/s" if k < 3 else f"{axis} {degrees(v)}°/s" for k, (axis, v) in rates if v]
     return ", ".join(moving) or "none"
 
 

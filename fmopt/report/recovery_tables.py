@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from html import escape
+from itertools import groupby
 
 from fmopt.plan import MoveRecovery, Plan
-from fmopt.plan.diagnostics import ErrorTolerance, ToleranceEnd
+from fmopt.plan.diagnostics import ErrorTolerance
 from fmopt.plan.position_force import AXES
 from fmopt.report.moves import verdict
 from fmopt.report.naming import binding_words, degrees, meeting_words, millimetres, signed
@@ -52,12 +53,8 @@ def recovery_words(plan: Plan) -> list[str]:
 
 def _listed(noun: str, numbers: Sequence[int]) -> str:
     """Numbers as people list them: "moves 1 to 3 and 5"."""
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and number == runs[-1][-1] + 1:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
+    # Of consecutive numbers all are ahead of their places by the same.
+    runs = [[number for _, number in run] for _, run in groupby(enumerate(numbers), lambda one: one[1] - one[0])]
     words = [word for run in runs for word in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else map(str, run))]
     text = " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
     return f"{noun}{'s' if len(numbers) > 1 else ''} {text}"
@@ -120,7 +117,8 @@ def tolerated_words(plan: Plan) -> str:
     else:
         sizes = ", ".join(f"{name} ±{_size(name, value)}" for name, value in box)
         words = f"This motion keeps a positive margin up to {found.factor:.3g} times the start errors: {sizes}."
-    words += _end_words(plan, found.end)
+    if (end := found.end) is not None:
+        words += f" What ends it is move {end.move + 1}: {end.reason or binding_words(plan, end.binding)}."
     if verdict(plan).proved:
         return words + " Only the stated errors are certified; the larger ones are the planner's own figure."
     return words + " That is the planner's own figure, and not proved."
@@ -128,13 +126,6 @@ def tolerated_words(plan: Plan) -> str:
 
 def _tolerated(plan: Plan) -> ErrorTolerance | None:
     return None if plan.description.diagnostics is None else plan.description.diagnostics.tolerated
-
-
-def _end_words(plan: Plan, end: ToleranceEnd | None) -> str:
-    """What fails first beyond that, as a sentence."""
-    if end is None:
-        return ""
-    return f" What ends it is move {end.move + 1}: {end.reason or binding_words(plan, end.binding)}."
 
 
 def rates(plan: Plan) -> list[tuple[str, str, str]]:

@@ -256,11 +256,8 @@ def _opened(body: Polyhedron, pieces: Sequence[Polyhedron], quarter: tuple[int, 
                 rest = _clipped(half.vertices[list(half.faces[-1].loops[0])], -other)
                 caps += [rest] if len(rest) else []
     lines = [part for line in _creases(body) for part in _outside(line, x, y)] + _cut_lines(pieces, x, y)
-    return {
-        "polygons": [_rounded(loop) for loop in skin],
-        "caps": [_rounded(loop) for loop in caps],
-        "lines": [_rounded(line) for line in lines],
-    }
+    named = {"polygons": skin, "caps": caps, "lines": lines}
+    return {name: [_rounded(loop) for loop in loops] for name, loops in named.items()}
 
 
 def _outside(points: Array, x: Array, y: Array) -> list[Array]:

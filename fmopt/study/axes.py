@@ -282,13 +282,10 @@ def assignments(axes: Sequence[Axis], point: Sequence[Number]) -> tuple[tuple[Ke
     Raises:
         QuantityError: arithmetic on the values fails.
     """
-    names = {
-        axis.name: Quantity(value, axis.dimension)
-        for axis, value in zip(axes, point, strict=True)
-        if axis.dimension is not None and isinstance(value, float)
-    }
+    pairs = list(zip(axes, point, strict=True))
+    names = {a.name: Quantity(v, a.dimension) for a, v in pairs if a.dimension is not None and isinstance(v, float)}
     found = []
-    for axis, value in zip(axes, point, strict=True):
+    for axis, value in pairs:
         for goal, expression in axis.sets:
             if expression:
                 result = evaluate(expression, names)

@@ -208,8 +208,6 @@ def _listing(study: Study) -> Iterator[str]:
     for before, number in zip([-1, *shown], shown, strict=False):
         if number != before + 1:
             yield "…"
-        words = [
-            f"{axis.name} = " + (str(value) if axis.dimension is None else in_words(float(value), axis.dimension))
-            for axis, value in zip(study.axes, study.points[number], strict=True)
-        ]
+        pairs = zip(study.axes, study.points[number], strict=True)
+        words = [f"{a.name} = {v if a.dimension is None else in_words(float(v), a.dimension)}" for a, v in pairs]
         yield f"{number}: " + ", ".join(words)

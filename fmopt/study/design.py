@@ -208,11 +208,8 @@ def _value_faults(study: Study) -> list[Fault]:
         else:
             chosen |= {values.index(min(values)), values.index(max(values))}
     faults: list[Fault] = []
-    mine = {
-        dotted(goal.key): study.source.place((*axis.place, *_of_values(study.source, axis)))
-        for axis in study.axes
-        for goal, _ in axis.sets
-    }
+    places = ((axis, study.source.place((*axis.place, *_of_values(study.source, axis)))) for axis in study.axes)
+    mine = {dotted(goal.key): place for axis, place in places for goal, _ in axis.sets}
     # Not all runs: each is a problem to be read. What is missed here gets a row with the outcome "input".
     for number in sorted(chosen):
         try:

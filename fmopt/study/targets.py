@@ -87,10 +87,8 @@ class Base:
                 said[f"{side} mesh"] = hashlib.sha256(content).hexdigest()
         # Laid out below the folder that they share, files find each other by the relative names that are in them.
         root = os.path.commonpath([file.parent for file in files])
-        inputs = {
-            os.path.relpath(file, root): read_bytes(given, source.place(()), MAX_MESH_BYTES)
-            for file, given in files.items()
-        }
+        place = source.place(())
+        inputs = {os.path.relpath(f, root): read_bytes(given, place, MAX_MESH_BYTES) for f, given in files.items()}
         name = os.path.relpath(normpath(path.absolute()), root)
         return Base(source, MappingProxyType(models), MappingProxyType(inputs), name, canonical_digest(said))
 

@@ -34,11 +34,8 @@ _FILLS = (  # face, hatch: told apart in black and white, too
 def shares(plan: Plan) -> Shares:
     """Sources with what each adds to the half-widths (6,), m and rad; those that add nothing are left out."""
     listed = () if plan.description.diagnostics is None else plan.description.diagnostics.budget
-    return [
-        (f"{item.source} ({item.symbol})" if item.symbol else item.source, np.array(item.box, dtype=np.float64))
-        for item in listed
-        if any(item.box)
-    ]
+    named = ((f"{item.source} ({item.symbol})" if item.symbol else item.source, item.box) for item in listed)
+    return [(name, np.array(box, dtype=np.float64)) for name, box in named if any(box)]
 
 
 def size(listed: Shares) -> tuple[float, float]:

@@ -59,15 +59,9 @@ def graphs(plan: Plan) -> tuple[StateGraph, ...]:
 
 
 def _chain(plan: Plan) -> StateGraph:
-    chain = states(plan)
-    last = len(chain) - 1
-    return StateGraph(
-        name="",
-        contacts=tuple(contacts for contacts, _ in chain),
-        dimensions=tuple(dimension for _, dimension in chain),
-        sons=tuple((i + 1,) if i < last else () for i in range(len(chain))),
-        chosen=tuple(range(len(chain))),
-    )
+    contacts, dimensions = zip(*states(plan), strict=True)
+    sons = (*((i,) for i in range(1, len(contacts))), ())
+    return StateGraph("", contacts, dimensions, sons, tuple(range(len(contacts))))
 
 
 def size(graph: StateGraph) -> tuple[float, float]:

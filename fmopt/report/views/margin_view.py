@@ -37,7 +37,7 @@ def paint(plan: Plan, figure: Figure) -> None:
     """Steps over the travel, each move equally wide: the clearance dashed, the margin solid, hatched between."""
     axes = figure.subplots()
     run = moves(plan)
-    marks = _marks(plan, run)
+    marks = [0.0, *np.cumsum([sum(_length(plan, piece) for piece in move.segments) for move in run]).tolist()]
     edges = [_edges(plan, move, k) for k, move in enumerate(run)]
     for move, places in zip(run, edges, strict=True):
         _steps(axes, move, places)
@@ -65,12 +65,6 @@ def _length(plan: Plan, piece: Segment) -> float:
     """ρ-metric length of a piece, mm."""
     way, angle = np.linalg.norm(way_of(piece)), np.linalg.norm(turn_of(piece))
     return 1e3 * float(np.hypot(way, plan.rho * angle))
-
-
-def _marks(plan: Plan, run: tuple[Move, ...]) -> list[float]:
-    """Travel at the ends of the moves, mm."""
-    lengths = [sum(_length(plan, piece) for piece in move.segments) for move in run]
-    return [0.0, *np.cumsum(lengths).tolist()]
 
 
 def _edges(plan: Plan, move: Move, left: int) -> Array:

@@ -102,10 +102,7 @@ def piece_points(piece: Curve, step: float = 0.03) -> Array:
 def _legend(figure: Figure, used: set[str]) -> None:
     from matplotlib.lines import Line2D
 
-    handles = [
-        Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=words)
-        for name, (colour, dashes, words) in CARRIERS.items()
-        if name in used
-    ]
+    listed = [carrier for name, carrier in CARRIERS.items() if name in used]
+    handles = [Line2D([], [], color=c, linestyle=dashes, linewidth=1.8, label=words) for c, dashes, words in listed]
     handles.append(Line2D([], [], color=GREY, linestyle=":", marker="o", markersize=3.0, label="without uncertainty"))
     figure.legend(handles=handles, loc="outside lower center", ncols=2)

@@ -90,11 +90,8 @@ def _slices(axes: Any, slices: Sequence[Slice]) -> None:
 
 def _nominal(axes: Any, slices: Sequence[Slice]) -> None:
     """The nominal C-surface, ruled by one segment a slice."""
-    ruled = [
-        np.column_stack([1e3 * np.array(part.boundary.nominal), np.full(2, math.degrees(part.phi))])
-        for part in slices
-        if len(part.boundary.nominal) == 2
-    ]
+    ends = [(np.array(part.boundary.nominal), math.degrees(part.phi)) for part in slices]
+    ruled = [np.column_stack([1e3 * pair, np.full(2, phi)]) for pair, phi in ends if len(pair) == 2]
     if len(ruled) > 1:
         x, y, z = np.moveaxis(np.array(ruled), -1, 0)
         axes.plot_surface(x, y, z, color=RUST, alpha=0.85, linewidth=0.3, edgecolor="white", shade=False)

@@ -81,18 +81,13 @@ def paint(course: Course, figure: Figure) -> None:
 def _bands(axes: Axes, nominal: Nominal, axis: int) -> None:
     """Bands over the whole height; an interval too short to be seen is drawn as a line."""
     duration = nominal.times[-1]
-    for start, end, code in _runs(nominal, axis):
-        style = _BANDS.get(code)
+    for code, stretch in groupby(nominal.intervals, key=lambda item: item.s[axis]):
+        run, style = [*stretch], _BANDS.get(code)
+        start, end = run[0].start, run[-1].end
         if style and end - start > _SHORT * duration:
             axes.axvspan(start, end, linewidth=0, zorder=0, **style)
         elif style:
             axes.axvline(0.5 * (start + end), color=style["edgecolor"], linewidth=2.5, zorder=0)
-
-
-def _runs(nominal: Nominal, axis: int) -> list[tuple[float, float, int]]:
-    """The stretches of time over which one value of S stays the same."""
-    runs = [(code, [*run]) for code, run in groupby(nominal.intervals, key=lambda item: item.s[axis])]
-    return [(run[0].start, run[-1].end, code) for code, run in runs]
 
 
 def _switches(grid: Any, nominal: Nominal) -> None:

@@ -46,11 +46,8 @@ def ends_words(plan: Plan) -> str:
     if len(plan.error_sets) <= len(plan.segments):
         return words + "no error at its end follows."
     half = plan.error_sets[-1].half_widths()
-    left = [
-        f"{axis} ±{float(_SCALE[k] * half[k]):.2g}{'°' if k > 2 else ' mm'}"
-        for k, axis in enumerate(AXES)
-        if half[k] > _LITTLE
-    ]
+    wide = [(k, axis) for k, axis in enumerate(AXES) if half[k] > _LITTLE]
+    left = [f"{axis} ±{float(_SCALE[k] * half[k]):.2g}{'°' if k > 2 else ' mm'}" for k, axis in wide]
     return words + (f"ends with errors of up to {', '.join(left)}." if left else "ends with no error to speak of.")
 
 
@@ -70,7 +67,9 @@ def paint(plan: Plan, figure: Figure) -> None:
     sets = [*error_sets(plan).items()]
     blocks = [sets[k : k + _PER_ROW] for k in range(0, len(sets), _PER_ROW)]
     figure.set_layout_engine("none")
-    reach = _reach([errors for _, errors in sets])
+    # How far the axes go on each side, mm and degrees: no outline is clipped.
+    widths = [np.sqrt(np.maximum(np.diag(errors.shape), 0.0)) for _, errors in sets]
+    reach = np.maximum(1.08 * np.array(_SCALE) * np.max(widths, axis=0), _NOTHING)
     for number, block in enumerate(blocks):
         bottom, top = (1.0 - (number + share) / len(blocks) for share in (1.0, 0.0))
         room = {"bottom": bottom + 0.12 / len(blocks), "top": top - 0.06 / len(blocks), "hspace": 0.62}
@@ -83,12 +82,6 @@ def paint(plan: Plan, figure: Figure) -> None:
                 if row == 0:
                     axes.set_title(name, loc="center", fontweight="normal")
     _legend(figure)
-
-
-def _reach(sets: list[ErrorSet]) -> Array:
-    """How far the axes go on each side (6,), mm and degrees: no outline is clipped."""
-    widths = [np.sqrt(np.maximum(np.diag(errors.shape), 0.0)) for errors in sets]
-    return np.asarray(np.maximum(1.08 * np.array(_SCALE) * np.max(widths, axis=0), _NOTHING))
 
 
 def outline(generators: ArrayLike, growth: ArrayLike) -> Array:

@@ -55,11 +55,8 @@ class Question:
 
     def problem(self, values: Sequence[float]) -> Problem:
         """The problem with these tolerances."""
-        given = [
-            (goal.key, in_file(Quantity(value, allowed.dimension)))
-            for allowed, value in zip(self.tolerances, values, strict=True)
-            for goal in allowed.targets
-        ]
+        pairs = zip(self.tolerances, values, strict=True)
+        given = [(goal.key, in_file(Quantity(v, one.dimension))) for one, v in pairs for goal in one.targets]
         return problem_of(assigned(self.base.problem, given))
 
 

@@ -24,11 +24,12 @@ _LISTED = 6  # numbers of runs that a group of failures names
 
 def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
     """The report: a page without any reference to something outside it."""
-    tried = ("succeeded", "trials")
+    shares, tried = (view.goodness, "runs"), ("succeeded", "trials")
+    mixed = view.free if view.done.any() and not view.good[view.done].all() else ()
     chapters = [
         ("outcome", "What came out", _outcome(view)),
         ("figures", "Over the axes", "".join(picture(*figures[name]) for name in figures)),
-        ("share", f"How often {view.goodness}", "".join(_share_table(view, axis) for axis in view.free)),
+        ("share", f"How often {view.goodness}", "".join(_bin_table(view, a, bins(view, a), shares) for a in mixed)),
         ("success", "How often it succeeds", "".join(_bin_table(view, a, trials(view, a), tried) for a in view.free)),
         ("sensitivity", "What matters", _correlations(view) + _sobol(view)),
         ("binding", "What binds", _binding(view)),
@@ -77,12 +78,6 @@ def _places(view: View, axis: Varied, spans: Sequence[tuple[float, float]]) -> l
     words = [view.words(axis)[int(b)] for b in bounds] if axis.unit == "word" else ticks(bounds)
     said = dict(zip(bounds.tolist(), words, strict=True))
     return [" to ".join(dict.fromkeys((said[low], said[high]))) for low, high in spans]
-
-
-def _share_table(view: View, axis: Varied) -> str:
-    if view.good[view.done].all() or not view.done.any():
-        return ""
-    return _bin_table(view, axis, bins(view, axis), (view.goodness, "runs"))
 
 
 def _bin_table(view: View, axis: Varied, found: Sequence[Bin], words: tuple[str, str]) -> str:

@@ -146,10 +146,8 @@ def sobol_indices(values: Array, dimensions: int) -> list[SobolIndex] | None:
     draws = [_indices(rows)] + [_indices(rows[rng.integers(0, len(rows), len(rows))]) for _ in range(_DRAWS)]
     found = np.array([draw for draw in draws if np.isfinite(draw).all()])
     low, high = np.quantile(found[1:], [0.025, 0.975], axis=0)
-    return [
-        SobolIndex(*(Estimate(float(found[0, k, i]), float(low[k, i]), float(high[k, i])) for k in (0, 1)))
-        for i in range(dimensions)
-    ]
+    bounded = np.stack([found[0], low, high], axis=-1).tolist()
+    return [SobolIndex(*(Estimate(*bounded[k][i]) for k in (0, 1))) for i in range(dimensions)]
 
 
 def _indices(rows: Array) -> Array:

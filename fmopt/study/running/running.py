@@ -29,11 +29,7 @@ _BEAT = 0.5  # s between looks at the clock and at Ctrl-C
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """What there is to do.
-
-    Args:
-        runs: of the design, in order; those with the same key are the same.
-    """
+    """What there is to do: `runs` of the design, in order; those with the same key are the same."""
 
     runs: Sequence[Run]
     points: Sequence[Mapping[str, str | float | int | bool | None]]
