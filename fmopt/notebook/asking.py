@@ -60,10 +60,8 @@ class Asked:
             error_of(self.error)
         except QuantityError as error:
             raise InputError(Fault("--error", 1, 1, "", error.code, error.message, error.advice)) from error
-        lines = [
-            f"{side} = {_table(keys) if len(keys) > 1 else quoted(str(keys['model']))}"
-            for side, keys in zip(SIDES, self.operands(folder), strict=True)
-        ]
+        pairs = zip(SIDES, self.operands(folder), strict=True)
+        lines = [f"{side} = {_table(keys) if len(keys) > 1 else quoted(str(keys['model']))}" for side, keys in pairs]
         return "\n".join([*lines, "[uncertainty]", f"start = {quoted(self.error)}", ""])
 
     def operands(self, folder: Path) -> tuple[dict[str, str | int], dict[str, str | int]]:

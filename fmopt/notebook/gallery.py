@@ -48,11 +48,9 @@ def gallery(file: Path) -> Mapping[str, Drawing]:
         said = [body.name for body in bodies]
         if len({*said}) < len(said):  # with numbers, as two of one screw have one name
             said = [f"{name}-{k}" for k, name in enumerate(said, 1)]
-        return {
-            f"{body}-{name}": replace(drawing, name=f"{body}-{name}")
-            for body, part in zip(said, bodies, strict=True)
-            for name, drawing in drawings(part).items()
-        }
+        pairs = zip(said, bodies, strict=True)
+        found = {f"{body}-{name}": drawing for body, part in pairs for name, drawing in drawings(part).items()}
+        return {name: replace(drawing, name=name) for name, drawing in found.items()}
     source = read(file)
     if {"objects", "tasks"} & set(source.data):
         return _tasks(file)

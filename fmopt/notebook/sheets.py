@@ -105,11 +105,8 @@ def _sheet(text: str) -> str:
 def segment_row(segment: Segment) -> dict[str, Any]:
     """A segment as a row of a table of numbers, by column."""
     hybrid, piece = segment.hybrid, segment.record
-    poses = {
-        f"{end}_{name}": value
-        for end, pose in (("start", piece.start), ("goal", piece.goal))
-        for name, value in zip(AXES, pose, strict=True)
-    }
+    ends = {"start": piece.start, "goal": piece.goal}
+    poses = {f"{end}_{name}": x for end, pose in ends.items() for name, x in zip(AXES, pose, strict=True)}
     return {
         "segment": segment.number,
         "move": segment.move,

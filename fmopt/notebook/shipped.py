@@ -54,12 +54,8 @@ def copy_examples(folder: str | PathLike[str]) -> tuple[Path, ...]:
         ResourceError: a file is there already, or cannot be written; nothing is overwritten.
     """
     target = Path(folder)
-    pairs = [
-        (file, target / file.relative_to(_root()))
-        for name in _FOLDERS
-        for file in sorted((_root() / name).rglob("*"))
-        if file.is_file()
-    ]
+    files = [file for name in _FOLDERS for file in sorted((_root() / name).rglob("*")) if file.is_file()]
+    pairs = [(file, target / file.relative_to(_root())) for file in files]
     # Looked at before anything is written, so that nothing is left half copied.
     there = [str(copy) for _, copy in pairs if copy.exists()]
     if there:

@@ -220,10 +220,8 @@ def _refuse_unheld(index: int, hold: Array, held: Array, rho: float) -> None:
     basis, _ = np.linalg.qr((held / scale).T)
     rest = float(np.linalg.norm(hold / scale - basis @ (basis.T @ (hold / scale))))
     if rest > _HELD:
-        raise PlanFormatError(
-            f"segment {index}: {rest:.3g} N of its bias press where its force axes hold nothing",
-            "solve the problem with this version",
-        )
+        message = f"segment {index}: {rest:.3g} N of its bias press where its force axes hold nothing"
+        raise PlanFormatError(message, "solve the problem with this version")
 
 
 def _stop(hybrid: Hybrid, move: Held, V: Array, budget: Budget) -> Stop | None:

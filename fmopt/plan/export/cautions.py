@@ -27,10 +27,8 @@ def check_rate(rate: float, seconds: float) -> None:
     if not 0.0 < rate < math.inf:
         raise PlanFormatError(f"{rate:g} samples a second are none", "give a positive --rate, in Hz")
     if rate * seconds > _MOST:
-        raise PlanFormatError(
-            f"{rate:g} samples a second of a motion of {seconds:.3g} s are {rate * seconds:.3g}, more than {_MOST:.0e}",
-            f"give a --rate of at most {_MOST / seconds:.3g} Hz",
-        )
+        count = f"{rate:g} samples a second of a motion of {seconds:.3g} s are {rate * seconds:.3g}"
+        raise PlanFormatError(f"{count}, more than {_MOST:.0e}", f"give a --rate of at most {_MOST / seconds:.3g} Hz")
 
 
 def base_pose(base: Sequence[float]) -> Pose:

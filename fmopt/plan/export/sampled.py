@@ -82,10 +82,8 @@ def csv_text(plan: Plan, rate: float, caution: str = "") -> str:
 def json_text(plan: Plan, rate: float, caution: str = "") -> str:
     """The samples as one JSON object; arguments as for `csv_text`."""
     found = samples(plan, rate)
-    rows = [
-        {"t": t, "s": [int(value) for value in s], "pa": pa, "fa": fa}
-        for t, s, pa, fa in zip(found.t.tolist(), found.s.tolist(), found.pa.tolist(), found.fa.tolist(), strict=True)
-    ]
+    columns = [column.tolist() for column in (found.t, found.s.astype(int), found.pa, found.fa)]
+    rows = [dict(zip(("t", "s", "pa", "fa"), row, strict=True)) for row in zip(*columns, strict=True)]
     notes = [*([f"WARNING: {caution}"] if caution else []), *_NOTES]
     head = {"format": FORMAT, "plan": plan.sha256, "notes": notes, "rate": rate, "fa_sign": "reaction"}
     return json.dumps({**head, "samples": rows}, indent=1, allow_nan=False) + "\n"
