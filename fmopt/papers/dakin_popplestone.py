@@ -73,10 +73,8 @@ def _judged(assembly: Assembly, claim: Claim, errors: ErrorSet, tolerance: Toler
     flat = Extent(np.zeros(6), np.zeros(6))
     ends = replace(step.ends, start_set=start, goal_set=goal, extent=flat, slack=np.zeros((6, 0)), core=None)
     listed = pairs(assembly, piece)
-    separations = tuple(
-        (i, j, separation(assembly, pair, kept.witness, ends))
-        for (i, j, kept), (_, _, pair) in zip(claim.separations, listed, strict=True)
-    )
+    both = zip(claim.separations, listed, strict=True)
+    separations = tuple((i, j, separation(assembly, pair, one.witness, ends)) for (i, j, one), (*_, pair) in both)
     margin, binding = min((s.margin, f"pieces {i}/{j}") for i, j, s in separations)
     return replace(
         claim, advance=replace(step, ends=ends), separations=separations, margin=margin, binding=binding, early=None
@@ -100,11 +98,7 @@ def section(Q: Array, V: Array) -> Array:
 
 
 def lateral_rate(U: Array, velocity_error: tuple[float, float]) -> float:
-    """λ_U of [DakinPopplestone1993] eq. 6: the point of the cone's base in direction U (6,), scaled by ρ.
-
-    Args:
-        U: twist (6,), its rotation scaled by ρ.
-    """
+    """λ_U of [DakinPopplestone1993] eq. 6: the point of the cone's base in direction U (6,), rotation scaled by ρ."""
     rates = np.repeat(velocity_error, 3)
     u = U / np.linalg.norm(U)
     # No velocity error there: any part of U in it is out of the cone.
@@ -114,12 +108,7 @@ def lateral_rate(U: Array, velocity_error: tuple[float, float]) -> float:
 
 
 def step_in_the_paper(
-    errors: ErrorSet,
-    move: Array,
-    rows: Array,
-    directions: Array,
-    velocity_error: tuple[float, float],
-    rho: float,
+    errors: ErrorSet, move: Array, rows: Array, directions: Array, velocity_error: tuple[float, float], rho: float
 ) -> ErrorSet:
     """Errors at the goal after one segment, by [DakinPopplestone1993] section 4.4.
 

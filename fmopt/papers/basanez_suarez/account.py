@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -36,7 +36,7 @@ _SIDEWAYS = 1.5  # times the deviation: how far a part is carried to either side
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch(Value):
+class Stretch(Value, path=(2, 3)):
     """A straight part of a motion with the errors on it.
 
     Args:
@@ -48,9 +48,6 @@ class Stretch(Value):
     path: Array
     position: float
     angle: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "path", frozen(self.path, 2, 3, name="path"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,18 +227,16 @@ def contact_sets(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[Boun
     Type 1: Uv, CUv of the middle of the edge, CUl. Type 2: Ul with its case, CUl.
 
     Args:
-        phi: orientation, rad.
         pose: reference point (2,) at which Uv and Ul are drawn, m.
     """
     reference = np.asarray(pose, dtype=np.float64)[:2]
-    # Without deviations: the curve that the set shrinks to.
-    exact = CU(cu.kind, cu.moving, cu.static, cu.edge, cu.vertex, cu.range, cu.nominal, 0.0, 0.0)
-    touching = boundary(cu.at(phi), f"CUl of {cu.name}", _core(exact, phi))
+    core = _core(cu, phi)
+    touching = boundary(cu.at(phi), f"CUl of {cu.name}", core)
     if cu.kind is Kind.TYPE_1:
         reach = Reach.of(cu.vertex)
         held = vertex_position(reference, phi, reach, cu.spread, cu.radius)
         there = reference + reach.point(phi)
-        point = boundary(cu.point_contact(phi, 0.5), f"CUv of {cu.name}", _core(exact, phi).mean(axis=0))
+        point = boundary(cu.point_contact(phi, 0.5), f"CUv of {cu.name}", core.mean(axis=0))
         return [boundary(held, f"Uv of vertex {cu.moving}", there), point, touching]
     edge = edge_position(reference, phi, cu.edge[0], cu.edge[1], cu.spread, cu.radius)
     ends = edge_position(reference, phi, cu.edge[0], cu.edge[1], 0.0, 0.0)
@@ -249,9 +244,9 @@ def contact_sets(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[Boun
     return [boundary(edge, name, reference + np.array([ends.start, ends.end])), touching]
 
 
-def _core(exact: CU, phi: float) -> Array:
-    """The segment (2, 2) of reference points that make the contact without deviations."""
-    at = exact.at(phi)
+def _core(cu: CU, phi: float) -> Array:
+    """The segment (2, 2) of reference points that make the contact without deviations: what its set shrinks to."""
+    at = replace(cu, spread=0.0, radius=0.0).at(phi)
     if isinstance(at, TurnedEdge):
         return np.asarray(at.pivot + np.array([at.start, at.end]))
     arm = at.h * np.array([math.cos(at.angle), math.sin(at.angle)])
@@ -266,7 +261,6 @@ def surface(cu: CU, count: int = 25) -> Surface:
     slices = []
     for phi in np.linspace(low, high, count).tolist():
         inside = cu.nominal is not None and bool(cu.nominal.contains(phi))
-        exact = CU(cu.kind, cu.moving, cu.static, cu.edge, cu.vertex, cu.range, cu.nominal, 0.0, 0.0)
-        nominal = _core(exact, phi) if inside else ()
+        nominal = _core(cu, phi) if inside else ()
         slices.append(Slice(phi, boundary(cu.at(phi), "CUl", nominal)))
     return Surface(cu.name, str(cu.kind), tuple(slices))

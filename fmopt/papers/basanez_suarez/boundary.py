@@ -89,10 +89,8 @@ def outline(candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: 
         loops = _outline(candidates, gap, radius, share * size)
         if loops is not None:
             return loops
-    raise GeometryError(
-        f"the boundary of an uncertainty set of {size:.6g} m with ε = {radius:.6g} m does not close",
-        "change a deviation by a millionth of it, or set it to zero",
-    )
+    message = f"the boundary of an uncertainty set of {size:.6g} m with ε = {radius:.6g} m does not close"
+    raise GeometryError(message, "change a deviation by a millionth of it, or set it to zero")
 
 
 def _outline(
@@ -108,7 +106,7 @@ def _outline(
         kept = gap(middle) >= radius - INSIDE * tolerance
     else:
         # Hardly any disc: beside the curve is asked, as on it distances are all rounding.
-        normals = np.array([_outward(part.piece.curve) for part in parts])
+        normals = np.array([part.piece.curve.tangent(0.5) for part in parts])[:, ::-1] * (1.0, -1.0)
         kept = gap(middle + step * normals) >= radius + 0.5 * step
     return _chain([part for part, keep in zip(parts, kept, strict=True) if keep], JOIN * tolerance)
 
@@ -218,11 +216,6 @@ def _joined(one: Piece, other: Piece, tolerance: float) -> Piece | None:
         if same and a.sweep * b.sweep > 0.0 and abs(a.sweep + b.sweep) <= TURN + 1e-9:
             return Piece(Arc(a.centre, a.radius, a.start, a.sweep + b.sweep), one.on)
     return None
-
-
-def _outward(curve: Segment | Arc) -> Array:
-    x, y = curve.tangent(0.5)
-    return np.array([y, -x])
 
 
 def _nearest(curve: Segment | Arc, points: Array) -> tuple[Array, Array]:

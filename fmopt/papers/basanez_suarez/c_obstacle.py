@@ -33,22 +33,12 @@ class Table(Value):
 
     @staticmethod
     def of(kind: Kind, sets: Sequence[CU]) -> Table:
-        """The table of the sets of one kind.
-
-        Args:
-            kind: of basic contacts; sets of the other kind are left out.
-            sets: whose order the rows have.
-        """
+        """The table of the sets of one kind, in their order."""
         mine = [cu for cu in sets if cu.kind is kind]
-        return Table(
-            kind,
-            frozen(np.reshape([cu.edge for cu in mine], (-1, 2, 2))),
-            frozen(np.reshape([cu.vertex for cu in mine], (-1, 2))),
-            frozen([cu.range.low for cu in mine]),
-            frozen([cu.range.high - cu.range.low for cu in mine]),
-            frozen([cu.spread for cu in mine]),
-            frozen([cu.radius for cu in mine]),
-        )
+        edges, vertices = [cu.edge for cu in mine], [cu.vertex for cu in mine]
+        numbers = [(cu.range.low, cu.range.high - cu.range.low, cu.spread, cu.radius) for cu in mine]
+        columns = np.reshape(edges, (-1, 2, 2)), np.reshape(vertices, (-1, 2)), *np.reshape(numbers, (-1, 4)).T
+        return Table(kind, *map(frozen, columns))
 
     def allowed(self, phi: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Pairs (index of φ, index of contact) of the contacts that are possible at each φ (k,), rad."""
@@ -82,11 +72,7 @@ class PossibleContacts(Value):
 
     @staticmethod
     def between(moving: Profile, static: Profile, deviations: Deviations) -> PossibleContacts:
-        """Cc of these objects under these deviations.
-
-        Args:
-            moving, static: profiles, each in its own frame.
-        """
+        """Cc of these objects, each in its own frame, under these deviations."""
         return PossibleContacts.of(basic_contacts(moving, static, deviations))
 
     @staticmethod

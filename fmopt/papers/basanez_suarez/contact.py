@@ -15,7 +15,7 @@ from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.reach import Reach
 from fmopt.papers.basanez_suarez.sources import Deviations
 from fmopt.papers.basanez_suarez.vertex import ArcSum, arc_support
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 FULL = 2.0 * math.pi
 
@@ -41,13 +41,12 @@ class Range:
 
 
 @dataclass(frozen=True, eq=False)
-class CU(Value):
+class CU(Value, edge=(2, 2), vertex=(2,)):
     """CU of a basic contact: all configurations (p_x, p_y, φ) at which deviations may bring it about.
 
     At each orientation of `range`, eq. (34) or (45), it is the set CUl.
 
     Args:
-        kind: type 1 or type 2.
         moving: index of the grasped object's vertex (type 1) or edge (type 2).
         static: index of the static object's edge (type 1) or vertex (type 2).
         edge: ends (2, 2) of the edge, m, a static one in the world, one of the grasped object in its frame.
@@ -66,10 +65,6 @@ class CU(Value):
     nominal: Range | None
     spread: float
     radius: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "edge", frozen(self.edge, 2, 2, name="edge"))
-        object.__setattr__(self, "vertex", frozen(self.vertex, 2, name="vertex"))
 
     @property
     def name(self) -> str:
@@ -91,15 +86,12 @@ class CU(Value):
             return ArcSum(self.edge[0], self.edge[1], polar.h, phi + polar.gamma + math.pi, self.spread, self.radius)
         # The edge is the grasped object's here, seen from the vertex it touches: hence turned, and with its sign
         # changed.
-        start, end = -self.edge @ _rotation(phi).T
+        c, s = math.cos(phi), math.sin(phi)
+        start, end = -self.edge @ np.array([[c, -s], [s, c]]).T
         return TurnedEdge(self.vertex, start, end, self.spread, self.radius)
 
     def point_contact(self, phi: float, k: float) -> ArcSum:
-        """CUv of a type-1 contact at φ (rad) with the point of the static edge at k ∈ [0, 1], eqs. (20)-(24).
-
-        Args:
-            phi: orientation of the grasped object, rad.
-        """
+        """CUv of a type-1 contact at φ (rad) with the point of the static edge at k ∈ [0, 1], eqs. (20)-(24)."""
         if self.kind is not Kind.TYPE_1:
             raise ValueError("CUv belongs to a vertex of the grasped object, hence to a type-1 contact")
         # One point of the edge in place of all.
@@ -187,7 +179,10 @@ def basic_contacts(moving: Profile, static: Profile, deviations: Deviations) -> 
 
 
 def _type_1(moving: Profile, static: Profile, deviations: Deviations, own: Array, other: Array) -> list[CU]:
-    psi, epsilon_a, found = moving.normals, _edge_deviations(static, deviations), []
+    psi, found = moving.normals, []
+    epsilon_a = np.broadcast_to(deviations.static, len(static.vertices))
+    # Of two ends the larger one: a point between them moves by no more.
+    epsilon_a = np.maximum(epsilon_a, epsilon_a[static.after])
     for i in _corners(moving, own):
         before, turn = moving.before[i], float(moving.turns[i])
         for j in range(len(static.vertices)):
@@ -229,14 +224,3 @@ def _ranges(low: float, high: float, below: float, above: float) -> tuple[Range,
     if wide.high - wide.low >= FULL:
         wide = Range(-math.pi, math.pi)
     return wide, Range(low, high) if high >= low else None
-
-
-def _edge_deviations(static: Profile, deviations: Deviations) -> Array:
-    epsilon_a = np.broadcast_to(deviations.static, len(static.vertices))
-    # Of two ends the larger one: a point between them moves by no more.
-    return np.asarray(np.maximum(epsilon_a, epsilon_a[static.after]))
-
-
-def _rotation(phi: float) -> Array:
-    c, s = math.cos(phi), math.sin(phi)
-    return np.array([[c, -s], [s, c]])

@@ -33,7 +33,7 @@ class Case(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class TurnedEdge(PlanarSet):
+class TurnedEdge(PlanarSet, pivot=(2,), start=(2,), end=(2,)):
     """The set {c + R(δ)(s + k(e − s)) + ρ : |δ| ≤ spread, k ∈ [0, 1], |ρ| ≤ radius}.
 
     Args:
@@ -54,8 +54,7 @@ class TurnedEdge(PlanarSet):
     radius: float
 
     def __post_init__(self) -> None:
-        for name in ("pivot", "start", "end"):
-            object.__setattr__(self, name, frozen(getattr(self, name), 2, name=name))
+        super().__post_init__()
         require(spread=self.spread, radius=self.radius)
 
     @property
@@ -107,7 +106,8 @@ class TurnedEdge(PlanarSet):
         if self.spread >= math.pi:
             return self._ring(foot)
         if foot is not None:
-            towards = foot if foot.any() else _across(self.end - self.start)
+            x, y = self.end - self.start
+            towards = foot if foot.any() else np.array([-y, x])
             halves = self._half(foot, self.start) + self._half(foot, self.end)
             return halves + self._inner(foot, _angle(towards), Carrier.FOOT)
         near, far = sorted((self.start, self.end), key=lambda v: float(v @ v))
@@ -202,7 +202,3 @@ def _turned(v: Array, angle: float) -> Array:
 
 def _angle(v: Array) -> float:
     return math.atan2(v[1], v[0])
-
-
-def _across(v: Array) -> Array:
-    return np.array([-v[1], v[0]])

@@ -30,7 +30,8 @@ def segment_arc_gap(start: Array, end: Array, h: Any, angle: Any, spread: Any) -
     # The least distance is at an end of one against the other, at a foot, or 0 at a crossing: all are tried.
     best = np.minimum(point_arc_gap(start, h, angle, spread), point_arc_gap(end, h, angle, spread))
     for side in (-1.0, 1.0):
-        tip = np.asarray(h)[..., None] * _unit(angle + side * spread)
+        end_angle = angle + side * spread
+        tip = np.asarray(h)[..., None] * np.stack([np.cos(end_angle), np.sin(end_angle)], axis=-1)
         best = np.minimum(best, _point_segment(tip, start, e, safe))
     t_foot = -np.sum(start * e, axis=-1) / safe
     foot = start + t_foot[..., None] * e
@@ -72,10 +73,6 @@ def wrapped(angle: Any) -> Any:
 
 def _within(theta: Array, angle: Any, spread: Any) -> NDArray[np.bool_]:
     return np.asarray(np.abs(wrapped(theta - angle)) <= spread)
-
-
-def _unit(angle: Any) -> Array:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def _point_segment(point: Array, start: Array, e: Array, square: Array) -> Array:

@@ -54,12 +54,8 @@ class _Spans:
 
     def halves(self) -> _Spans:
         middle = 0.5 * (self.low + self.high)
-        return _Spans(
-            np.tile(self.contact, 2),
-            np.tile(self.part, 2),
-            np.concatenate([self.low, middle]),
-            np.concatenate([middle, self.high]),
-        )
+        low, high = np.concatenate([self.low, middle]), np.concatenate([middle, self.high])
+        return _Spans(np.tile(self.contact, 2), np.tile(self.part, 2), low, high)
 
 
 def classify(
@@ -86,7 +82,9 @@ def classify(
         active = [i for i, spans in touching.items() if any(low <= middle <= high for low, high in spans)]
         # Which contacts may occur changes only at ends of spans: the middle speaks for the phase.
         contacts = tuple(possible.sets[i] for i in sorted(active))
-        kind = MotionKind.FINE if contacts else _free_or_blocked(_pose(points, middle), static, moving)
+        part = min(int(middle), len(points) - 2)
+        pose = points[part] + (middle - part) * (points[part + 1] - points[part])
+        kind = MotionKind.FINE if contacts else _free_or_blocked(pose, static, moving)
         phases.append(Phase(kind, start, end, contacts))
     return tuple(phases)
 
@@ -137,12 +135,7 @@ def clearance(possible: PossibleContacts, path: ArrayLike, tolerance: float) -> 
 
 
 def clearance_for_gross(
-    path: ArrayLike,
-    static: Profile,
-    moving: Profile,
-    deviations: Deviations,
-    farthest: ArrayLike,
-    tolerance: float,
+    path: ArrayLike, static: Profile, moving: Profile, deviations: Deviations, farthest: ArrayLike, tolerance: float
 ) -> float:
     """A displacement c (m) such that the path moved by any of c to the farthest is gross.
 
@@ -171,9 +164,8 @@ def clearance_for_gross(
         short = f"moved by {limit:.6g} m the motion is {-margin:.3g} m short of gross"
         raise InfeasibleError(short, -margin, "raise the limit, or turn less")
     if _free_or_blocked(points[0] + limit * step, static, moving) is MotionKind.BLOCKED:
-        raise InfeasibleError(
-            f"moved by {limit:.6g} m the objects overlap", 0.0, "raise the limit, or turn the direction"
-        )
+        overlap = f"moved by {limit:.6g} m the objects overlap"
+        raise InfeasibleError(overlap, 0.0, "raise the limit, or turn the direction")
     while margin > 0.5 * tolerance and at > 0.0:
         # By the margin at least it can come nearer: the distance changes by no more than the way.
         at -= margin
@@ -189,11 +181,6 @@ def _waypoints(path: ArrayLike, tolerance: float) -> Array:
     if not tolerance > 0.0:
         raise GeometryError(f"a motion followed to a tolerance of {tolerance} m", "give a positive one")
     return points
-
-
-def _pose(points: Array, t: float) -> Array:
-    i = min(int(t), len(points) - 2)
-    return np.asarray(points[i] + (t - i) * (points[i + 1] - points[i]))
 
 
 def _starting_spans(possible: PossibleContacts, points: Array) -> _Spans:
@@ -236,11 +223,8 @@ def _gaps(possible: PossibleContacts, points: Array, spans: _Spans) -> tuple[Arr
 
 def _joined(found: list[_Spans]) -> dict[int, tuple[tuple[float, float], ...]]:
     """Spans of each contact as path parameters, those that touch made one."""
-    rows = sorted(
-        (int(c), float(p + a), float(p + b))
-        for spans in found
-        for c, p, a, b in zip(spans.contact, spans.part, spans.low, spans.high, strict=True)
-    )
+    columns = (np.stack([spans.contact, spans.part + spans.low, spans.part + spans.high], axis=1) for spans in found)
+    rows = sorted((int(contact), low, high) for each in columns for contact, low, high in each.tolist())
     joined: dict[int, list[tuple[float, float]]] = {}
     for contact, low, high in rows:
         mine = joined.setdefault(contact, [])

@@ -103,10 +103,8 @@ class PlanarSet(Value, ABC):
         if not tolerance > 0.0:
             raise GeometryError(f"polygon of an uncertainty set to a tolerance of {tolerance} m", "give a positive one")
         loops = self.boundary()
-        if (
-            side == "inside"
-            or sum(float(p.curve.moment()) for loop in loops for p in loop) > (ROUNDING * self.size) ** 2
-        ):
+        area = sum(float(piece.curve.moment()) for loop in loops for piece in loop)
+        if side == "inside" or area > (ROUNDING * self.size) ** 2:
             return polygon(loops, tolerance, side)
         # A set of no area has no outside to bulge to: it is widened by half the tolerance first.
         return polygon(self.widened(0.5 * tolerance).boundary(), 0.5 * tolerance, side)
@@ -118,10 +116,6 @@ def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon
     Chords where an arc bulges away from the chosen side, tangents where it bulges to it. Each arc is moved within the
     set, or within its complement, so that every point that a thin place lets the polygon run round wrongly has winding
     number zero.
-
-    Args:
-        tolerance: how far it may be from them, m.
-        side: whether it holds the set or is held by it.
     """
     from shapely import LinearRing, MultiPolygon, get_parts, node, polygonize, union_all
 

@@ -124,7 +124,5 @@ class Profile(Value):
         a, b = self.vertices, self.vertices[self.after]
         area = 0.5 * float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
         if area <= 1e-12 * size**2:
-            raise GeometryError(
-                f"the loops of a polygonal object enclose {area:.3g} m²",
-                "list outlines counter-clockwise, holes clockwise",
-            )
+            message = f"the loops of a polygonal object enclose {area:.3g} m²"
+            raise GeometryError(message, "list outlines counter-clockwise, holes clockwise")

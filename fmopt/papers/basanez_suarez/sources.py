@@ -171,11 +171,7 @@ def deviations(shape: float, configuration: Configuration, vertices: ArrayLike, 
 def edge_turn(epsilon: float, length: float) -> float:
     """Greatest turn (rad) of an edge of this length whose ends each move by up to ε: arcsin(2ε/L), π once 2ε ≥ L.
 
-    Eqs. (31)-(33) have 2ε/L, which is less. From 2ε = L on the ends can change places.
-
-    Args:
-        epsilon: of each end, m.
-        length: of the edge, m.
+    Both are in m. Eqs. (31)-(33) have 2ε/L, which is less. From 2ε = L on the ends can change places.
     """
     # Two ends displaced against each other by 2 ε at right angles to the chord; from L on they may change places.
     return math.asin(2.0 * epsilon / length) if 2.0 * epsilon < length else math.pi

@@ -109,11 +109,7 @@ def envelope_function(kind: Kind) -> Any:
     """The CasADi function (configuration, geometry, deviations) ↦ (F, k, ∂F/∂δ_φ, ∂F/∂θ_p, ∂F/∂θ_a)."""
 
     found = family(kind)
-    inputs: dict[str, Sequence[sympy.Symbol]] = {
-        "configuration": found.configuration,
-        "geometry": found.geometry,
-        "deviations": found.deviations,
-    }
+    inputs = {name: getattr(found, name) for name in ("configuration", "geometry", "deviations")}
     return casadi_function(f"family_{kind.name.lower()}", inputs, [found.function, found.k, *found.envelope()])
 
 
@@ -138,9 +134,6 @@ def _length(kind: Kind, geometry: Sequence[sympy.Symbol]) -> sympy.Expr:
 
 def casadi_function(name: str, inputs: Mapping[str, Sequence[sympy.Symbol]], outputs: Sequence[sympy.Expr]) -> Any:
     """The CasADi function (one column vector per input) ↦ column vector of the outputs.
-
-    Args:
-        inputs: for each input its name and its symbols, in order.
 
     Raises:
         TypeError: an expression holds a node outside the table, or a symbol that is no input.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import count, pairwise, takewhile
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -104,14 +104,9 @@ class ArcSum(PlanarSet):
             return [directed_arc(self.start + centre, radius, first, last, on)]
         across = math.atan2(e[1], e[0]) + 0.5 * math.pi
         # Where the normal is across the edge the arc changes from one of its ends to the other.
-        k = math.ceil((first - across) / math.pi)
-        turns = []
-        while (turn := across + k * math.pi) <= last:
-            turns.append(turn)
-            k += 1
-        cuts = [first, *turns, last]
-        found = []
-        for one, other in pairwise(cuts):
+        halves = (across + k * math.pi for k in count(math.ceil((first - across) / math.pi)))
+        turns, found = list(takewhile(lambda turn: turn <= last, halves)), []
+        for one, other in pairwise([first, *turns, last]):
             # The end farther along the normal carries the boundary.
             base = self.end if unit(0.5 * (one + other)) @ e > 0.0 else self.start
             if other > one:

@@ -21,23 +21,8 @@ from typing import Literal, TypeAlias, assert_never
 
 import numpy as np
 
-from fmopt.geometry.csg import (
-    Box,
-    Cone,
-    Cylinder,
-    Difference,
-    Hull,
-    Placed,
-    Primitive,
-    Prism,
-    Solid,
-    Sphere,
-    Union,
-    Wedge,
-    corners,
-    exact_pose,
-    operands,
-)
+from fmopt.geometry import csg
+from fmopt.geometry.csg import Primitive, Solid
 from fmopt.geometry.plane.boolean import difference, intersection, union
 from fmopt.geometry.plane.conic import ConicArc
 from fmopt.geometry.plane.curve import Arc, Curve, Segment
@@ -75,19 +60,13 @@ def cut_diagram(solid: Solid, plane: Pose) -> Region:
 
 
 def section_limit(solid: Solid, plane: Pose, limit: Limit) -> Region:
-    """The limit of the solid's sections as the plane comes from above (1, from its positive z) or from below (−1).
-
-    Args:
-        solid: in its own frame.
-        plane: whose z = 0 cuts it, in that frame.
-        limit: from where the plane comes, 1 for its positive z.
-    """
+    """The limit of the solid's sections as the plane comes from above (1, from its positive z) or from below (−1)."""
     return _section(solid, (above if limit > 0 else below for above, below in _leaves(solid, plane)))
 
 
 def _leaves(solid: Solid, plane: Pose) -> Iterator[tuple[Region, Region]]:
     """Both limits of the sections of all instances, from left to right."""
-    for primitive, pose, _ in operands(solid, exact_pose(plane).inverse()):
+    for primitive, pose, _ in csg.operands(solid, csg.exact_pose(plane).inverse()):
         yield instance_sections(primitive, pose)
 
 
@@ -95,13 +74,13 @@ def _section(solid: Solid, leaves: Iterator[Region]) -> Region:
     """The section of a tree, of those of its instances."""
     heed()
     match solid:
-        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
+        case csg.Box() | csg.Cylinder() | csg.Cone() | csg.Sphere() | csg.Prism() | csg.Wedge() | csg.Hull():
             return next(leaves)
-        case Placed(inner, _):
+        case csg.Placed(inner, _):
             return _section(inner, leaves)
-        case Union(parts):
+        case csg.Union(parts):
             return union([_section(part, leaves) for part in parts])
-        case Difference(base, tools):
+        case csg.Difference(base, tools):
             body, cuts = _section(base, leaves), [_section(tool, leaves) for tool in tools]
             # An empty base has nothing to be cut, and booleans of nothing would be computed for it.
             return difference(body, union(cuts)) if not body.empty else body
@@ -110,11 +89,7 @@ def _section(solid: Solid, leaves: Iterator[Region]) -> Region:
 
 
 def same(first: Region, second: Region) -> bool:
-    """Whether two regions have the same curves to the bit.
-
-    Args:
-        first, second: curves are compared in their order.
-    """
+    """Whether two regions have the same curves to the bit, in the same order."""
     if first is second:
         return True
     mine, other = first.curves, second.curves
@@ -129,21 +104,17 @@ def instance_sections(primitive: Primitive, pose: Pose) -> tuple[Region, Region]
     """The sections by z = 0 of a primitive placed by `pose`, in x and y, as the plane comes from above and from below.
 
     Where the plane does not run in a face both are the section; where it does one is the face, one is empty.
-
-    Args:
-        primitive: in its own frame.
-        pose: of that frame in that of the plane.
     """
     match primitive:
-        case Cylinder(radius, height, _):
+        case csg.Cylinder(radius, height, _):
             return _round(Profile(radius, 0.0, height), pose)
-        case Cone(bottom, top, height, _):
+        case csg.Cone(bottom, top, height, _):
             return _round(Profile(bottom, (top - bottom) / height, height), pose)
-        case Sphere(radius, _):
+        case csg.Sphere(radius, _):
             ball = _ball(radius, pose)
             return ball, ball
         case _:
-            return _polytope(exact_pose(pose).apply(corners(primitive)))
+            return _polytope(csg.exact_pose(pose).apply(csg.corners(primitive)))
 
 
 @dataclass(frozen=True)
@@ -180,11 +151,7 @@ class Slant:
 
 
 def slant(profile: Profile, pose: Pose) -> Slant:
-    """How the plane z = 0 cuts the round instance placed by `pose`.
-
-    Args:
-        pose: of the instance in the frame of the plane, its axis not along z.
-    """
+    """How z = 0 cuts the round instance placed by `pose` in the frame of that plane, its axis not along z."""
     axis, base = pose.R[:, 2], pose.p
     rise = float(np.hypot(axis[0], axis[1]))
     along = axis[:2] / rise

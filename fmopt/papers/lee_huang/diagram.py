@@ -12,13 +12,13 @@ import numpy as np
 
 from fmopt.geometry.plane.curve import Arc, Curve, Segment
 from fmopt.geometry.plane.region import Region
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 _SMOOTH = 1e-9  # rad, a turn below which two curves meet without a corner
 
 
 @dataclass(frozen=True, eq=False)
-class Diagram(Value):
+class Diagram(Value, ends=(None, 2, 2), points=(None, 2), fans=(None, 2)):
     """The features of a region on a plane.
 
     Args:
@@ -32,10 +32,6 @@ class Diagram(Value):
     points: Array
     fans: Array
     arcs: tuple[Arc, ...]
-
-    def __post_init__(self) -> None:
-        for name, shape in (("ends", (None, 2, 2)), ("points", (None, 2)), ("fans", (None, 2))):
-            object.__setattr__(self, name, frozen(getattr(self, name), *shape, name=name))
 
     @cached_property
     def size(self) -> float:

@@ -64,12 +64,9 @@ class _Scene(Value):
         """What may touch at times (n,): which time (k,), and the candidate there (k, 3)."""
         p, R = self.path.frames(times)
         starts = np.flatnonzero(np.concatenate([[True], np.any(R[1:] != R[:-1], axis=(1, 2))]))
-        found = [
-            (a + at, items)
-            for a, b in pairwise([*starts.tolist(), len(times)])
-            for at, items in [candidates(self.moving, self.fixed, p[a:b], R[a], self.half_widths)]
-        ]
-        return np.concatenate([at for at, _ in found]), np.concatenate([items for _, items in found])
+        spans = pairwise([*starts.tolist(), len(times)])
+        found = [(a, *candidates(self.moving, self.fixed, p[a:b], R[a], self.half_widths)) for a, b in spans]
+        return np.concatenate([a + at for a, at, _ in found]), np.concatenate([items for *_, items in found])
 
     def stops(self, made: Linear) -> Array:
         """Contact wrenches (n, 6) with the components that stop nothing set to 0.
@@ -189,20 +186,15 @@ def _switches(scene: _Scene, items: Indices, off: Array, on: Array, remainder: f
 
 def _stops(scene: _Scene, grid: Array, runs: _Runs) -> Stops:
     """What touching candidates stop, each cut where a component of its row changes sign."""
-    cell, start, end = _cut(runs.start, runs.end, *_within(grid, runs))
+    inside, k = np.nonzero((grid > runs.start[:, None]) & (grid < runs.end[:, None]))
+    cell, start, end = _cut(runs.start, runs.end, inside, grid[k])
     items = runs.items[cell]
     before, after = np.split(scene.stops(scene.linear(np.tile(items, (2, 1)), np.concatenate([start, end]))), 2)
     turning, degree = np.nonzero(before * after < 0.0)
-    turned = [_turn(scene, items[c], int(k), start[c], end[c]) for c, k in zip(turning, degree, strict=True)]
+    turned = [_turn(scene, items[c], int(d), start[c], end[c]) for c, d in zip(turning, degree, strict=True)]
     cell, start, end = _cut(start, end, turning, np.array(turned))
     rows = scene.stops(scene.linear(items[cell], 0.5 * (start + end)))
     return Stops(start, end, np.stack([rows < 0.0, rows > 0.0], axis=2))
-
-
-def _within(grid: Array, runs: _Runs) -> tuple[Indices, Array]:
-    """Which stretches (k,) hold which of the times (k,) inside."""
-    which, k = np.nonzero((grid > runs.start[:, None]) & (grid < runs.end[:, None]))
-    return which, grid[k]
 
 
 def _cut(start: Array, end: Array, which: Indices, times: Array) -> tuple[Indices, Array, Array]:
@@ -288,8 +280,7 @@ def maximin(c: Array, B: Array) -> Array:
     program: Any = csr_array((rows.ravel(), columns.ravel(), np.arange(0, rows.size + 1, 7)), shape=shape)
     limits: Any = np.tile([(-1.0, 1.0)] * 6 + [(-np.inf, np.inf)], (len(asked), 1))
     limits[6::7, 1] = found[asked]
-    answer = linprog(
-        np.tile([0.0] * 6 + [-1.0], len(asked)), A_ub=program, b_ub=c[asked[block], k], bounds=limits, options=_EXACT
-    )
+    cost = np.tile([0.0] * 6 + [-1.0], len(asked))
+    answer = linprog(cost, A_ub=program, b_ub=c[asked[block], k], bounds=limits, options=_EXACT)
     found[asked] = np.nan if answer.x is None else answer.x[6::7]
     return found

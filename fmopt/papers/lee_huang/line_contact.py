@@ -118,12 +118,7 @@ class Lines(Value):
         return np.concatenate([near[row[met]], others]), np.vstack([shares, np.ones((len(others), 3))])
 
     def arms(self, rows: Indices, points: Array) -> Array:
-        """From the nominal centre to where pairs touch, (k, 2), m.
-
-        Args:
-            rows: (k,), numbers of pairs.
-            points: (k, 2), the nominal centre for each, m.
-        """
+        """From nominal centres (k, 2), m, to where pairs, given by number (k,), touch: (k, 2), m."""
         fixed = self.m[rows, 0] - self.shift[rows, None] * self.force[rows]
         # A corner that turns with the section touches where it is; an edge that turns touches the fixed corner.
         return np.asarray(np.where(self.turning[rows, None], self.c[rows, 0] - points, fixed))

@@ -239,15 +239,11 @@ def _on_a_leg(nodes: Sequence[Array], free: Callable[[Sequence[Array], int], Nom
 
 def _sights(planes: Sequence[PlaneDiagrams]) -> TurningSight:
     """What the diagrams leave visible; for every orientation the same where operand 1 does not turn."""
-    starting, turning, goal = (
-        Sight({plane.zone.plane.name: region or plane.expanded for plane, region in zip(planes, regions, strict=True)})
-        for regions in (
-            [plane.starting for plane in planes],
-            [plane.turning for plane in planes],
-            [plane.expanded for plane in planes],
-        )
-    )
-    return TurningSight(starting, turning, goal)
+
+    def sight(name: str) -> Sight:
+        return Sight({plane.zone.plane.name: getattr(plane, name) or plane.expanded for plane in planes})
+
+    return TurningSight(sight("starting"), sight("turning"), sight("expanded"))
 
 
 def _levels(turned: Solid) -> list[tuple[Region, tuple[float, float]]]:
@@ -258,24 +254,17 @@ def _levels(turned: Solid) -> list[tuple[Region, tuple[float, float]]]:
     for low, high in pairwise(kept.tolist()):
         # Just inside the stretch: at its ends sections jump.
         inset = _INSIDE * (high - low)
-        ends = [_across(turned, z) for z in (low + inset, high - inset)]
+        ends = [cut_diagram(turned, Pose(np.array([0.0, 0.0, z]), np.eye(3))) for z in (low + inset, high - inset)]
         # Between two levels of corners sections of a prism are one.
         same = abs(ends[0].area - ends[1].area) <= 1e-9 * max(ends[0].area, ends[1].area)
         found += [(end, (low, high)) for end in (ends[:1] if same else ends)]
     return found
 
 
-def _across(turned: Solid, height: float) -> Region:
-    return cut_diagram(turned, Pose(np.array([0.0, 0.0, height]), np.eye(3)))
-
-
 def _seated(sections: Sequence[tuple[Region, tuple[float, float] | None]], height: float) -> Region:
     """The section of operand 1 at a height, of two stretches that meet there the lower."""
-    for region, heights in sections:
-        assert heights is not None
-        if heights[0] - _LEVEL <= height <= heights[1] + _LEVEL:
-            return region
-    return Region(())
+    found = (region for region, ends in sections if ends and ends[0] - _LEVEL <= height <= ends[1] + _LEVEL)
+    return next(found, Region(()))
 
 
 def _strayed(moving: Solid, box: ArrayLike) -> float:
@@ -286,21 +275,15 @@ def _strayed(moving: Solid, box: ArrayLike) -> float:
 
 
 def diagrams(mapping: Mapping, length: float) -> tuple[Diagram, ...]:
-    """The diagrams for plans and figures, curves as polylines within 1e-4 of the size of their loops.
-
-    Args:
-        length: of the line L, m.
-    """
+    """The diagrams for plans and figures, curves as polylines within 1e-4 of the size of their loops; L in m."""
     return tuple(_diagram(plane, mapping.path, mapping.freedoms, length) for plane in mapping.planes)
 
 
 def _diagram(diagrams: PlaneDiagrams, path: NominalTrajectory, freedoms: Sequence[Interval], length: float) -> Diagram:
     zone, plane = diagrams.zone, diagrams.zone.plane
     upright = plane.v == 2
-    times = {"start": 0.0, "goal": path.duration}
     engaged = next((one.start for one in freedoms if one.start > 0.0 and any(one.s)), None)
-    if engaged is not None:
-        times = {"start": 0.0, "first contact": engaged, "goal": path.duration}
+    times = {"start": 0.0, **({} if engaged is None else {"first contact": engaged}), "goal": path.duration}
     poses = []
     for name, t in times.items():
         P = path.at(t)
@@ -308,13 +291,14 @@ def _diagram(diagrams: PlaneDiagrams, path: NominalTrajectory, freedoms: Sequenc
         reach = length * float(np.linalg.norm(along)) if upright else 0.0
         angle = float(np.arctan2(along[1], along[0])) if upright else 0.5 * np.pi
         poses.append(_pose(name, t, zone, P[[plane.u, plane.v]], angle, reach))
+    seat = path.nodes[-1, [plane.u, plane.v]]
     return Diagram(
         plane=plane.name,
         radius=zone.radius,
         half_angle=zone.half_angle,
         fixed=_loops(diagrams.fixed),
         expanded=_loops(diagrams.expanded),
-        room=_room(diagrams.expanded, path.nodes[-1, [plane.u, plane.v]]),
+        room=0.0 if diagrams.expanded.empty else float(diagrams.expanded.boundary_distance(seat)[0]),
         path=polyline(path.nodes[:, [plane.u, plane.v]]),
         poses=tuple(poses),
         turning=None if diagrams.turning is None else _loops(diagrams.turning),
@@ -341,8 +325,3 @@ def _loops(region: Region) -> tuple[Polyline, ...]:
         tolerance = 1e-4 * Region((loop,)).size
         found.append(polyline(np.vstack([curve.polyline(tolerance)[:-1] for curve in loop])))
     return tuple(found)
-
-
-def _room(expanded: Region, centre: Array) -> float:
-    """Distance of the seated nominal centre from the sides of GE, m; 0 without any."""
-    return 0.0 if expanded.empty else float(expanded.boundary_distance(centre)[0])

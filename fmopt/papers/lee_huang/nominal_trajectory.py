@@ -90,15 +90,11 @@ def insertion(start: ArrayLike, goal: ArrayLike, speed: float, rho: float, turne
     """
     first, last = np.asarray(start, dtype=np.float64).copy(), np.asarray(goal, dtype=np.float64)
     if last[2] >= 0.0:
-        raise GeometryError(
-            f"the goal lies {last[2]:.6g} m above the mouth of the hollow feature, where nothing is inserted",
-            "give a goal with z below 0 in the B-frame, whose z points out of the mouth",
-        )
+        message = f"the goal lies {last[2]:.6g} m above the mouth of the hollow feature, where nothing is inserted"
+        raise GeometryError(message, "give a goal with z below 0 in the B-frame, whose z points out of the mouth")
     if first[2] < 0.0:
-        raise GeometryError(
-            f"the start lies {-first[2]:.6g} m below the mouth of the hollow feature",
-            "give a start with z of 0 or more in the B-frame",
-        )
+        message = f"the start lies {-first[2]:.6g} m below the mouth of the hollow feature"
+        raise GeometryError(message, "give a start with z of 0 or more in the B-frame")
     return through([first[:3], np.zeros(3), last[:3]], first[3:], last[3:], speed, rho, (0, turned))
 
 
@@ -174,11 +170,8 @@ class Stops(Value):
 
 def together(parts: Sequence[Stops]) -> Stops:
     """All that several parts stop."""
-    return Stops(
-        np.concatenate([np.zeros(0), *(part.start for part in parts)]),
-        np.concatenate([np.zeros(0), *(part.end for part in parts)]),
-        np.concatenate([np.zeros((0, 6, 2), dtype=bool), *(part.bits for part in parts)]),
-    )
+    every = (Stops(np.zeros(0), np.zeros(0), np.zeros((0, 6, 2), dtype=bool)), *parts)
+    return Stops(*(np.concatenate([getattr(part, name) for part in every]) for name in ("start", "end", "bits")))
 
 
 def intervals(stops: Stops, duration: float, blur: float) -> tuple[Interval, ...]:
@@ -323,11 +316,8 @@ def _stretch(body: Polyhedron, face: Face, low: float, high: float) -> Array:
         points = body.vertices[list(loop)]
         found += [point[:2] for point in points if low - _SAME <= point[2] <= high + _SAME]
         for a, b in zip(points, np.roll(points, -1, axis=0), strict=True):
-            found += [
-                (a + (z - a[2]) / (b[2] - a[2]) * (b - a))[:2]
-                for z in (low, high)
-                if min(a[2], b[2]) + _SAME < z < max(a[2], b[2]) - _SAME
-            ]
+            inside = (z for z in (low, high) if min(a[2], b[2]) + _SAME < z < max(a[2], b[2]) - _SAME)
+            found += [(a + (z - a[2]) / (b[2] - a[2]) * (b - a))[:2] for z in inside]
     return np.array(found)
 
 

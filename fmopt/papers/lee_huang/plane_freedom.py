@@ -35,13 +35,7 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.plane.curve import Arc
 from fmopt.papers.lee_huang.diagram import Diagram
 from fmopt.papers.lee_huang.line_contact import Leg, Lines
-from fmopt.papers.lee_huang.nominal_trajectory import (
-    Bits,
-    NominalTrajectory,
-    Stops,
-    intervals,
-    together,
-)
+from fmopt.papers.lee_huang.nominal_trajectory import Bits, NominalTrajectory, Stops, intervals, together
 from fmopt.papers.lee_huang.uncertainty_zone import Zone
 from fmopt.plan.diagnostics import Interval
 from fmopt.spatial.values import Array, Value
@@ -92,30 +86,22 @@ def freedom_on_planes(views: Sequence[View], path: NominalTrajectory, free_until
         GeometryError: operand 1 still turns, or has not the goal's orientation, after `free_until`.
     """
     found: list[Stops] = []
+    # How far the uncertain operand 1 strays along z (m), and how far it tilts (rad).
+    upright = [view.zone for view in views if view.zone.plane.v == 2]
+    reach = (max((z.radius for z in upright), default=0.0), max((z.half_angle for z in upright), default=0.0))
     for k in range(len(path.times) - 1):
         end = float(path.times[k + 1])
         if np.abs(path.nodes[k : k + 2, 3:] - path.nodes[-1, 3:]).max() > _SAME:
             # While it turns, sections are not those of the goal: no contact is said of it, so that it has to be clear
             # then.
             if end > free_until + _BLUR * path.duration:
-                _refuse(end, free_until)
+                message = f"operand 1 turns until {end:.6g} s and is known to be clear of operand 2 until"
+                advice = "let it reach the goal's orientation before the mouth, or start higher above it"
+                raise GeometryError(f"{message} {free_until:.6g} s only", advice)
             continue
         for view in views:
-            found += _stops(view, path, k, _reach(views))
+            found += _stops(view, path, k, reach)
     return intervals(together(found), path.duration, _BLUR * path.duration)
-
-
-def _refuse(end: float, free_until: float) -> None:
-    raise GeometryError(
-        f"operand 1 turns until {end:.6g} s and is known to be clear of operand 2 until {free_until:.6g} s only",
-        "let it reach the goal's orientation before the mouth, or start higher above it",
-    )
-
-
-def _reach(views: Sequence[View]) -> tuple[float, float]:
-    """How far the uncertain operand 1 strays along z (m), and how far it tilts (rad)."""
-    upright = [view.zone for view in views if view.zone.plane.v == 2]
-    return max((zone.radius for zone in upright), default=0.0), max((zone.half_angle for zone in upright), default=0.0)
 
 
 def _stops(view: View, path: NominalTrajectory, k: int, reach: tuple[float, float]) -> Iterator[Stops]:
@@ -183,11 +169,7 @@ def spans(moving: Diagram, fixed: Diagram, leg: Leg) -> Spans:
     halted = stops(lines.force[rows], lines.arms(rows, leg.at(shares[:, 2])), leg.size)
     found = [Spans(shares[:, 0], shares[:, 1], halted)]
     found += [contact.spans(leg) for arc in moving.arcs for contact in _rounds(arc, fixed)]
-    return Spans(
-        np.concatenate([one.start for one in found]),
-        np.concatenate([one.end for one in found]),
-        np.concatenate([one.stops for one in found]),
-    )
+    return Spans(*(np.concatenate([getattr(one, name) for one in found]) for name in ("start", "end", "stops")))
 
 
 def _lines(moving: Diagram, fixed: Diagram, half_angle: float) -> Lines:

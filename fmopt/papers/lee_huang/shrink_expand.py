@@ -24,22 +24,9 @@ from typing import Literal, assert_never
 
 import numpy as np
 
-from fmopt.geometry import section
+from fmopt.geometry import csg, section
 from fmopt.geometry.convex_pieces import pieces
-from fmopt.geometry.csg import (
-    Box,
-    Cone,
-    Cylinder,
-    Difference,
-    Hull,
-    Placed,
-    Prism,
-    Solid,
-    Sphere,
-    Union,
-    Wedge,
-    convex_polyhedron,
-)
+from fmopt.geometry.csg import Difference, Placed, Solid, Union
 from fmopt.geometry.plane.boolean import positive, union
 from fmopt.geometry.plane.conic import ConicArc, unit_roots
 from fmopt.geometry.plane.convolution import minkowski_sum
@@ -174,7 +161,6 @@ def section_at(moving: Solid, plane: Plane, turn: Array) -> Region:
     Where the plane runs in a face of it, the section is that on the side of the body.
 
     Args:
-        moving: operand 1 in its own frame.
         turn: rotation vector (3,), rad.
     """
     turned = Placed(moving, Pose(np.zeros(3), exp(turn)))
@@ -191,9 +177,7 @@ def expanded_over(G: Region, moving: Solid, plane: Plane, first: Array, last: Ar
     them, under 1 % of the size where sampled, is found in space, like what moves off the plane.
 
     Args:
-        G: cut-diagram of operand 2 on the plane.
         moving: operand 1 in its own frame, whose origin is the nominal centre.
-        plane: of the B-frame.
         first, last: rotation vectors (3,) of one branch, rad.
     """
     normal = np.eye(3)[plane.turn - 3]
@@ -233,17 +217,17 @@ def enclosing(solid: Solid, outward: bool = True) -> Solid:
     Where nothing is round, that is the solid itself, whose pieces may be known.
     """
     match solid:
-        case Cylinder(radius, _, sides):
+        case csg.Cylinder(radius, _, sides):
             # The polygon's inner radius is the true radius: what moves is enclosed.
             return replace(solid, radius=radius / math.cos(math.pi / sides)) if outward else solid
-        case Cone(bottom, top, _, sides):
+        case csg.Cone(bottom, top, _, sides):
             grown = 1.0 / math.cos(math.pi / sides)
             return replace(solid, radius_bottom=bottom * grown, radius_top=top * grown) if outward else solid
-        case Sphere(radius, _):
-            inner = float(np.min(convex_polyhedron(solid, Pose.identity()).offsets))
+        case csg.Sphere(radius, _):
+            inner = float(np.min(csg.convex_polyhedron(solid, Pose.identity()).offsets))
             # Scaled so that the nearest facet is at the radius.
             return replace(solid, radius=radius * radius / inner) if outward else solid
-        case Box() | Prism() | Wedge() | Hull():
+        case csg.Box() | csg.Prism() | csg.Wedge() | csg.Hull():
             return solid
         case Placed(inner, pose):
             body = enclosing(inner, outward)
@@ -266,9 +250,9 @@ def _same(made: Sequence[Solid], parts: Sequence[Solid]) -> bool:
 def finer(solid: Solid, sides: int) -> Solid:
     """The solid with at least so many sides for each cylinder and cone; spheres, whose faces are many, as they are."""
     match solid:
-        case Cylinder() | Cone():
+        case csg.Cylinder() | csg.Cone():
             return replace(solid, sides=max(solid.sides, sides))
-        case Box() | Prism() | Wedge() | Hull() | Sphere():
+        case csg.Box() | csg.Prism() | csg.Wedge() | csg.Hull() | csg.Sphere():
             return solid
         case Placed(inner, pose):
             return Placed(finer(inner, sides), pose)

@@ -27,7 +27,7 @@ from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory
 from fmopt.papers.lee_huang.shrink_expand import enclosing, finer
 from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose, cross
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 Body: TypeAlias = tuple[str, Solid]
 
@@ -38,7 +38,7 @@ _FINER = (48, 96, 192, 384)  # sides of polygons around round surfaces, when few
 
 
 @dataclass(frozen=True, eq=False)
-class Meeting(Value):
+class Meeting(Value, pose=(6,), point=(3,)):
     """Where the nominal motion runs into something.
 
     Args:
@@ -57,10 +57,6 @@ class Meeting(Value):
     point: Array
     depth: float
     planes: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "pose", frozen(self.pose, 6, name="pose"))
-        object.__setattr__(self, "point", frozen(self.point, 3, name="point"))
 
     def __str__(self) -> str:
         x, y, z = 1e3 * self.point
@@ -96,29 +92,19 @@ def checked(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajecto
     """Refuses a nominal motion that runs into something.
 
     Polygons around round surfaces may meet where the surfaces themselves pass: such a meeting, not deeper than the
-    polygons are proud, is looked at again with more sides, up to 384.
-
-    Args:
-        moving, fixed: what operand 1 carries, in its frame, and what stands, in that of operand 2.
-        path: nominal motion of operand 1 in the frame of operand 2.
+    polygons are proud, is looked at again with more sides, up to 384; arguments as for `meetings`.
 
     Raises:
         InterferenceError: it does; names the bodies, the time, the place, and whether a cut-diagram shows it.
     """
     found = meetings(moving, fixed, path)
     for sides in _FINER:
-        met = {one.moving for one in found}, {one.fixed for one in found}
-        proud = sum(
-            max((2.0 * sagitta(solid) for name, solid in side if name in names), default=0.0)
-            for side, names in zip((moving, fixed), met, strict=True)
-        )
+        met = (moving, {one.moving for one in found}), (fixed, {one.fixed for one in found})
+        proud = sum(max((2.0 * sagitta(s) for name, s in side if name in named), default=0.0) for side, named in met)
         # Deeper than polygons are proud of the true surfaces, by less than two sagittas: more sides would not undo it.
         if not found or found[0].depth > proud or proud <= 0.0:
             break
-        moving, fixed = (
-            [(name, finer(solid, sides) if name in names else solid) for name, solid in side]
-            for side, names in zip((moving, fixed), met, strict=True)
-        )
+        moving, fixed = ([(name, finer(s, sides) if name in named else s) for name, s in side] for side, named in met)
         found = meetings(moving, fixed, path)
     if found:
         message = "; ".join(f"the nominal motion is not free: {meeting}" for meeting in found)
@@ -227,8 +213,7 @@ def _on_leg(bodies: Sequence[_Piece], others: Sequence[_Piece], path: NominalTra
     for body in bodies:
         heed()
         ends = _Stretch(body, path, span, _radius(body.body))
-        for other in _reached(ends, others):
-            hits.append(_first(ends, other))
+        hits += [_first(ends, other) for other in _reached(ends, others)]
     return min(filter(None, hits), key=lambda hit: hit.time, default=None)
 
 
@@ -351,11 +336,7 @@ def _common(body: Polyhedron, other: Polyhedron) -> tuple[Array, Array]:
 
 
 def _inside(body: Polyhedron, other: Polyhedron) -> Array:
-    """The point (3,) deepest inside both bodies, or nearest to both.
-
-    Raises:
-        SolverError: the linear program stopped without an answer.
-    """
+    """The point (3,) deepest inside both bodies, or nearest to both."""
     normals, offsets = _common(body, other)
     found = _lowest(np.array([0.0, 0.0, 0.0, -1.0]), np.column_stack([normals, np.ones(len(normals))]), offsets)
     if found is None:

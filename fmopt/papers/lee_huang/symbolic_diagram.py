@@ -48,11 +48,7 @@ class SymbolicCurve:
             return bool(_value(self.present, dict(values)))
 
     def points(self, t: ArrayLike, values: Mapping[Expression, float]) -> Array:
-        """Points (…, 2) in m at parameters (…), given numbers for all symbols; the curve must bound the section.
-
-        Args:
-            values: a number for every symbol but that parameter, SI.
-        """
+        """Points (…, 2) in m at parameters (…), given numbers for all symbols; the curve must bound the section."""
         t = np.asarray(t, dtype=np.float64)
         known = {**values, T: t}
         return np.stack([np.broadcast_to(_value(part, known), t.shape) for part in (self.u, self.v)], axis=-1)
@@ -91,23 +87,13 @@ def box(x: Expression, y: Expression, z: Expression) -> Faces:
 
 
 def wedge(x: Expression, y: Expression, z: Expression, top_x: Expression) -> Faces:
-    """The wedge of `fmopt.geometry.csg.Wedge`.
-
-    Args:
-        x, y, z: full widths, m.
-        top_x: width along x at its top, m.
-    """
+    """The wedge of `fmopt.geometry.csg.Wedge`: full widths x, y, z and width `top_x` along x at its top, m."""
     sides = [(-1, 0, 0, x / 2), (0, -1, 0, y / 2), (0, 1, 0, y / 2), (z, 0, x - top_x, z * x / 2)]
     return Faces((*_caps(z), *sides))
 
 
 def prism(polygon: Sequence[tuple[Expression, Expression]], height: Expression) -> Faces:
-    """The prism of `fmopt.geometry.csg.Prism`.
-
-    Args:
-        polygon: corners (x, y) counter-clockwise, m.
-        height: along z, m.
-    """
+    """The prism of `fmopt.geometry.csg.Prism`: corners (x, y) counter-clockwise and a height along z, m."""
     ends = zip(polygon, [*polygon[1:], polygon[0]], strict=True)
     sides = [(by - ay, ax - bx, 0, (by - ay) * ax + (ax - bx) * ay) for (ax, ay), (bx, by) in ends]
     return Faces((*_caps(height), *sides))

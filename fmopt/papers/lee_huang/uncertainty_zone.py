@@ -25,7 +25,6 @@ class Plane:
     """A plane of the B-frame.
 
     Args:
-        name: its axes.
         u, v: indices of its axes.
         turn: index of the degree about its normal, 3 to 5.
         sense: 1 where a counter-clockwise turn on the plane is positive about the frame's axis, else −1.
@@ -94,12 +93,7 @@ class Trapezoid(Value):
     length: float
 
     def line(self, centre: ArrayLike, angle: float) -> Array:
-        """L(Φ, Ψ): both ends (2, 2); Ψ is the line's own direction.
-
-        Args:
-            centre: Φ (2,), one end of the line, m.
-            angle: Ψ, rad.
-        """
+        """Both ends (2, 2), m, of L(Φ, Ψ), which goes from Φ (2,), m, in its own direction Ψ, rad."""
         start = np.asarray(centre, dtype=np.float64)
         return np.array([start, start + self.length * np.array([math.cos(angle), math.sin(angle)])])
 
@@ -140,13 +134,7 @@ class Zone:
     half_angle: float
 
     def trapezoid(self, centre: ArrayLike, angle: float, length: float) -> Trapezoid:
-        """The trapezoid of a line at its nominal place.
-
-        Args:
-            centre: Φ₀ (2,), m.
-            angle: Ψ₀, rad.
-            length: of the line, m.
-        """
+        """The trapezoid of a line of a length (m) at its nominal place: Φ₀ (2,), m, and Ψ₀, rad."""
         return Trapezoid(Ball(np.asarray(centre, dtype=np.float64), self.radius), Cone(angle, self.half_angle), length)
 
 
@@ -164,11 +152,7 @@ def zones(box: ArrayLike) -> tuple[Zone, Zone, Zone]:
 
 
 def wrapped_distance(one: float, other: float) -> float:
-    """d₁: the smaller of the two angles between two directions, 0 to π, rad.
-
-    Args:
-        one, other: rad, of any turn.
-    """
+    """d₁: the smaller of the two angles between two directions (rad, of any turn), 0 to π, rad."""
     return abs(math.remainder(one - other, 2.0 * math.pi))
 
 

@@ -33,7 +33,7 @@ RULE = "N_i is not in GE, and N_i is visible to N_(i-1) and N_(i+1)"
 
 @dataclass(frozen=True)
 class Sight:
-    """Visibility on the three planes' GE."""
+    """Visibility on the three planes' GE, of positions of the nominal centre in the frame of operand 2."""
 
     expanded: Mapping[PlaneName, Region]
 
@@ -43,11 +43,7 @@ class Sight:
         return self.between(p, p)
 
     def between(self, one: ArrayLike, other: ArrayLike) -> PlaneName | None:
-        """A plane on which the straight line between two positions runs through GE; None when they are visible.
-
-        Args:
-            one, other: (3,), m, of the nominal centre in the frame of operand 2.
-        """
+        """A plane on which the line between two positions (3,), m, runs through GE; None when they are visible."""
         a, b = np.asarray(one, dtype=np.float64), np.asarray(other, dtype=np.float64)
         for plane in PLANES:
             if plane.name in self.expanded:
@@ -58,16 +54,9 @@ class Sight:
         return None
 
     def clear(self, point: ArrayLike, room: float) -> bool:
-        """Whether a position is in place, on x-z and y-z with room around it.
-
-        Args:
-            point: (3,), m, of the nominal centre in the frame of operand 2.
-            room: m.
-        """
+        """Whether a position (3,), m, is in place, on x-z and y-z with room (m) around it."""
         p = np.asarray(point, dtype=np.float64)
-        upright = [
-            (plane, self.expanded[plane.name]) for plane in PLANES if plane.v == 2 and plane.name in self.expanded
-        ]
+        upright = [(q, self.expanded[q.name]) for q in PLANES if q.v == 2 and q.name in self.expanded]
         near = [region.distance(p[[plane.u, plane.v]])[0] for plane, region in upright if not region.empty]
         return self.blocked_at(p) is None and min(near, default=math.inf) >= room
 
@@ -181,9 +170,8 @@ def _in_place(first: Array, last: Array, before: Sight, after: Sight) -> None:
         plane = sight.blocked_at(node)
         if plane is not None:
             where = ", ".join(f"{1e3 * value:.6g}" for value in node)
-            message = (
-                f"{name} at ({where}) mm lies inside GE on the plane {plane}: operand 1 would overlap operand 2 there"
-            )
+            message = f"{name} at ({where}) mm lies inside GE on the plane {plane}"
+            message += ": operand 1 would overlap operand 2 there"
             raise GeometryError(f"{message} (rule: {RULE})", "move it out of the material")
 
 
@@ -209,9 +197,7 @@ def _visible_path(points: Sequence[Array], sight: Sight) -> tuple[Array, ...] | 
 
 def _candidates(first: Array, last: Array, sight: Sight, room: float) -> list[Array]:
     """Positions that a path may bend at, those in place, each once."""
-    xz, yz = (
-        bends(sight.expanded[name], room) if name in sight.expanded else np.zeros((0, 2)) for name in ("xz", "yz")
-    )
+    xz, yz = (bends(sight.expanded[n], room) if n in sight.expanded else np.zeros((0, 2)) for n in ("xz", "yz"))
     heights = (room, first[2], *xz[:, 1], *yz[:, 1])
     # On the axis only below the mouth, or above the room that N₂ keeps.
     axis = [(0.0, 0.0, z) for z in heights if not 0.0 <= z < room]
@@ -223,11 +209,7 @@ def _candidates(first: Array, last: Array, sight: Sight, room: float) -> list[Ar
 
 
 def bends(region: Region, room: float = 0.0) -> Array:
-    """Points (k, 2) beside a region's convex corners, off by `room` and 1e-6 of its size; arcs as polylines.
-
-    Args:
-        room: m.
-    """
+    """Points (k, 2) beside a region's convex corners, off by `room`, m, and 1e-6 of its size; arcs as polylines."""
     found = of_region(region, 1e-3 * region.size)
     middle, half = found.fans[:, 0] + 0.5 * found.fans[:, 1], 0.5 * found.fans[:, 1]
     # Along the bisector, so that both sides of the corner are kept at a distance of `room`.
