@@ -55,12 +55,8 @@ class Task:
         half = np.abs(leading[:, :2]).max(axis=0)
         for vertex, radius in body.balls:  # whose vertices are no corners, but centres
             half = np.maximum(half, np.abs(vertices[vertex, :2]) + radius)
-        return Task(
-            Fit.of(plan),
-            (float(half[0]), float(half[1])),
-            float(np.hypot(plan.start_box[0], plan.start_box[1])),
-            limits,
-        )
+        reach = float(np.hypot(plan.start_box[0], plan.start_box[1]))
+        return Task(Fit.of(plan), (float(half[0]), float(half[1])), reach, limits)
 
     def program(self, name: str, start: Pose, steps: tuple[Step, ...]) -> Program:
         """A program without friction to make up for."""
@@ -130,14 +126,12 @@ def _search(name: str, task: Task, points: Array) -> Program:
     down = np.array([0.0, 0.0, -SPEED, 0.0, 0.0, 0.0])
     # What is not stopped half a millimetre below the mouth is in the hole already, and is pushed on.
     touch = _step("touch", 0, "xyzabc", down, (1, last, FAILED), travel=HEIGHT + ENTERED, push=TOUCH, **_felt(2))
-    steps = [touch]
+    steps, hold = [touch], _held(0.0, 0.0, -PRESS)
     for k, way in enumerate(ways):
         length = float(np.linalg.norm(way))
         twist = np.array([*way / length * SPEED, 0.0, 0.0, 0.0, 0.0])
         follow = (last, k + 2 if k + 1 < len(ways) else FAILED, FAILED)
-        steps.append(
-            _step("search", 1, "xyc", twist, follow, travel=length, hold=_held(0.0, 0.0, -PRESS), deep=-ENTERED)
-        )
+        steps.append(_step("search", 1, "xyc", twist, follow, travel=length, hold=hold, deep=-ENTERED))
     return task.program(name, _UPRIGHT, (*steps, _down(2, task, "z", 1.0, _held(0.0, 0.0, 0.0))))
 
 
@@ -172,6 +166,4 @@ def tilt(plan: Plan, robot: Robot) -> Program:
     return task.program("tilt", start, steps)
 
 
-BASELINES: dict[str, Callable[[Plan, Robot], Program]] = {
-    method.__name__: method for method in (push, spiral, dither, tilt)
-}
+BASELINES: dict[str, Callable[[Plan, Robot], Program]] = {m.__name__: m for m in (push, spiral, dither, tilt)}

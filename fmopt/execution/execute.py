@@ -30,11 +30,7 @@ _SHARE = 20.0  # times that the pause is longer than what writing takes
 
 @dataclass(frozen=True)
 class Settled:
-    """Where and how trials run.
-
-    Args:
-        workers: processes; None for one a core.
-    """
+    """Where and how trials run; workers are processes, None for one a core."""
 
     folder: Path
     workers: int | None = None
@@ -174,24 +170,19 @@ def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:
     total = head["inside"] + head["beyond"]
     # Numbers below `inside` are drawn inside: where that is another one, an earlier trial may be of the other kind.
     if any(row["trial"] >= total or (row["size"] <= 1.0) != (row["trial"] < head["inside"]) for row in rows):
-        asked = f"--trials {head['inside']} --beyond {head['beyond']}"
-        raise ResourceError(
-            f"{file}: holds trials that {asked} does not ask for, of --trials {first['inside']} "
-            f"--beyond {first['beyond']}",
-            "ask for no fewer, for more inside only where none is beyond, or choose another folder with --out",
-        )
+        asked, held = (f"--trials {one['inside']} --beyond {one['beyond']}" for one in (head, first))
+        advice = "ask for no fewer, for more inside only where none is beyond, or choose another folder with --out"
+        raise ResourceError(f"{file}: holds trials that {asked} does not ask for, of {held}", advice)
     return {row["trial"]: row for row in rows}
 
 
 def _other(first: Mapping[str, Any], head: Mapping[str, Any]) -> list[str]:
     """What differs beside the numbers of trials, on which no single trial inside depends."""
-    keys = [*head, *(key for key in first if key not in head)]
-    return [
-        key.replace("_", " ") for key in keys if key not in ("inside", "beyond") and first.get(key) != head.get(key)
-    ]
+    keys = [key for key in {**head, **first} if key not in ("inside", "beyond")]
+    return [key.replace("_", " ") for key in keys if first.get(key) != head.get(key)]
 
 
 def _keep(file: Path, head: Mapping[str, Any], done: Mapping[int, Any]) -> None:
     # In the order of numbers: the file does not tell chunks, workers or interruptions.
-    lines = [json.dumps(head, sort_keys=True), *(json.dumps(done[n], sort_keys=True) for n in sorted(done))]
-    output.save(("\n".join(lines) + "\n").encode(), file)
+    rows = [head, *(done[number] for number in sorted(done))]
+    output.save("".join(json.dumps(row, sort_keys=True) + "\n" for row in rows).encode(), file)

@@ -13,24 +13,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.execution import press_servo
 from fmopt.execution.engines.engine import Engine
-from fmopt.execution.press_servo import (
-    BACKING,
-    DONE,
-    HOLDING,
-    NEXT,
-    RETRY,
-    RUNNING,
-    SAMPLE,
-    SEATED,
-    Bodies,
-    Ints,
-    Sensors,
-    ended,
-    ends_of,
-    sensed,
-    servo,
-)
+from fmopt.execution.press_servo import BACKING, DONE, HOLDING, NEXT, RUNNING, SAMPLE, Bodies, Ints, Sensors
 from fmopt.execution.rotation import between, product, quaternions
 from fmopt.execution.summary import SHARE, Fit, reasons_at_rest
 from fmopt.plan.evidence import TrialOutcome
@@ -128,7 +113,7 @@ class PressRig:
         self.presses = tuple(press for attempt in plan.attempts for press in attempt.presses)
         counts = [len(attempt.presses) for attempt in plan.attempts]
         self._first = [sum(counts[:k]) for k in range(len(counts))]  # press of each attempt
-        self._ends = ends_of(self.presses)
+        self._ends = press_servo.ends_of(self.presses)
         n = len(engine.qpos)
         self.time, self.ticks, self._sample = 0.0, 0, 0
         self.bodies = [_Body() for _ in range(n)]
@@ -176,12 +161,12 @@ class PressRig:
             self._trail.append(np.array(engine.qpos))
         for k in active[state.mode[active] == BACKING]:
             state.p[k], state.q[k] = self._back(int(k)).at(float(state.time[k]))
-        servo(state, active, engine.qpos, engine.qvel, robot.period, robot.limits, self._wrench)
+        press_servo.servo(state, active, engine.qpos, engine.qvel, robot.period, robot.limits, self._wrench)
         engine.damp(state.resist[:, :3])
         engine.advance(self._wrench, robot.period, active)
         self.time += robot.period
         self.ticks += 1
-        sensed(
+        press_servo.sensed(
             *(state, self._sensors, active, engine.qpos, engine.reaction_over_period, self.noise()),
             *(self.ticks, robot.period, robot.cut_off),
         )
@@ -190,7 +175,7 @@ class PressRig:
         due = self.ticks % self._every == 0
         self._sample += due
         sample = self._sample if due else -1
-        if ended(state, self._ends, self._sensors, active, robot.arm, sample, self._follows):
+        if press_servo.ended(state, self._ends, self._sensors, active, robot.arm, sample, self._follows):
             for k in active[self._follows[active] >= 0].tolist():
                 self._follow(k, int(self._follows[k]))
         if self.time > MAX_SECONDS:
@@ -230,9 +215,9 @@ class PressRig:
             body.last = int(state.step[k])
             state.before[k] = self.presses[body.last].wrench
             self._begin(k, body.last + 1)
-        elif code in (NEXT, SEATED):
+        elif code in (NEXT, press_servo.SEATED):
             self._hold(k)
-        elif code == RETRY and body.tried + 1 < len(self.courses[k]):
+        elif code == press_servo.RETRY and body.tried + 1 < len(self.courses[k]):
             body.last, state.mode[k] = int(state.step[k]), BACKING
             body.back = self._way_back(k, self.courses[k][body.tried + 1])
             state.time[k], state.due[k] = 0.0, body.back.times[-1] + _REST
@@ -277,19 +262,16 @@ class PressRig:
         up[2] = across[2] = over
         poses = np.array([np.array(self.engine.qpos[k]), *trail, up, across, goal, goal])
         speeds = self.plan.robot.back
-        legs = np.maximum(
-            np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) / speeds[0],
-            np.linalg.norm(between(poses[1:, 3:], poses[:-1, 3:]), axis=1) / speeds[1],
-        )
-        return _Back(np.concatenate([[0.0], np.cumsum(legs)]), poses[:, :3], poses[:, 3:])
+        ways = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) / speeds[0]
+        turns = np.linalg.norm(between(poses[1:, 3:], poses[:-1, 3:]), axis=1) / speeds[1]
+        return _Back(np.concatenate([[0.0], np.cumsum(np.maximum(ways, turns))]), poses[:, :3], poses[:, 3:])
 
     def _judge(self, k: int, stopped: str) -> None:
         state, body = self.state, self.bodies[k]
         state.mode[k] = DONE
         depth = max(float(self._depth[k]), min(float(self.engine.depth[k]), SHARE * self.fit.clearance))
-        reasons, off, turned = reasons_at_rest(
-            self.fit, np.array(self.engine.qpos[k]), self.engine.qvel[k], state.lowest[k], depth
-        )
+        pose = np.array(self.engine.qpos[k])
+        reasons, off, turned = reasons_at_rest(self.fit, pose, self.engine.qvel[k], state.lowest[k], depth)
         stopped = stopped or body.stopped
         reasons = [*([stopped] if stopped else []), *reasons]
         if state.peak[k] > self.plan.robot.limits[0]:

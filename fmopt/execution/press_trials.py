@@ -61,20 +61,14 @@ def _drawn(conditions: Conditions, presses: int, random: np.random.Generator, co
     scalars, offset = random.uniform(-1.0, 1.0, 3), random.uniform(-1.0, 1.0, 6)
     if at_vertex:
         start, scalars, offset = np.sign(start), np.sign(scalars), np.sign(offset)
-    friction, stiffness, admittance = (
-        middle + share * half for share, (middle, half) in zip(scalars, _intervals(conditions), strict=True)
-    )
+    # Friction, and the logarithms of stiffness and admittance.
+    rows = np.array([conditions.friction, np.log(conditions.stiffness), np.log(conditions.admittance)])
+    friction, stiffness, admittance = (rows.mean(axis=1) + scalars * (0.5 * np.ptp(rows, axis=1))).tolist()
     ball = random.normal(size=(presses, 2, 3))
     ball *= random.uniform(size=(presses, 2, 1)) ** (1.0 / 3.0) / np.linalg.norm(ball, axis=2, keepdims=True)
     drift = conditions.drift * ball.reshape(presses, 6).T
     start, offset = start * np.array(conditions.start), offset * np.repeat(conditions.offset, 3)
     return start, *(np.array(one) for one in (friction, math.exp(stiffness), math.exp(admittance))), offset, drift
-
-
-def _intervals(conditions: Conditions) -> list[tuple[float, float]]:
-    """Middle and half-width of friction and of the logarithms of stiffness and admittance."""
-    rows = np.array([conditions.friction, np.log(conditions.stiffness), np.log(conditions.admittance)])
-    return list(zip(rows.mean(axis=1).tolist(), (0.5 * np.ptp(rows, axis=1)).tolist(), strict=True))
 
 
 def vertex_errors(conditions: Conditions, presses: int) -> Errors:
@@ -89,14 +83,10 @@ def vertex_errors(conditions: Conditions, presses: int) -> Errors:
 
     offset = np.stack([column(axes) for axes in _OFFSETS], axis=1) * np.repeat(conditions.offset, 3)
     drift = np.stack([column(axes) for axes in _DRIFTS], axis=1) / math.sqrt(3.0) * conditions.drift
-    return Errors(
-        signs * np.array(conditions.start),
-        ends(conditions.friction, _FRICTION),
-        ends(conditions.stiffness, _STIFFNESS),
-        ends(conditions.admittance, _ADMITTANCE),
-        offset,
-        np.repeat(drift[:, :, None], presses, axis=2),
-    )
+    named = ((conditions.friction, _FRICTION), (conditions.stiffness, _STIFFNESS), (conditions.admittance, _ADMITTANCE))
+    friction, stiffness, admittance = (ends(*each) for each in named)
+    start, drift = signs * np.array(conditions.start), np.repeat(drift[:, :, None], presses, axis=2)
+    return Errors(start, friction, stiffness, admittance, offset, drift)
 
 
 def carry_out(

@@ -167,15 +167,12 @@ class Table(Value):
         """Speeds are in the metric of ρ, columns of `numbers` as `COLUMNS` has them."""
         steps, rho = program.steps, program.rho
         scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
+        names = ("position", "twist", "hold", "rubbing", "gain")
         return Table(
-            np.stack([s.frame.R for s in steps]),
-            np.stack([s.frame.p for s in steps]),
-            np.stack([s.position for s in steps]),
-            np.stack([s.twist for s in steps]),
-            np.array([float(np.linalg.norm(s.twist * scale)) for s in steps]),
-            np.stack([s.hold for s in steps]),
-            np.stack([s.rubbing for s in steps]),
-            np.stack([s.gain for s in steps]),
+            rotation=np.stack([s.frame.R for s in steps]),
+            origin=np.stack([s.frame.p for s in steps]),
+            speed=np.array([float(np.linalg.norm(s.twist * scale)) for s in steps]),
             # Indices of steps, too: as floats they are exact.
-            np.array([[float(getattr(s, name)) for name in COLUMNS] for s in steps]),
+            numbers=np.array([[float(getattr(s, name)) for name in COLUMNS] for s in steps]),
+            **{name: np.stack([getattr(s, name) for s in steps]) for name in names},
         )

@@ -64,10 +64,8 @@ class Recovery(Value, shifts=(None, 3), points=(None, 3)):
         sunk = box[2] + reach * (box[3] + box[4] + 0.5 * float(box[3:] @ box[3:]))
         shifts = np.array(said.retries)[:, :3]  # they turn nothing, which the check of a plan sees to
         orders = tuple({EARLY: move.early, LATE: move.late} for move in said.moves)
-        start = Pose.from_vector(plan.segments[0].start)
-        return Recovery(
-            said.lift.above, said.lift.clear, said.lift.turn, float(sunk), shifts, orders, start, points, radii
-        )
+        lift, start = said.lift, Pose.from_vector(plan.segments[0].start)
+        return Recovery(lift.above, lift.clear, lift.turn, float(sunk), shifts, orders, start, points, radii)
 
     def next(self, move: int, felt: str, tried: Sequence[int]) -> int | None:
         """The shift to try after a move failed; None when all have been tried."""

@@ -167,11 +167,9 @@ class Rig:
         twist = np.where(running[:, None], table.twist[here] + slowed * self.drift[move, np.arange(self.n)], 0.0)
         A = _adjoint(R, origin)
         lead = np.hstack([state.p - self.qpos[:, :3], between(state.q, self.qpos[:, 3:])])
-        error, wanted, actual = (
-            _through(A, lead),
-            _through(P, _through(A, twist)),
-            _through(A, self.moved / robot.period),  # of the whole period: by the speed at its end tight parts rattle
-        )
+        error, wanted = _through(A, lead), _through(P, _through(A, twist))
+        # Of the whole period: by the speed at its end tight parts rattle.
+        actual = _through(A, self.moved / robot.period)
         led, going = _through(P, error), _through(P, actual)
         share = np.clip(state.gone / numbers[:, TRAVEL], 0.0, 1.0)[:, None]
         hold = (1.0 - share) * table.hold[here, 0] + share * table.hold[here, 1]
@@ -243,10 +241,8 @@ class Rig:
 
     def _cut(self, wrench: Array) -> Array:
         """Wrenches (n, 6) cut to the greatest force and torque."""
-        force, torque = self.program.limits
-        sizes = np.maximum(
-            np.linalg.norm(wrench[:, :3], axis=1) / force, np.linalg.norm(wrench[:, 3:], axis=1) / torque
-        )
+        halves = zip((wrench[:, :3], wrench[:, 3:]), self.program.limits, strict=True)
+        sizes = np.maximum(*(np.linalg.norm(half, axis=1) / limit for half, limit in halves))
         return np.asarray(wrench / np.maximum(sizes, 1.0)[:, None])
 
     def _lead(self, A: Array, lead: Array) -> None:
@@ -289,11 +285,8 @@ class Rig:
         state.effort = np.where(sluggish, state.effort * grown, np.maximum(state.effort / grown, 1.0))
         most = self._allowed(here) >= self.program.limits[0]
         state.stalled = np.where(due & most & (share <= robot.standing), state.stalled + 1, 0)
-        stopped = running & (
-            (state.felt >= self.robot.debounce)
-            | (state.stalled >= self.robot.patience)
-            | (self.qpos[:, 2] < numbers[:, DEEP])
-        )
+        sure = (state.felt >= robot.debounce) | (state.stalled >= robot.patience)
+        stopped = running & (sure | (self.qpos[:, 2] < numbers[:, DEEP]))
         ended = running & ~stopped & (state.gone >= numbers[:, TRAVEL])
         late = running & ~stopped & ~ended & (state.moving >= numbers[:, TIMEOUT])
         ways = [numbers[:, ON_STOP], numbers[:, ON_END]]

@@ -32,9 +32,8 @@ def quaternions(r: Array) -> Array:
 def product(a: Array, b: Array) -> Array:
     """Quaternions (…, 4) of the rotation a after b."""
     wa, va, wb, vb = a[..., :1], a[..., 1:], b[..., :1], b[..., 1:]
-    return np.concatenate(
-        [wa * wb - np.sum(va * vb, axis=-1, keepdims=True), wa * vb + wb * va + cross(va, vb)], axis=-1
-    )
+    real = wa * wb - np.sum(va * vb, axis=-1, keepdims=True)
+    return np.concatenate([real, wa * vb + wb * va + cross(va, vb)], axis=-1)
 
 
 def between(a: Array, b: Array) -> Array:

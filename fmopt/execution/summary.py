@@ -61,24 +61,20 @@ def _share(records: Sequence[Any]) -> dict[str, Any]:
         return {"trials": 0}
     successes = sum(record["success"] for record in records)
     low, high = success_interval(successes, len(records))
+    # Of those that never tried again; what tried again would have failed without.
+    alone = sum(record["success"] and not record["retries"] for record in records)
     return {
         "trials": len(records),
         "successes": successes,
         "share": successes / len(records),
         "interval": [low, high],
-        "without_recovery": _alone(records),
+        "without_recovery": {"successes": alone, "interval": list(success_interval(alone, len(records)))},
         "as_planned": sum(not record["departures"] for record in records) / len(records),
         "seconds": _spread([r["seconds"] for r in records if r["seconds"] is not None]),
         "peak_force": _spread([r["peak_force"] for r in records]),
         "impact_force": _spread([r["impact_force"] for r in records]),
         "penetration": _spread([r["penetration"] for r in records]),
     }
-
-
-def _alone(records: Sequence[Any]) -> dict[str, Any]:
-    """The success of those that never tried again; what tried again would have failed without."""
-    successes = sum(record["success"] and not record["retries"] for record in records)
-    return {"successes": successes, "interval": list(success_interval(successes, len(records)))}
 
 
 def _spread(values: Sequence[float]) -> dict[str, float]:
@@ -124,11 +120,8 @@ def lines(found: dict[str, Any]) -> list[str]:
             )
             alone = part["without_recovery"]
             if alone["successes"] != part["successes"]:
-                share = alone["successes"] / part["trials"]
-                told.append(
-                    f"  without trying again {alone['successes']} of {part['trials']}, "
-                    f"{_in_words(share, alone['interval'])}"
-                )
+                words = _in_words(alone["successes"] / part["trials"], alone["interval"])
+                told.append(f"  without trying again {alone['successes']} of {part['trials']}, {words}")
             told.append(
                 f"  force up to {part['peak_force']['largest']:.1f} N filtered, impact "
                 f"{part['impact_force']['largest']:.1f} N, penetration up to "
@@ -253,9 +246,7 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
         if known[name].within(pose) and abs(gap) > CLOSED * fit.clearance:
             found.append(f"{_spoken(move.number)}: {name} open")
     corners = [known[name] for name in move.goal_state if known[name].kind == "vertex-face"]
-    flat = [
-        one for n, one in enumerate(corners) if any(np.array_equal(one.fixed, other.fixed) for other in corners[:n])
-    ]
+    flat = [one for n, one in enumerate(corners) if any(np.array_equal(one.fixed, c.fixed) for c in corners[:n])]
     sensed = rig.contacts[body]  # columns as `FIELDS`: found, force, distance, position
     pressing = sensed[(sensed[:, 0] > 0.0) & (np.linalg.norm(sensed[:, 1:4], axis=1) > _PRESSES)]
     for row in pressing:

@@ -116,9 +116,8 @@ def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
     size = _size(share, box)
     t, r = what.velocity_error
     count = max(step.move for step in program.steps) + 1
-    drift = np.hstack(
-        [t * program.speed * _ball(random, count), r * program.speed / program.rho * _ball(random, count)]
-    )
+    rates = t * program.speed, r * program.speed / program.rho
+    drift = np.hstack([rate * _ball(random, count) for rate in rates])
     start = share * box
     # After the size was taken: what nobody knows of is no error that is counted.
     start[0] += trials.offset

@@ -143,9 +143,8 @@ class DrakeEngine:
             if deepest <= self._last[k] + THROWN:
                 break
         if results is None:
-            raise FmoptError(
-                f"the engine finds no contacts at {here.tolist()}: {reason}", "choose another seed or engine"
-            )
+            message = f"the engine finds no contacts at {here.tolist()}: {reason}"
+            raise FmoptError(message, "choose another seed or engine")
         return results, deepest
 
 
@@ -154,11 +153,7 @@ def _contacts(results: Any) -> list[Any]:
 
 
 def _library() -> Any:
-    """The engine's library.
-
-    Raises:
-        ResourceError: the extra is missing.
-    """
+    """The engine's library."""
     try:
         import pydrake.multibody.plant
     except ImportError as error:

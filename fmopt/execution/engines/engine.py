@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from fmopt.execution.rotation import from_quaternions
 from fmopt.geometry.clearance import deepest
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed
-from fmopt.plan import Body, Plan
+from fmopt.plan import Plan
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 THROWN = 5e-5  # m, by which contacts do not deepen in one time step; more is a fault of the engine's collision
 FIELDS = 8  # found, force (3) in axes of the engine's choice, distance, position (3)
+_SIDES = ("moving", "fixed")
 
 
 class Engine(Protocol):
@@ -39,26 +40,21 @@ class Engine(Protocol):
 
     def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
         """Moves bodies on by a period, s, under wrenches (n, 6) on reference points, axes of B, N and N·m, of all."""
-        ...
 
     def damp(self, damping: Array) -> None:
         """Damps translations along x, y, z of B by (n, 3), N·s/m, from now on; the engine integrates it implicitly."""
-        ...
 
     @property
     def reaction(self) -> Array:
         """Wrenches (n, 6) of the contacts in the last time step, about the reference points, axes of B."""
-        ...
 
     @property
     def reaction_over_period(self) -> Array:
         """Means (n, 6) of such wrenches over the time steps of the last period."""
-        ...
 
     @property
     def contacts(self) -> Array:
         """Contacts (n, k, FIELDS) of the last time step, k of the engine's choice; rows of zeros where none is."""
-        ...
 
 
 class Apparent(Protocol):
@@ -67,17 +63,14 @@ class Apparent(Protocol):
     @property
     def mass(self) -> float:
         """Apparent mass, kg."""
-        ...
 
     @property
     def inertia(self) -> float:
         """Apparent inertia about each axis, kg·m²."""
-        ...
 
     @property
     def period(self) -> float:
         """Period of the controller, s."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +88,8 @@ class Bodies:
     def of(plan: Plan) -> Bodies:
         """The parts of a plan."""
         moving, fixed = (tuple(np.array(piece.vertices) for piece in plan.parts[side].pieces) for side in _SIDES)
-        found, presses = Bodies(moving, fixed, _balls(plan.moving.body)), plan.press_plan
+        body, presses = plan.moving.body, plan.press_plan
+        found = Bodies(moving, fixed, tuple((np.array(body.vertices[k]), radius) for k, radius in body.balls))
         return found.filled() if presses is not None and presses.filled else found
 
     def filled(self) -> Bodies:
@@ -114,14 +108,6 @@ class Bodies:
     @cached_property
     def _hulls(self) -> tuple[tuple[Polyhedron, ...], tuple[Polyhedron, ...]]:
         return tuple(map(convex_hull_polyhedron, self.moving)), tuple(map(convex_hull_polyhedron, self.fixed))
-
-
-_SIDES = ("moving", "fixed")
-
-
-def _balls(body: Body) -> tuple[tuple[Array, float], ...]:
-    """Centres (3,) and radii of the balls of a part, m."""
-    return tuple((np.array(body.vertices[vertex]), radius) for vertex, radius in body.balls)
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,21 +67,16 @@ class Physics:
             SettingsError: a result with them would say nothing about tight fits.
         """
         if self.faults:
-            raise SettingsError(
-                "untrustworthy physics: " + "; ".join(self.faults),
-                "leave the settings of contacts out: interference fits go in with the engine's defaults",
-            )
+            advice = "leave the settings of contacts out: interference fits go in with the engine's defaults"
+            raise SettingsError("untrustworthy physics: " + "; ".join(self.faults), advice)
         return self
 
 
 def _faults(physics: Physics) -> list[str]:
-    constant, damping = physics.contact
+    (constant, damping), longest = physics.contact, max(2.5 * physics.time_step, HARD)
     checks = (
         (0.0 < physics.time_step <= 0.001, f"time step {physics.time_step:g} s, at most 0.001"),
-        (
-            0.0 < constant <= max(2.5 * physics.time_step, HARD),
-            f"contacts give way over {constant:g} s, at most {max(2.5 * physics.time_step, HARD):g}",
-        ),
+        (0.0 < constant <= longest, f"contacts give way over {constant:g} s, at most {longest:g}"),
         (damping >= 1.0, f"contacts bounce, damping ratio {damping:g}, at least 1"),
         (physics.solimp[0] >= 0.99, f"contact impedance from {physics.solimp[0]:g}, at least 0.99"),
         (physics.impratio >= 10.0, f"friction creeps, impratio {physics.impratio:g}, at least 10"),
