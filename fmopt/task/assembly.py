@@ -112,14 +112,9 @@ def _trees(source: Source, reading: Reading, file: files.AssemblyFile) -> tuple[
 def _task(table: files.TaskTable) -> Task:
     wanted = table.specification
     x, y, z, rx, ry, rz = (FREE if value is None else value for value in table.goal)
-    return Task(
-        _ref(table.moving),
-        _ref(table.fixed),
-        (x, y, z, rx, ry, rz),
-        table.attachment,
-        Specification(wanted.speed, wanted.contact_force, wanted.torque_limit),
-        Pose.from_vector([*table.grasp.at, *table.grasp.turn]),
-    )
+    specification = Specification(wanted.speed, wanted.contact_force, wanted.torque_limit)
+    grasp, goal = Pose.from_vector([*table.grasp.at, *table.grasp.turn]), (x, y, z, rx, ry, rz)
+    return Task(_ref(table.moving), _ref(table.fixed), goal, table.attachment, specification, grasp)
 
 
 def _ref(text: str) -> Ref:

@@ -268,12 +268,8 @@ def _settings(problem: Problem) -> Iterator[str]:
 
 def assembly_facts(assembly: Assembly, steps: Sequence[Step]) -> dict[str, Any]:
     """The same as data: SI units, poses as (x, y, z, rotation vector)."""
-    return {
-        "valid": True,
-        "title": assembly.title,
-        "objects": [tree.name for tree in assembly.workcell.objects],
-        "tasks": [_step_facts(step) for step in steps],
-    }
+    objects, tasks = [tree.name for tree in assembly.workcell.objects], [_step_facts(step) for step in steps]
+    return {"valid": True, "title": assembly.title, "objects": objects, "tasks": tasks}
 
 
 def _step_facts(step: Step) -> dict[str, Any]:

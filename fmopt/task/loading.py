@@ -19,17 +19,9 @@ from fmopt.geometry.mating_features import DESCRIBE, FOUND
 from fmopt.geometry.mesh.round_planes import met
 from fmopt.geometry.part import Part, Profiles, in_order, outline, rebased, settled
 from fmopt.spatial.se3 import Pose, exp
+from fmopt.task import sizes
 from fmopt.task.model import Bare, Model, load_model, overrides_of
 from fmopt.task.problem import Attributes, Problem, RobotProperties, Settings, Specification, VelocityError
-from fmopt.task.sizes import (
-    configuration_faults,
-    force_faults,
-    refuse_far,
-    refuse_reaching,
-    refuse_wild,
-    start_height,
-    tip_radius,
-)
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.sources import (
     OF_ALL,
@@ -119,8 +111,8 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
         message = "the tip is a ball, and the sources add up what they displace its leading face by"
         advice = "give [uncertainty.start]: errors of the ball's lowest point against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("not-supported", message, advice)
-    yield from configuration_faults(source, sources)
-    yield from force_faults(source, file.specification)
+    yield from sizes.configuration_faults(source, sources)
+    yield from sizes.force_faults(source, file.specification)
     yield from _plane_faults(source, file, models)
     yield from _pair_faults(source, file, models)
 
@@ -217,14 +209,14 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     exchanged = _is_exchanged(file, models)
     peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
     parts = {side: in_order(rebased(part, part.feature(file.feature(side)).frame)) for side, part in built.items()}
-    refuse_reaching(source, parts)
+    sizes.refuse_reaching(source, parts)
     stated = as_stated(file.uncertainty.start)
     depth = file.goal.depth or _deepest(file, models) or 0.0
     if any(model.file.mesh is not None for model in models.values()):
-        beside = _BESIDE * tip_radius(parts[peg]) + float(stated.box[:3].max())
+        beside = _BESIDE * sizes.tip_radius(parts[peg]) + float(stated.box[:3].max())
         parts[peg], parts[hole] = met(parts[peg], parts[hole], depth, beside)
     trees = _both(lambda model: build_tree(model.source, model.file), models)
-    height = start_height(parts[peg], stated.box) if file.start.height is None else file.start.height
+    height = sizes.start_height(parts[peg], stated.box) if file.start.height is None else file.start.height
     begin, grasp = _start(file, height, exchanged), Pose.from_vector([*file.grasp.at, *file.grasp.turn])
     round_peg = is_round(trees[peg].feature(file.feature(peg)))
     task = _attributes(source, file, round_peg, begin, exchanged, grasp)
@@ -243,8 +235,8 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     if exchanged:
         shares = tuple(share.exchanged() for share in shares)
     box = total(shares)
-    refuse_wild(source, shares)
-    refuse_far(source, box, (moving, fixed))
+    sizes.refuse_wild(source, shares)
+    sizes.refuse_far(source, box, (moving, fixed))
     either = file.specification.friction
     friction = () if either is None else (either,) if isinstance(either, float) else either
     return Problem(
@@ -346,7 +338,7 @@ def _budget(file: files.ProblemFile, sources: Sources, moving: Part, start: floa
     1.3 times the tilts, beside the axis by a few times the errors and what the lean shortens.
     """
     lean = min(1.3 * math.sqrt(2.0) * file.settings.max_tilt, 0.5 * math.pi)  # √2: about x and y at once
-    radius = tip_radius(moving)
+    radius = sizes.tip_radius(moving)
     height = start + radius * math.sin(lean)
     upright = total(budget(sources, height, 0.0, lean))  # a first box, to say how far beside the axis it may be
     swing = radius * float(np.linalg.norm(upright[3:]))

@@ -97,9 +97,8 @@ def _tables(file: ProblemFile, model: Model, side: Side) -> dict[str, MatingFeat
 
 
 def _named(file: ProblemFile, names: Mapping[Side, str]) -> ProblemFile:
-    return file.model_copy(
-        update={side: file.operand(side).model_copy(update={"feature": names[side]}) for side in SIDES}
-    )
+    operands: dict[str, Any] = {side: file.operand(side).model_copy(update={"feature": names[side]}) for side in SIDES}
+    return file.model_copy(update=operands)
 
 
 def _fit(
@@ -141,9 +140,8 @@ def _said(tables: Mapping[str, MatingFeature], kind: Kind, fit: Fit) -> tuple[st
 
 def _frames(fit: Fit, said: Mapping[Kind, MatingFeature | None]) -> dict[Kind, Pose]:
     """The frames of both features in their models: as stated, or such that the goal has them on one axis."""
-    solid, hollow = (
-        None if table is None or table.at is None else _pose(table) for table in (said["solid"], said["hollow"])
-    )
+    tables = said["solid"], said["hollow"]
+    solid, hollow = (None if table is None or table.at is None else _pose(table) for table in tables)
     if solid is not None and hollow is not None:
         return {"solid": solid, "hollow": hollow}
     if hollow is not None:

@@ -53,13 +53,9 @@ def tree_faults(source: Source, file: files.ModelFile) -> list[Fault]:
         return [source.place(("part",)).fault("too-large", message, f"use at most {MAX_INSTANCES}")]
     used: dict[str, int] = {}
     _count(file.part, references, used, ())
-    return [
-        source.place(("solids", name), of_key=True).fault(
-            "unused-solid", f"nothing uses the solid {name!r}", "name it in a union or difference, or remove it"
-        )
-        for name in file.solids
-        if name not in used
-    ]
+    advice = "name it in a union or difference, or remove it"
+    places = ((name, source.place(("solids", name), of_key=True)) for name in file.solids if name not in used)
+    return [place.fault("unused-solid", f"nothing uses the solid {name!r}", advice) for name, place in places]
 
 
 def _references(name: str, solid: files.Shape) -> Iterator[tuple[Key, str]]:

@@ -175,9 +175,8 @@ def framing(contributions: Sequence[Contribution]) -> Framing:
     """Which shares of the start box that contributions make are fixed where."""
     box = total(contributions)
     safe = np.where(box > 0.0, box, 1.0)  # of no error any share is as good
-    hole, hand = (
-        np.minimum(total([c for c in contributions if c.frame == frame]) / safe, 1.0) for frame in ("hole", "hand")
-    )
+    parts = ([c for c in contributions if c.frame == frame] for frame in ("hole", "hand"))
+    hole, hand = (np.minimum(total(part) / safe, 1.0) for part in parts)
     return Framing(hole, np.minimum(hand, 1.0 - hole))  # rounding puts no share above what is left
 
 
@@ -353,10 +352,6 @@ def allowance(velocity: files.Velocity, shares: Sequence[Contribution]) -> Itera
 
 def tessellation(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tuple[Contribution, ...]:
     """What the facets of imported parts add to the position errors: how far the true surfaces lie from them, as ε_v."""
-    return tuple(
-        Contribution(
-            f"{side} part, facets of its mesh", "ε_v", np.repeat([parts[side].chord_error, 0.0], 3), _SIDES[side], False
-        )
-        for side, model in models.items()
-        if model.file.mesh is not None and parts[side].chord_error > 0.0
-    )
+    boxes = {side: np.repeat([part.chord_error, 0.0], 3) for side, part in parts.items()}
+    own = [side for side, model in models.items() if model.file.mesh is not None and parts[side].chord_error > 0.0]
+    return tuple(Contribution(f"{s} part, facets of its mesh", "ε_v", boxes[s], _SIDES[s], False) for s in own)

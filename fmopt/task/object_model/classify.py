@@ -93,11 +93,8 @@ def _shares(terms: Sequence[Term], feature: MatingFeature) -> dict[int, float]:
     hollow = feature.kind == "hollow"
     low, high = (-feature.length, 0.0) if hollow else (0.0, feature.length)
     into = feature.frame.inverse()
-    return {
-        number: length(on_axis(moved(term.body, into)), low, high)
-        for number, term in enumerate(terms)
-        if (term.sign == "-") == hollow
-    }
+    own = [(number, term.body) for number, term in enumerate(terms) if (term.sign == "-") == hollow]
+    return {number: length(on_axis(moved(body, into)), low, high) for number, body in own}
 
 
 def _found(left: Sequence[Term], feature: MatingFeature) -> list[Term]:

@@ -125,11 +125,8 @@ def answer(workcell: Workcell, task: Task) -> Answer:
     if exchanged:
         moving, fixed, start, goal = fixed, moving, start.inverse(), goal.inverse()
     inward = base.inverse()
-    obstacles = tuple(
-        Obstacle(tree.name, moved(tree.solid, inward.compose(tree.frame)))
-        for tree in workcell.objects
-        if tree.name not in carried and tree.name not in standing
-    )
+    others = (tree for tree in workcell.objects if tree.name not in (*carried, *standing))
+    obstacles = tuple(Obstacle(tree.name, moved(tree.solid, inward.compose(tree.frame))) for tree in others)
     found = Answer(task, exchanged, moving, fixed, start.vector(), goal.vector(), settled, obstacles, carried)
     _check_ends(workcell, found, (*carried, *standing))
     return found

@@ -212,19 +212,12 @@ class ObjectTree(Value):
             object.__setattr__(self, "order", tuple(names))
         if sorted(self.order) != sorted(names):
             wrong = sorted(set(self.order) ^ set(names)) or [name for name in self.order if self.order.count(name) > 1]
-            raise TaskError(
-                f"the order of object {self.name!r} and its features differ in {', '.join(wrong)}",
-                wrong[0],
-                "the order names every feature once",
-                "list the features of the object, each once",
-            )
+            message = f"the order of object {self.name!r} and its features differ in {', '.join(wrong)}"
+            advice = "list the features of the object, each once"
+            raise TaskError(message, wrong[0], "the order names every feature once", advice)
         if not names or self.feature(self.order[0]).hollow:
-            raise TaskError(
-                f"object {self.name!r} does not begin with a solid feature",
-                self.order[0] if names else "",
-                "an object begins with a solid feature",
-                "put a feature prefixed + first",
-            )
+            message, name = f"object {self.name!r} does not begin with a solid feature", self.order[0] if names else ""
+            raise TaskError(message, name, "an object begins with a solid feature", "put a feature prefixed + first")
 
     @property
     def features(self) -> tuple[Feature, ...]:

@@ -139,9 +139,7 @@ def _touching(tree: ObjectTree, name: str) -> tuple[Ref, ...]:
     if not name:
         return ()
     body = tree.feature(name).body
-    return tuple(
-        Ref(tree.name, other.name) for other in tree.features if other.name != name and _touch(body, other.body)
-    )
+    return tuple(Ref(tree.name, f.name) for f in tree.features if f.name != name and _touch(body, f.body))
 
 
 def _touch(one: Solid, other: Solid) -> bool:
@@ -183,12 +181,11 @@ def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose
     all_of = {name: frozenset(workcell.object(name).order) for name in group}
     some_of = {r.object: frozenset(m.feature for m in members if m.object == r.object) for r in members}
     true_of = {r.object: frozenset(m.feature for m in around if m.object == r.object) for r in members}
-    whole = _together(workcell, all_of, frame.inverse())
+    into = frame.inverse()
+    whole = _together(workcell, all_of, into)
     # One object where solids are the same, so that its pieces are found once.
-    solid = whole if list(some_of.items()) == list(all_of.items()) else _together(workcell, some_of, frame.inverse())
-    true = (
-        solid if true_of == some_of else whole if true_of == all_of else _together(workcell, true_of, frame.inverse())
-    )
+    solid = whole if list(some_of.items()) == list(all_of.items()) else _together(workcell, some_of, into)
+    true = solid if true_of == some_of else whole if true_of == all_of else _together(workcell, true_of, into)
     return Operand(ref, feature, members, solid, true, whole, frame)
 
 

@@ -161,6 +161,7 @@ class Difference(_Placed):
 
 
 Shape: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Stack | Wedge | Hull | Union | Difference
+Solids: TypeAlias = Annotated[dict[Name, Annotated[Shape, Field(discriminator="shape")]], Field(max_length=100)]
 
 
 class Ball(Table):
@@ -236,9 +237,7 @@ class ModelFile(Table):
     """Named quantities for use in expressions; plain numbers are lengths. Later ones may use earlier ones."""
     part: Name | None = None
     """The solid that the part is."""
-    solids: Annotated[dict[Name, Annotated[Shape, Field(discriminator="shape")]], Field(max_length=100)] = Field(
-        default_factory=dict
-    )
+    solids: Solids = Field(default_factory=dict)
     """Named solids; an instance may be used several times."""
     balls: Annotated[dict[Name, Ball], Field(max_length=16)] = Field(default_factory=dict)
     """Exact balls of the part besides its solids, by name: of what moves, such as the tip of a ball-ended pin."""

@@ -169,10 +169,8 @@ def read(path: Path, cited: Place | None = None) -> Source:
         if path.suffix.lower() in ("", ".toml"):
             raise
         where = error.faults[0]  # of a TOML file of another name, the place of what is wrong
-        message, advice = (
-            f"{_name(path)} is of a kind that is not read",
-            "export the part as STEP or STL, and name that file",
-        )
+        message = f"{_name(path)} is of a kind that is not read"
+        advice = "export the part as STEP or STL, and name that file"
         raise InputError(Place(str(path), where.line, where.column).fault("file-kind", message, advice)) from error
     keys, values = _places(text)
     source = Source(path, data, keys, values)

@@ -11,61 +11,33 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeAlias, TypeVar
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
-    StringConstraints,
-    ValidationError,
-    ValidationInfo,
-    WithJsonSchema,
-)
+import pydantic
+from pydantic import GetJsonSchemaHandler, StringConstraints, ValidationInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from fmopt.errors import Fault
+from fmopt.task.toml import units as si
 from fmopt.task.toml.source import Key, Source, dotted, holds
-from fmopt.task.toml.units import (
-    ANGLE,
-    EXAMPLES,
-    FORCE,
-    LENGTH,
-    MASS,
-    MAX_TEXT,
-    RATIO,
-    SPEED,
-    STIFFNESS,
-    TIME,
-    TORQUE,
-    UNITS,
-    Dimension,
-    Quantity,
-    QuantityError,
-    at_most,
-    did_you_mean,
-    evaluate,
-    in_words,
-    scaled,
-)
+from fmopt.task.toml.units import EXAMPLES, LENGTH, RATIO, Dimension, Quantity, QuantityError, did_you_mean
 
 NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,63}$"
 TITLE = r"^[^\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]{1,200}$"  # as plans may hold it
-_TEXT = {"type": "string", "minLength": 1, "maxLength": MAX_TEXT}
+_TEXT = {"type": "string", "minLength": 1, "maxLength": si.MAX_TEXT}
 PARAMETER = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
 
 _NANOMETRE, _KILOMETRE, _TURN = 1e-9, 1e3, 2.0 * math.pi
 
-Parameter: TypeAlias = Annotated[Any, WithJsonSchema({"anyOf": [{"type": "number"}, _TEXT]})]
+Parameter: TypeAlias = Annotated[Any, pydantic.WithJsonSchema({"anyOf": [{"type": "number"}, _TEXT]})]
 ParameterName: TypeAlias = Annotated[str, StringConstraints(pattern=PARAMETER)]
 Name: TypeAlias = Annotated[str, StringConstraints(pattern=NAME)]
 Title: TypeAlias = Annotated[str, StringConstraints(pattern=TITLE)]
 File: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=1000)]
 
 
-class Table(BaseModel):
+class Table(pydantic.BaseModel):
     """A table of a file: no unknown keys, no conversions of type, frozen."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
+    model_config = pydantic.ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
 
 
 @dataclass(frozen=True)
@@ -90,12 +62,12 @@ class Reading:
         """
         units = data.get("units", {})
         known = units if isinstance(units, Mapping) else {"length": "", "angle": ""}
-        asked = ("length", "angle") if known else tuple(UNITS)
-        return Reading(factors(units), bare=frozenset(UNITS[name][0] for name in asked if name not in known))
+        asked = ("length", "angle") if known else tuple(si.UNITS)
+        return Reading(factors(units), bare=frozenset(si.UNITS[name][0] for name in asked if name not in known))
 
     def excuses(self, value: object) -> bool:
         """Whether the value is text that names a parameter which is at fault itself."""
-        return isinstance(value, str) and not self.broken.isdisjoint(re.findall(r"\w+", value[:MAX_TEXT]))
+        return isinstance(value, str) and not self.broken.isdisjoint(re.findall(r"\w+", value[: si.MAX_TEXT]))
 
     def quantity(self, value: object, dimension: Dimension | None) -> Quantity:
         """A number, or text with a unit, in SI; for a parameter (None) plain numbers are lengths.
@@ -105,9 +77,9 @@ class Reading:
         """
         wanted = LENGTH if dimension is None else dimension
         if isinstance(value, str):
-            result = evaluate(value, self.names)
+            result = si.evaluate(value, self.names)
         elif isinstance(value, int | float) and not isinstance(value, bool):
-            result = Quantity(scaled(_float(value), self.factors.get(wanted, 1.0)), wanted)
+            result = Quantity(si.scaled(_float(value), self.factors.get(wanted, 1.0)), wanted)
             if wanted in self.bare and value and math.isfinite(result.value):
                 raise _bare(value, wanted)
         else:
@@ -115,7 +87,7 @@ class Reading:
             raise QuantityError("wrong-type", message, f"write a number, or text such as {EXAMPLES[wanted]}")
         if not math.isfinite(result.value):
             raise QuantityError("not-finite", f"{shown(value)} is not a finite number", "write a finite number")
-        allowed = (LENGTH, ANGLE, RATIO) if dimension is None else (dimension,)
+        allowed = (LENGTH, si.ANGLE, RATIO) if dimension is None else (dimension,)
         if result.dimension not in allowed:
             message = f"{shown(value)} is {result.dimension}, not {' or '.join(str(kind) for kind in allowed)}"
             raise QuantityError("wrong-unit", message, f"write a number, or text such as {EXAMPLES[wanted]}")
@@ -123,7 +95,7 @@ class Reading:
 
 
 def _bare(value: int | float, wanted: Dimension) -> QuantityError:
-    name, choices = next((name, known) for name, (kind, known) in UNITS.items() if kind == wanted)
+    name, choices = next((name, known) for name, (kind, known) in si.UNITS.items() if kind == wanted)
     unit = {"length": "mm", "angle": "deg"}.get(name, next(iter(choices)))
     advice = f'write text with its unit, such as {EXAMPLES[wanted]}, or add {name} = "{unit}" under [units]'
     return QuantityError("no-unit", f"{shown(value)} stands without a unit", advice)
@@ -162,7 +134,7 @@ class Measured:
     high: float = math.inf
     words: tuple[str, ...] = ()
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, source: Any, handler: pydantic.GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(self._validate)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -189,14 +161,14 @@ class Measured:
     def _out_of_range(self, value: object, number: float) -> PydanticCustomError:
         text = shown(value)
         if isinstance(value, str):
-            text += f" = {in_words(number, self.dimension)}"
+            text += f" = {si.in_words(number, self.dimension)}"
         if number < 0.0 <= self.low:
             advice = "make it positive" if self.low > 0.0 else "make it zero or positive"
             return fault("negative", f"{text} is negative", advice)
         if number == 0.0 < self.low:
             return fault("zero", f"{text} is zero", "make it positive")
         side, bound = ("small", self.low) if number < self.low else ("large", self.high)
-        words = f"at {'least' if side == 'small' else 'most'} {at_most(bound, self.dimension)}"
+        words = f"at {'least' if side == 'small' else 'most'} {si.at_most(bound, self.dimension)}"
         advice = f"keep it {words}, and check the unit"
         return fault("out-of-range", f"{text} is too {side}", advice)
 
@@ -235,17 +207,17 @@ Way: TypeAlias = Annotated[float, Measured(LENGTH, _NANOMETRE, 4.0)]
 Beside: TypeAlias = Annotated[float, Measured(LENGTH, -4.0, 4.0)]
 Shift: TypeAlias = Annotated[float, Measured(LENGTH, 0.0, 0.5)]  # the most that the check of a plan takes
 Lever: TypeAlias = Annotated[float, Measured(LENGTH, 2.0**-10, 16.0)]  # what the check takes for ρ
-Turn: TypeAlias = Annotated[float, Measured(ANGLE, -_TURN, _TURN)]
-Tilt: TypeAlias = Annotated[float, Measured(ANGLE, 0.0, math.pi / 4.0)]
-ErrorAngle: TypeAlias = Annotated[float, Measured(ANGLE, 0.0, 0.5)]  # likewise, the most of a start error
+Turn: TypeAlias = Annotated[float, Measured(si.ANGLE, -_TURN, _TURN)]
+Tilt: TypeAlias = Annotated[float, Measured(si.ANGLE, 0.0, math.pi / 4.0)]
+ErrorAngle: TypeAlias = Annotated[float, Measured(si.ANGLE, 0.0, 0.5)]  # likewise, the most of a start error
 Ratio: TypeAlias = Annotated[float, Measured(RATIO, 0.0, 1.0)]
 Friction: TypeAlias = Annotated[float | tuple[float, float] | None, Interval(RATIO, 0.0, 5.0)]
-Speed: TypeAlias = Annotated[float, Measured(SPEED, 1e-6, 100.0)]
-Force: TypeAlias = Annotated[float, Measured(FORCE, 1e-9, 1e6)]
-Torque: TypeAlias = Annotated[float, Measured(TORQUE, 1e-9, 1e6)]
-Mass: TypeAlias = Annotated[float, Measured(MASS, 1e-9, 1e6)]
-Stiffness: TypeAlias = Annotated[float, Measured(STIFFNESS, 1e-3, 1e12)]
-Duration: TypeAlias = Annotated[float, Measured(TIME, 1e-3, 1e7)]
+Speed: TypeAlias = Annotated[float, Measured(si.SPEED, 1e-6, 100.0)]
+Force: TypeAlias = Annotated[float, Measured(si.FORCE, 1e-9, 1e6)]
+Torque: TypeAlias = Annotated[float, Measured(si.TORQUE, 1e-9, 1e6)]
+Mass: TypeAlias = Annotated[float, Measured(si.MASS, 1e-9, 1e6)]
+Stiffness: TypeAlias = Annotated[float, Measured(si.STIFFNESS, 1e-3, 1e12)]
+Duration: TypeAlias = Annotated[float, Measured(si.TIME, 1e-3, 1e7)]
 Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]
 Rotation: TypeAlias = tuple[Turn, Turn, Turn]
 
@@ -253,7 +225,7 @@ Rotation: TypeAlias = tuple[Turn, Turn, Turn]
 def factors(units: object) -> dict[Dimension, float]:
     """Factors to SI of the plain numbers of a file, from its `[units]` table as it stands, right or wrong."""
     table = units if isinstance(units, Mapping) else {}
-    return {dimension: known.get(str(table.get(name)), 1.0) for name, (dimension, known) in UNITS.items()}
+    return {dimension: known.get(str(table.get(name)), 1.0) for name, (dimension, known) in si.UNITS.items()}
 
 
 T = TypeVar("T", bound=Table)
@@ -263,7 +235,7 @@ def checked(table: type[T], source: Source, reading: Reading) -> tuple[T | None,
     """The contents of a file as `table`, or all its faults."""
     try:
         return table.model_validate(_tuples(source.data), context=reading), []
-    except ValidationError as error:
+    except pydantic.ValidationError as error:
         schema = table.model_json_schema()
         items = error.errors(include_url=False, include_context=True)
         inner = {item["loc"][:n] for item in items for n in range(len(item["loc"]))}
@@ -337,11 +309,10 @@ def _words(kind: str, item: Mapping[str, Any], value: object) -> tuple[str, str,
 
 def _named(pattern: str) -> str:
     """What matches the pattern of a name, in words."""
-    match pattern:
-        case _ if r"\." in pattern:
-            return 'write "object.feature"' + (", or the name of an object" if pattern.endswith("?$") else "")
-        case pattern if pattern == TITLE:
-            return "use 1 to 200 characters in one line, none of them hidden"
+    if r"\." in pattern:
+        return 'write "object.feature"' + (", or the name of an object" if pattern.endswith("?$") else "")
+    if pattern == TITLE:
+        return "use 1 to 200 characters in one line, none of them hidden"
     return f"use up to 64 letters, digits{' and _' if pattern == PARAMETER else ', _ and -'}, starting with a letter"
 
 
