@@ -11,17 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from fmopt.certificate.rows import (
-    Forms,
-    Mask,
-    Rows,
-    balls_above,
-    directions_along,
-    edges_apart,
-    faces_above,
-    points_above,
-    stacked,
-)
+from fmopt.certificate import rows
+from fmopt.certificate.rows import Forms, Mask, Rows, directions_along, points_above
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
@@ -119,9 +110,8 @@ def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
     # Twice the tolerance on every side: nothing within it is lost to the box.
     low, high = piece.vertices.min(axis=0) - 2.0 * TOUCH, piece.vertices.max(axis=0) + 2.0 * TOUCH
     inside = np.all((part.vertices >= low) & (part.vertices <= high), axis=1)
-    vertices = [
-        n for n in np.flatnonzero(inside).tolist() if (lengths(piece.vertices - part.vertices[n]) <= TOUCH).any()
-    ]
+    near = np.flatnonzero(inside).tolist()
+    vertices = [n for n in near if (lengths(piece.vertices - part.vertices[n]) <= TOUCH).any()]
     if piece.balls:
         # A ball is a piece of its own, a point without edges or faces.
         return frozenset(("ball", n) for n, _ in part.balls if n in vertices)
@@ -160,13 +150,7 @@ def in_plane(points: Array, normal: Array, offset: float) -> bool:
 
 
 def on_line(points: Array, a: Array, direction: Array) -> Mask:
-    """Which points lie on the line through a, to `NEAR`.
-
-    Args:
-        points: (k, 3), m.
-        a: (3,), m.
-        direction: unit vector (3,).
-    """
+    """Which points (k, 3), m, lie on the line through a (3,), m, along a unit direction (3,), to `NEAR`."""
     return np.asarray(lengths(cross(points - a, direction)) <= NEAR)
 
 
@@ -249,7 +233,7 @@ def contact_forms(
     if not contacts:
         # No contact: an empty table, for which all else goes on as it is.
         return points_above(np.zeros((0, 3)), np.zeros(3), 0.0)
-    return stacked(*(_form(assembly, contact, together) for contact in contacts))
+    return rows.stacked(*(_form(assembly, contact, together) for contact in contacts))
 
 
 @remembered(_MEMORY)
@@ -287,10 +271,10 @@ def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[Prim
     if contact.kind is Kind.BALL_FACE:
         face, centre = fixed.faces[contact.fixed_feature], [contact.moving[0]]
         radii = assembly.moving.polyhedron.radii[centre]
-        return balls_above(body[centre], face.normal, face.offset, radii)
+        return rows.balls_above(body[centre], face.normal, face.offset, radii)
     if contact.kind is Kind.FACE_VERTEX:
         own = assembly.moving.polyhedron.faces[contact.moving_feature]
-        return faces_above(own.normal, own.offset, fixed.vertices[[contact.fixed[0]]])
+        return rows.faces_above(own.normal, own.offset, fixed.vertices[[contact.fixed[0]]])
     # The crossing of two lines cannot be asked for where one of them lies in a plane through the other: its turn can.
     found = hinge(assembly, contact, together)
     if found is not None:
@@ -301,7 +285,7 @@ def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[Prim
         return directions_along(*flush)
     a, b = body[list(contact.moving)]
     c, d = fixed.vertices[list(contact.fixed)]
-    return edges_apart((b - a) / length(b - a), (d - c) / length(d - c), c, a[None])
+    return rows.edges_apart((b - a) / length(b - a), (d - c) / length(d - c), c, a[None])
 
 
 def same_side(vertices: Array, a: Array, direction: Array, p: Array) -> Mask:

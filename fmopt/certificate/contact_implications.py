@@ -60,12 +60,7 @@ class Facts:
         return there(self.owner)
 
     def on(self, normal: Array, offset: float) -> Wall:
-        """What is known of a plane.
-
-        Args:
-            normal: outward unit normal (3,).
-            offset: m.
-        """
+        """What is known of a plane with the outward unit normal (3,) and an offset, m."""
         for wall in self.walls:
             if self.assembly.agree(wall.normal, wall.offset, normal, offset):
                 return wall
@@ -227,9 +222,8 @@ def held_on(assembly: Assembly, face: int, together: Sequence[PrimitiveContact])
         other.moving[0]
         for other in together
         if other.kind is Kind.VERTEX_FACE
-        and assembly.agree(
-            wall.normal, wall.offset, faces[other.fixed_feature].normal, faces[other.fixed_feature].offset
-        )
+        for side in [faces[other.fixed_feature]]
+        if assembly.agree(wall.normal, wall.offset, side.normal, side.offset)
     }
 
 
@@ -240,9 +234,8 @@ def other_rim(assembly: Assembly, contact: PrimitiveContact, other: PrimitiveCon
     fixed = assembly.fixed.polyhedron
     wall = fixed.faces[face]
     sides = [fixed.faces[n] for n in fixed.edges[other.fixed_feature].faces]
-    return set(other.fixed) != set(contact.fixed) and any(
-        assembly.agree(wall.normal, wall.offset, side.normal, side.offset) for side in sides
-    )
+    elsewhere = set(other.fixed) != set(contact.fixed)
+    return elsewhere and any(assembly.agree(wall.normal, wall.offset, side.normal, side.offset) for side in sides)
 
 
 def _note(

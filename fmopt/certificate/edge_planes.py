@@ -151,9 +151,8 @@ def edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) ->
         parts += [directions_along(cross(e_f, n)[None], e_m), points_above(vertex[None], inward, at)]
         behind.append((np.abs((off - c) @ n) <= NEAR) & ((off - c) @ inward >= -NEAR))
     count += 2 * len(behind)
-    onto = tuple(
-        Onto(always + 2 * k, always + 2 * k + 1, _within(mask, len(upper), count)) for k, mask in enumerate(behind)
-    )
+    places = zip(range(always, count, 2), behind, strict=True)
+    onto = tuple(Onto(k, k + 1, _within(mask, len(upper), count)) for k, mask in places)
     return Counted(stacked(*parts), always, onto, (e_m, e_f))
 
 
@@ -189,9 +188,8 @@ def _anchored(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge, known
     body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
     held = made = False
     for contact in contacts_of(pair):
-        if not (
-            _meet(contact, moving, fixed) or (assembly.several and _beside(assembly, known, contact, moving, fixed))
-        ):
+        both = _meet(contact, moving, fixed) or (assembly.several and _beside(assembly, known, contact, moving, fixed))
+        if not both:
             continue
         if contact in pair.state:
             held = True

@@ -81,11 +81,7 @@ class ErrorSet(Value):
 
     @staticmethod
     def of(half_widths: ArrayLike, framing: Framing) -> ErrorSet:
-        """The box of start errors, each share of it fixed where the framing says.
-
-        Args:
-            half_widths: (6,), m and rad.
-        """
+        """The box of start errors by half-widths (6,), m and rad, each share of it fixed where the framing says."""
         a = frozen(half_widths, 6, name="half-widths")
         generators, linkage = Linkage.of(a, framing)
         return ErrorSet(ellipsoid.box_root(a), generators, _POINT, linkage=linkage)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -152,10 +153,8 @@ def _regions(assembly: Assembly, part: Polyhedron, face: int) -> tuple[_Region, 
 
     if (points @ inward.T - offsets >= -NEAR).all():
         return (tuple(rim(i, True) for i in range(len(spans))),)
-    return tuple(
-        tuple(rim(i, along_edge(i, chosen, ends, inward, offsets)) for i in chosen)
-        for chosen in convex_regions(ends, inward, offsets)
-    )
+    regions = convex_regions(ends, inward, offsets)
+    return tuple(tuple(rim(i, along_edge(i, chosen, ends, inward, offsets)) for i in chosen) for chosen in regions)
 
 
 def cornered(assembly: Assembly, contact: PrimitiveContact, pose: Pose) -> bool:
@@ -189,11 +188,11 @@ def _holes(assembly: Assembly, part: Polyhedron, face: int) -> tuple[tuple[tuple
 def _in_face(
     assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: Questions
 ) -> Judge:
-    fixed, body = assembly.fixed.polyhedron, assembly.moving.polyhedron.vertices
+    fixed, vertex = assembly.fixed.polyhedron, assembly.moving.polyhedron.vertices[contact.moving[0]]
     regions = [
         [
             (
-                rows.above(body[contact.moving[0]], rim.inward, rim.offset),
+                rows.above(vertex, rim.inward, rim.offset),
                 rim.swallowed,
                 _slips(assembly, contact, together, rim, rows) if rim.whole else lambda lower, room: False,
             )
@@ -201,10 +200,8 @@ def _in_face(
         ]
         for region in _regions(assembly, fixed, contact.fixed_feature)
     ]
-    holes = [
-        [rows.above(body[contact.moving[0]], way, at) for way, at in planes]
-        for planes in _holes(assembly, fixed, contact.fixed_feature)
-    ]
+    outlines = _holes(assembly, fixed, contact.fixed_feature)
+    holes = [[rows.above(vertex, way, at) for way, at in planes] for planes in outlines]
 
     def judge(lower: Lower) -> float:
         beyond = min((max([-UNBOUNDED, *(lower[k] for k in planes)]) for planes in holes), default=UNBOUNDED)
@@ -230,22 +227,21 @@ def _slips(
     its line is then in the wall either way, so that edge contact and vertex contact have the same zeros.
     """
     body, wall, vertex = assembly.moving.polyhedron.vertices, contact.fixed_feature, contact.moving[0]
-    inside = held_on(assembly, wall, together)
+    on_wall = held_on(assembly, wall, together)
     far: list[int] = []
     crossings: list[tuple[Judge, Judge]] = []
     for other in together:
         if other.kind is Kind.EDGE_EDGE and set(other.fixed) == set(rim.span) and vertex in other.moving:
             end = other.moving[1] if other.moving[0] == vertex else other.moving[0]
-            if end in inside:
+            if end in on_wall:
                 far.append(rows.above(body[end], rim.inward, rim.offset))
             for kept in together:
                 if other_rim(assembly, other, kept, wall):
                     crossings.append((_sides(assembly, kept, wall, rows), _sides(assembly, other, wall, rows)))
 
     def slips(lower: Lower, room: float) -> bool:
-        return any(lower[k] > max(room, 0.0) + _SURELY for k in far) or any(
-            kept(lower) > max(waived(lower), 0.0) + _SURELY for kept, waived in crossings
-        )
+        inside = any(lower[k] > max(room, 0.0) + _SURELY for k in far)
+        return inside or any(kept(lower) > max(waived(lower), 0.0) + _SURELY for kept, waived in crossings)
 
     return slips
 
@@ -274,10 +270,8 @@ def _in_edges(
 ) -> Judge:
     fixed = assembly.fixed.polyhedron
     lies_in = _lying_in(assembly, contact, together, rows)
-    crossings = []
-    for number in fixed.edges[contact.fixed_feature].faces:
-        for ends in (contact.moving, contact.moving[::-1]):
-            crossings.append((number, _across(assembly, contact, number, ends, rows)))
+    ways = product(fixed.edges[contact.fixed_feature].faces, (contact.moving, contact.moving[::-1]))
+    crossings = [(number, _across(assembly, contact, number, ends, rows)) for number, ends in ways]
 
     def judge(lower: Lower) -> float:
         shared = lies_in(lower)
@@ -311,10 +305,8 @@ def _across(
     wall = assembly.fixed.polyhedron.faces[number]
     below, above = rows.above(a, -wall.normal, -wall.offset), rows.above(b, wall.normal, wall.offset)
     rise, depth = rows.along(wall.normal, b - a), rows.above(a, wall.normal, wall.offset)
-    rooms = [
-        (rows.above(a, way, float(way @ end)), rows.along(way, b - a), blocked)
-        for end, way, blocked in _blocked(assembly, contact.fixed_feature, number)
-    ]
+    both = _blocked(assembly, contact.fixed_feature, number)
+    rooms = [(rows.above(a, way, float(way @ end)), rows.along(way, b - a), blocked) for end, way, blocked in both]
 
     def margin(lower: Lower, lies: bool) -> float:
         found, share = UNBOUNDED, 1.0

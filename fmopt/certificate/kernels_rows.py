@@ -18,18 +18,7 @@ from fmopt.spatial.kernels import Vector, cross, dot, halves, plus, size, swung,
 from fmopt.spatial.values import Array
 
 ROW = np.dtype(
-    [
-        ("n", "f8", 3),
-        ("u", "f8", 3),
-        ("k", "f8", 3),
-        ("b", "f8", 3),
-        ("a", "f8", 3),
-        ("s", "f8", 3),
-        ("c", "f8"),
-        ("sign", "f8"),
-        ("lever", "f8"),
-        ("bilinear", "i8"),
-    ]
+    [*((name, "f8", 3) for name in "nukbas"), *((name, "f8") for name in ("c", "sign", "lever")), ("bilinear", "i8")]
 )
 """A row: n, u, k, b, a, s, c, σ, |u||k| in m, and whether b is there at all."""
 
@@ -47,12 +36,7 @@ class Turned(NamedTuple):
 
 
 class Bending(NamedTuple):
-    """Rows (k) along a piece of motion.
-
-    Args:
-        turned: what turns, at both ends (2, k, 3).
-        twist: V = (Δ, τ) (6,) of the piece, m and rad.
-    """
+    """Rows (k) along a piece of motion V = (Δ, τ) (6,), m and rad, and what turns at both ends (2, k, 3)."""
 
     table: Table
     turned: Turned
@@ -61,12 +45,7 @@ class Bending(NamedTuple):
 
 @part
 def value(row: Row, p: Vector, R: Array) -> tuple[float, Vector, Vector, End]:
-    """f at a pose, its gradient in translation and in rotation, and what turns: w, b, y.
-
-    Args:
-        p: m.
-        R: (3, 3).
-    """
+    """f at a pose, p in m and R (3, 3), its gradient in translation and in rotation, and what turns: w, b, y."""
     n, u, w = vector(row["n"]), vector(row["u"]), turned(R, vector(row["k"]))
     # ∇ of n·p is n; a turn by δ adds δ × w to w, and u·(δ × w) = (w × u)·δ.
     f, moving, turning = dot(n, p) + dot(u, w) - row["c"], n, cross(w, u)
@@ -188,12 +167,7 @@ def _changed(row: Row, end: End, move: Vector, turn: Vector) -> tuple[Vector, Ve
 
 @part
 def power(row: Row, end: End, move: Vector, turn: Vector) -> tuple[Vector, Vector]:
-    """How N·V, V = (Δ, τ), changes with a small error: Aᵀ(τ × b) and b × A Δ − Gᵀ τ.
-
-    Args:
-        move: Δ, m.
-        turn: τ, rad.
-    """
+    """How N·V, V = (Δ, τ), m and rad, changes with a small error: Aᵀ(τ × b) and b × A Δ − Gᵀ τ."""
     u, (w, b, y) = vector(row["u"]), end
     return _sloped(row, end, (move, turn), (w, b), (u, y))
 

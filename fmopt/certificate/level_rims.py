@@ -76,13 +76,10 @@ def level_rims(
     edges = [contact for contact in (*held, *opening) if contact.kind is Kind.EDGE_EDGE]
     faces = {contact: set(body.edges[contact.moving_feature].faces) for contact in edges}
     level = {
-        (contact, *faces[contact] & faces[other])
-        for contact, other in permutations(edges, 2)
-        if contact.fixed_feature == other.fixed_feature
-        and contact.moving_feature != other.moving_feature
-        and contact in held
-        and other in held
-        and len(faces[contact] & faces[other]) == 1
+        (one, *faces[one] & faces[other])
+        for one, other in permutations([contact for contact in edges if contact in held], 2)
+        if one.fixed_feature == other.fixed_feature and one.moving_feature != other.moving_feature
+        if len(faces[one] & faces[other]) == 1
     }
     turns = facts(assembly, held).turns
     for contact in edges:

@@ -13,20 +13,12 @@ from fmopt.certificate.assembly import NEAR, Assembly
 from fmopt.certificate.contact_implications import coming_off, facts
 from fmopt.certificate.level_rims import edges_beside, level_rims
 from fmopt.certificate.segment_linearisation import Piece
-from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.contact.primitive import PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.values import Array, remembered
 
 BEHIND = 1e-15  # m; how far in front of the fixed piece a free plane is put, against rounding
 _MEMORY = 2048
-_FEATURES = {
-    Kind.VERTEX_FACE: ("vertex", "face"),
-    Kind.FACE_VERTEX: ("face", "vertex"),
-    Kind.EDGE_EDGE: ("edge", "edge"),
-    Kind.BALL_FACE: ("ball", "face"),
-}
-
-Features = frozenset[tuple[str, int]]
 
 
 @dataclass(frozen=True)
@@ -130,19 +122,15 @@ def _in_walls(
     known, off = facts(assembly, held), coming_off(assembly, held, left)
     for normal, offset in zip(fixed.normals, fixed.offsets, strict=True):
         points = set(known.level_with(normal, offset).points)
-        points.update(
-            i for wall in off if assembly.agree(wall.normal, wall.offset, normal, offset) for i in wall.points
-        )
+        walls = [wall for wall in off if assembly.agree(wall.normal, wall.offset, normal, offset)]
+        points.update(*(wall.points for wall in walls))
         if points and _shares(moving.vertices, assembly.body_points[sorted(points)]):
             return True
     if edges_beside(assembly, moving, fixed, held, opening):
         return True
     rims = level_rims(assembly, held, opening)
-    return any(
-        rim.before(fixed.vertices, normal, offset).any()
-        for rim in rims
-        for normal, offset in zip(moving.normals, moving.offsets, strict=True)
-    )
+    planes = list(zip(moving.normals, moving.offsets, strict=True)) if rims else []
+    return any(rim.before(fixed.vertices, *plane).any() for rim in rims for plane in planes)
 
 
 def _shares(points: Array, others: Array) -> bool:
@@ -160,12 +148,8 @@ def touching(
 ) -> tuple[PrimitiveContact, ...]:
     """The contacts that two pieces can have with each other: on a face plane or along an edge of each."""
     own, other = assembly.carried(moving), assembly.carried(fixed)
-    return tuple(c for c in contacts if _between(c, own, other))
-
-
-def _between(contact: PrimitiveContact, moving: Features, fixed: Features) -> bool:
-    one, other = _FEATURES[contact.kind]
-    return (one, contact.moving_feature) in moving and (other, contact.fixed_feature) in fixed
+    kinds = ((c, c.kind.split("-")) for c in contacts)
+    return tuple(c for c, (one, two) in kinds if (one, c.moving_feature) in own and (two, c.fixed_feature) in other)
 
 
 def free_plane(normal: Sequence[float], offset: float) -> Witness:

@@ -22,20 +22,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fmopt.certificate import segment_linearisation
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.form import under_form
 from fmopt.certificate.remainder import Extent
-from fmopt.certificate.segment_linearisation import (
-    Compliance,
-    Growth,
-    Linearisation,
-    Piece,
-    Tolerance,
-    approach,
-    departures,
-    linearisation_of,
-)
+from fmopt.certificate.segment_linearisation import Compliance, Growth, Linearisation, Piece, Tolerance
 from fmopt.certificate.separating_plane import Ends
 from fmopt.certificate.tube import LARGE, PAST, SETTLED, THICK, Errors, Numbers, carried, coupled
 from fmopt.errors import InfeasibleError
@@ -86,14 +78,14 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
             contacts do not determine their compliant directions, or errors outgrow the bounds in which the certificate
             holds.
     """
-    way = linearisation_of(assembly, piece, tolerance)
+    way = segment_linearisation.linearisation_of(assembly, piece, tolerance)
     basis = piece.basis
     if piece.made is not None:
         basis = (*basis, Compliance(piece.made, way.direction))
     ends, overtravel = _carried(assembly, piece, way, basis, errors, tolerance)
     extent = ends.extent
-    nearer = approach(tolerance, way, extent, errors.linkage)
-    farther = tuple(departures(assembly, piece, tolerance, way, extent, errors.linkage))
+    nearer = segment_linearisation.approach(tolerance, way, extent, errors.linkage)
+    farther = tuple(segment_linearisation.departures(assembly, piece, tolerance, way, extent, errors.linkage))
     return Advance(ends, basis, way.motion, way.length, nearer, farther, overtravel)
 
 

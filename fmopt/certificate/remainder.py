@@ -85,11 +85,7 @@ class Curvature:
 
     @staticmethod
     def of(start: Rows, goal: Rows, twist: Array) -> Curvature:
-        """The curvature of rows over a piece with a twist (6,).
-
-        Args:
-            twist: V (6,), m and rad.
-        """
+        """The curvature of rows over a piece with a twist V (6,), m and rad."""
         w, b, y = (np.array(ends) for ends in zip(start.turned, goal.turned, strict=True))
         return Curvature(Bending(start.forms.table, Turned(w, b, y), np.array(twist)))
 
@@ -238,11 +234,7 @@ class Course:
         return Course(Motion(p[goal], R[goal], columns[goal], cuts, np.zeros_like(twist), half, coupling, form))
 
     def spread(self, end: int, N: Array) -> Mask:
-        """Whether generators and drifts, not the ellipsoid of everything, bound the errors along rows (m, 6): (m,).
-
-        Args:
-            N: the rows.
-        """
+        """Whether generators and drifts, not the ellipsoid of everything, bound the errors along rows (m, 6): (m,)."""
         # Where the sum is the smaller bound, derivatives of generators are the ones that count.
         first, second, third, fourth = self.motion.cuts.tolist()
         X = N @ self.motion.columns[end, 0].T

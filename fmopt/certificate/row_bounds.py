@@ -326,11 +326,8 @@ def best_sides(
         faces (n, m), −1 where none is good enough, their margins and their clearances, m.
     """
     count, pairs, rooms = motion.p.shape[1], len(sides.points), np.empty(len(sides.normals))
-    found, margins, clearances = (
-        np.empty((count, pairs), dtype=np.intp),
-        np.empty((count, pairs)),
-        np.empty((count, pairs)),
-    )
+    found, margins = np.empty((count, pairs), dtype=np.intp), np.empty((count, pairs))
+    clearances = np.empty((count, pairs))
     for n in range(count):
         for m in range(pairs):
             begun, ended = sides.faces[m, 0], sides.faces[m, 1]

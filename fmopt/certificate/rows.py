@@ -36,13 +36,9 @@ Places = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Distances at one pose: values f (k,) and gradients N (k, 6), in m and m/rad, and the vectors that turn.
+    """Distances at one pose: values f (k,), gradients N (k, 6), in m and m/rad, and the vectors that turn (k, 3).
 
     At several poses all of them have leading axes.
-
-    Args:
-        N: gradients.
-        turned: what turns, (k, 3) each.
     """
 
     f: Array
@@ -81,20 +77,11 @@ class Forms:
         return np.asarray(self.table["lever"])
 
     def over(self, start: Pose, goal: Pose) -> tuple[Rows, Rows]:
-        """The rows at both ends of a piece of motion.
-
-        Args:
-            start, goal: poses of the moving part in the B-frame.
-        """
+        """The rows at both ends of a piece of motion."""
         return self.ends(np.array([start.p, goal.p]), np.array([start.R, goal.R]))
 
     def ends(self, p: Array, R: Array) -> tuple[Rows, Rows]:
-        """The rows at both ends of pieces of motion.
-
-        Args:
-            p: (2, …, 3), starts and goals, m.
-            R: (2, …, 3, 3).
-        """
+        """The rows at both ends of pieces of motion: starts and goals p (2, …, 3), m, and R (2, …, 3, 3)."""
         both = self.rows(p, R)
         return both.end(0), both.end(1)
 
@@ -103,12 +90,7 @@ class Forms:
         return self.rows(pose.p, pose.R)
 
     def rows(self, p: Array, R: Array) -> Rows:
-        """The rows at poses, whose axes lead.
-
-        Args:
-            p: (…, 3), m.
-            R: (…, 3, 3).
-        """
+        """The rows at poses p (…, 3), m, and R (…, 3, 3), whose axes lead."""
         # Kernels see one list of poses; the leading axes are put back afterwards.
         lead = p.shape[:-1]
         found = _at(self.table, fixed(p.reshape(-1, 3)), fixed(R.reshape(-1, 3, 3)))
@@ -120,13 +102,8 @@ class Forms:
 def _at(table: Table, p: Array, R: Array) -> tuple[Array, Array, Array, Array, Array]:
     """Values f (e, k) and gradients N (e, k, 6) of rows (k,) at poses p (e, 3), R (e, 3, 3), and w, b, y (e, k, 3)."""
     poses, k = len(p), len(table)
-    f, N, w, b, y = (
-        np.empty((poses, k)),
-        np.empty((poses, k, 6)),
-        np.empty((poses, k, 3)),
-        np.empty((poses, k, 3)),
-        np.empty((poses, k, 3)),
-    )
+    f, N = np.empty((poses, k)), np.empty((poses, k, 6))
+    w, b, y = np.empty((poses, k, 3)), np.empty((poses, k, 3)), np.empty((poses, k, 3))
     for e in range(poses):
         at = vector(p[e])
         for i in range(k):
@@ -158,11 +135,7 @@ def points_above(points: Array, normals: Array, offsets: Array | float) -> Forms
 
 
 def balls_above(points: Array, normals: Array, offsets: Array | float, radii: Array) -> Forms:
-    """n·(p + R v) − a − r.
-
-    Args:
-        radii: r (k,), m.
-    """
+    """n·(p + R v) − a − r, as `points_above`, with radii r (k,), m."""
     return Forms(records(definitions.ball_face, v=points, n=normals, c=offsets, r=radii))
 
 

@@ -164,11 +164,7 @@ def _way(
 
 
 def cone(tolerance: Tolerance, way: Linearisation, N: Array) -> float:
-    """How far the velocity error can move a row (6,) along the piece, m.
-
-    Args:
-        N: gradient (6,), m and m/rad.
-    """
+    """How far the velocity error can move a row along the piece, m, by its gradient N (6,), m and m/rad."""
     t, r = tolerance.velocity_error[0], tolerance.velocity_error[1] / tolerance.rho
     # Translation and angle of the error add up at worst.
     return (t * length(N[:3]) + r * length(N[3:])) * way.length
