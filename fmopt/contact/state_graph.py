@@ -22,7 +22,7 @@ from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
 
 
 @dataclass(frozen=True, eq=False)
-class LocalSpace(Value):
+class LocalSpace(Value, normals=("contacts", 6), offsets=("contacts",), scale=(6,), limits=(None, 7)):
     """Half-spaces normals·x ≥ offsets in scaled local coordinates x = X / scale around a pose.
 
     Attributes:
@@ -102,13 +102,6 @@ class LocalSpace(Value):
     offsets: Array
     scale: Array
     limits: Array
-
-    def __post_init__(self) -> None:
-        k = len(self.contacts)
-        object.__setattr__(self, "normals", frozen(self.normals, k, 6, name="normals"))
-        object.__setattr__(self, "offsets", frozen(self.offsets, k, name="offsets"))
-        object.__setattr__(self, "scale", frozen(self.scale, 6, name="scale"))
-        object.__setattr__(self, "limits", frozen(self.limits, None, 7, name="limits"))
 
     @property
     def half_spaces(self) -> tuple[Array, Array]:

@@ -117,8 +117,7 @@ def _motion(posed: Posed, stages: Stages, deadline: float) -> tuple[Searched, Pl
             with until(deadline + GRACE):
                 # A plan is of the parts themselves: what holds of their image is certified once more on them.
                 moves = here.image.own_moves(placed.moves)
-                own = certified(posed.assembly, moves, posed.start, posed.tolerance, placed.step)
-                own = by_method(posed, own)
+                own = by_method(posed, certified(posed.assembly, moves, posed.start, posed.tolerance, placed.step))
         except (SearchError, InfeasibleError) as error:
             failures.append(_Tried(here.image, error.with_traceback(None), here.found))
         except OverdueError:
@@ -342,8 +341,7 @@ def _rounds(
 ) -> Iterator[Sequence[Entry]]:
     """Ways to begin, the likeliest first, several to be weighed against each other in each round."""
     moving, box, tilt = problem.moving, problem.start_box, problem.settings.max_tilt
-    straight = straight_entry(moving, clearance.play, box, problem.approach)
-    if straight:
+    if straight := straight_entry(moving, clearance.play, box, problem.approach):
         yield straight
     if moving.polyhedron.balls:
         yield from hovering_entries(moving, box, problem.approach)

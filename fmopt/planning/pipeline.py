@@ -64,7 +64,7 @@ class Synthesis:
     @property
     def proved(self) -> bool:
         """Whether the plan is certified."""
-        return _certified(self.verdict)
+        return str(self.verdict.verdict) == CERTIFIED
 
     def carried_out(self, settings: Settings, progress: Progress = lambda _: None) -> Synthesis:
         """The same with trials of its guarded moves, as many as settings have draws, which change no verdict."""
@@ -258,7 +258,19 @@ def planned(
     """
     stages = stages or Stages()
     try:
-        document = _told(problem, motion, stages, measured, notes)
+        heed()
+        stages.progress("nominal trajectory")
+        task = answer(*task_command(problem))
+        nominal, lost = _described(
+            "the nominal trajectory", lambda: _nominal_motion(problem, task, motion.errors, motion.tolerance.rho)
+        )
+        stages.ended("nominal")
+        states, unseen = _described("its way through contact states", lambda: _contact_states(motion, nominal))
+        stages.ended("contact")
+        stages.progress("control strategies")
+        told = Described(task, nominal, states, measured, (*notes, *lost, *unseen))
+        with until(math.inf):  # strategies are part of the proof, not of what only describes the motion
+            document = plan_document(problem, told, controlled(problem, motion, ranges=True))
     except OverdueError:
         with until(math.inf):  # a motion that is certified is worth the second that this takes
             document = proof_document(problem, controlled(problem, motion))
@@ -267,29 +279,6 @@ def planned(
     checked = _checked(document)
     stages.ended("verify")
     return checked
-
-
-def _told(
-    problem: Problem, motion: CertifiedMotion, stages: Stages, measured: ErrorTolerance | None, notes: tuple[str, ...]
-) -> dict[str, Any]:
-    """The plan with all that only describes its motion, as far as it can be found; arguments as of `planned`.
-
-    Raises:
-        OverdueError: there is no time for any of it.
-    """
-    heed()
-    stages.progress("nominal trajectory")
-    task = answer(*task_command(problem))
-    nominal, lost = _described(
-        "the nominal trajectory", lambda: _nominal_motion(problem, task, motion.errors, motion.tolerance.rho)
-    )
-    stages.ended("nominal")
-    states, unseen = _described("its way through contact states", lambda: _contact_states(motion, nominal))
-    stages.ended("contact")
-    stages.progress("control strategies")
-    told = Described(task, nominal, states, measured, (*notes, *lost, *unseen))
-    with until(math.inf):  # strategies are part of the proof, not of what only describes the motion
-        return plan_document(problem, told, controlled(problem, motion, ranges=True))
 
 
 def _described(name: str, found: Callable[[], T]) -> tuple[T | None, tuple[str, ...]]:
@@ -355,10 +344,6 @@ def _checked(document: dict[str, Any], hope: str = CERTIFIED) -> tuple[dict[str,
     return plan.sealed({**document, "verdict": stated}), replace(verdict, stated=stated)  # what it read was a hope
 
 
-def _certified(verdict: Verdict) -> bool:
-    return str(verdict.verdict) == CERTIFIED
-
-
 def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
     """A plan for all of the start errors if there is one, else for the largest share for which one is proved.
 
@@ -369,13 +354,12 @@ def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
     try:
         whole = certified_motion(half, stages)
         verdict = proved(half, whole)[1]
-        if _certified(verdict):
+        if str(verdict.verdict) == CERTIFIED:
             return _completed(half, whole, stages)
         short = verdict.findings[0].message
     except (SearchError, InfeasibleError) as error:
         whole, short = None, error.message
-    seconds = 0.5 * settings.time_limit / ATTEMPTS
-    brief = _within(problem, seconds)
+    brief = _within(problem, 0.5 * settings.time_limit / ATTEMPTS)
     found = largest_share(
         lambda share: _for_share(replace(brief, start_box=share * problem.start_box), share, progress)
     )
@@ -403,7 +387,7 @@ def _for_share(
         noted.append(isinstance(error, OverdueError) or (isinstance(error, SearchError) and error.late))
         return None
     noted.append(False)
-    return (part, motion, stages) if _certified(verdict) else None
+    return (part, motion, stages) if str(verdict.verdict) == CERTIFIED else None
 
 
 def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Synthesis:

@@ -87,13 +87,9 @@ def heading(
     clearance: float,
     exact: Sequence[abc.Mapping[int, Exact]] = ({}, {}),
 ) -> dict[str, Any]:
-    """What every plan file states of its problem, its verdict still open.
+    """What every plan file states of its problem, its verdict still open, under errors at the start.
 
-    Args:
-        tolerance: velocity error and metric.
-        errors: at the start.
-        clearance: measured, a side, m.
-        exact: of the moving and of the fixed part, by vertex, where coordinates are no floats.
+    The clearance is as measured, a side, m; exact coordinates are of the moving and of the fixed part, by vertex.
     """
     declared = problem.declared_clearance
     return {
@@ -148,8 +144,7 @@ def _frames(problem: Problem, errors: ErrorSet) -> dict[str, Any]:
     if errors.linkage is None:
         return {}
     boxes = zip(("hole", "hand", "world"), problem.framing.parts(problem.start_box), strict=True)
-    sources = [{"frame": frame, "box": box} for frame, box in boxes if box.any()]
-    return {"sources": sources}
+    return {"sources": [{"frame": frame, "box": box} for frame, box in boxes if box.any()]}
 
 
 def plan_document(problem: Problem, told: Described, motion: ControlledMotion) -> dict[str, Any]:
@@ -226,11 +221,10 @@ def _segments(motion: ControlledMotion) -> list[dict[str, Any]]:
     claims = motion.motion.claims
     # One vector a pose: a segment starts with the very digits with which the one before it ends.
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
-    found: list[dict[str, Any]] = []
-    for k, piece in enumerate(motion.pieces):
-        record = segment_record(piece.claim, piece.move, poses[k], poses[k + 1])
-        found.append({**record, "hybrid": piece.document()})
-    return found
+    return [
+        {**segment_record(piece.claim, piece.move, poses[k], poses[k + 1]), "hybrid": piece.document()}
+        for k, piece in enumerate(motion.pieces)
+    ]
 
 
 def _found(problem: Problem, number: int) -> dict[str, Any]:
@@ -242,14 +236,9 @@ def _found(problem: Problem, number: int) -> dict[str, Any]:
 def part_record(
     part: Part, declared: tuple[float, float] | None, measured: float, exact: abc.Mapping[int, Exact] | None = None
 ) -> dict[str, Any]:
-    """A part as the plan file holds it.
+    """A part as the plan file holds it, with its clearance a side, m: along x and y if declared, the least as measured.
 
     Vertices whose exact coordinates are no floats have these beside them, as fractions.
-
-    Args:
-        part: in its frame.
-        declared: clearance a side along x and y, m; None where none was.
-        measured: least clearance a side, m.
     """
     shapes: dict[str, Any] = {**_shape(part.polyhedron), "pieces": [_shape(piece) for piece in part.pieces]}
     if part.form:
@@ -258,10 +247,8 @@ def part_record(
         shapes["balls"] = [{"vertex": n, "radius": radius} for n, radius in part.polyhedron.balls]
     if exact:
         shapes["exact"] = [{"vertex": n, "at": [str(x) for x in exact[n]]} for n in sorted(exact)]
-    record: dict[str, Any] = plan.clean(
-        {"name": plan.line(part.name), **shapes, "declared_clearance": declared, "measured_clearance": measured}
-    )
-    return record
+    clearances = {"declared_clearance": declared, "measured_clearance": measured}
+    return dict(plan.clean({"name": plan.line(part.name), **shapes, **clearances}))
 
 
 def exact_parts(
@@ -292,26 +279,18 @@ def _shape(body: Polyhedron) -> dict[str, Any]:
 
 def contact_record(contact: PrimitiveContact) -> dict[str, Any]:
     """A contact as the plan file holds it."""
-    record: dict[str, Any] = plan.clean(
-        {
-            "id": contact.id,
-            "kind": str(contact.kind),
-            "moving": {"vertices": contact.moving},
-            "fixed": {"vertices": contact.fixed},
-        }
-    )
-    return record
+    features = {"moving": {"vertices": contact.moving}, "fixed": {"vertices": contact.fixed}}
+    return dict(plan.clean({"id": contact.id, "kind": str(contact.kind), **features}))
 
 
 def segment_record(claim: Claim, move: int, start: Any, goal: Any) -> dict[str, Any]:
     """A claim between poses (6,), as its neighbours have them, as a segment of the plan file without its strategy."""
     piece, extent = claim.piece, claim.advance.ends.extent
-    state = [c.id for c in piece.held]
     made = piece.made
     found = {
         "kind": "guarded_move",
         "move": move,
-        "state": state,
+        "state": [c.id for c in piece.held],
         "goal_state": [c.id for c in piece.goal_contacts],
         **({"leaving": [c.id for c in piece.left]} if piece.left else {}),
         "progress": piece.progress,
@@ -328,8 +307,7 @@ def segment_record(claim: Claim, move: int, start: Any, goal: Any) -> dict[str, 
         "separations": [_separation(*item) for item in claim.separations],
         "contacts": [_contact(c) for c in claim.contacts],
     }
-    record: dict[str, Any] = plan.clean(found)
-    return record
+    return dict(plan.clean(found))
 
 
 def _separation(moving: int, fixed: int, found: Separation) -> dict[str, Any]:

@@ -146,8 +146,7 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: flo
         begun = certified(posed.assembly, moves, posed.start, posed.tolerance, step)
     solver, asked = ClarabelSolver(), _Asked(posed, begun)
     if problem.settings.placement != "descent":
-        held = surer(asked.aim, begun, solver, posed.refinement)
-        asked = _Asked(posed, held)
+        asked = _Asked(posed, surer(asked.aim, begun, solver, posed.refinement))
     aim = asked.aim
 
     def told(margin: float) -> None:

@@ -57,17 +57,18 @@ class Value:
     """Base of frozen dataclasses that hold arrays: they stay read-only through pickling.
 
     A class names the shapes of its arrays, `class Stop(Value, gain=(6,))`: each is copied and checked as by `frozen`.
+    A name among the numbers of a shape stands for how many entries that field has.
     """
 
-    _shapes: ClassVar[Mapping[str, tuple[int | None, ...]]] = {}
+    _shapes: ClassVar[Mapping[str, tuple[int | str | None, ...]]] = {}
 
-    def __init_subclass__(cls, **shapes: tuple[int | None, ...]) -> None:
+    def __init_subclass__(cls, **shapes: tuple[int | str | None, ...]) -> None:
         cls._shapes = {**cls._shapes, **shapes}
 
     def __post_init__(self) -> None:
         for name, shape in self._shapes.items():
-            array = frozen(getattr(self, name), *shape, name=name.replace("_", " "))
-            object.__setattr__(self, name, array)
+            sizes = (len(getattr(self, n)) if isinstance(n, str) else n for n in shape)
+            object.__setattr__(self, name, frozen(getattr(self, name), *sizes, name=name.replace("_", " ")))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for key, value in state.items():

@@ -60,10 +60,9 @@ def free_part(V: Array, basis: Array) -> Array | None:
 
 
 def axes(wrenches: Array, rho: float) -> Axes:
-    """Sparse position and force axes: axes of the frame where the spaces hold them, reduced echelon rows for the rest.
+    """Sparse position and force axes of contact wrenches (m, 6), N and N·m per N, in the coordinates of a frame.
 
-    Args:
-        wrenches: contact wrenches (m, 6) in the frame's coordinates, N and N·m per N.
+    They are axes of the frame where the spaces hold them, reduced echelon rows for the rest.
     """
     basis = row_space(wrenches, rho)
     projector = basis.T @ basis

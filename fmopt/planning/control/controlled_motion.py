@@ -39,7 +39,7 @@ from fmopt.planning.control.bias_wrench import GuardedMove, firmness, steadiness
 from fmopt.planning.control.hybrid_strategy import HybridStrategy, JamFree, hybrid_strategy, jam_free
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.spatial.se3 import Pose, cross
-from fmopt.spatial.values import Array, Value, frozen, remembered, there
+from fmopt.spatial.values import Array, Value, remembered, there
 from fmopt.task.problem import Problem, Specification
 
 _NEAR = 4.0  # bounds of its errors before its goal from where on a move is run as if it might meet its contacts
@@ -246,7 +246,7 @@ def _level(contact: PrimitiveContact, body: Polyhedron, fixed: Polyhedron, pose:
 
 
 @dataclass(frozen=True, eq=False)
-class Meeting(Value):
+class Meeting(Value, normal=(3,), arms=(None, 3)):
     """A contact that a move may make.
 
     Args:
@@ -258,10 +258,6 @@ class Meeting(Value):
     normal: Array
     arms: Array
     leverage: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "normal", frozen(self.normal, 3, name="normal"))
-        object.__setattr__(self, "arms", frozen(self.arms, None, 3, name="arms"))
 
     @staticmethod
     def of(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Meeting:
@@ -287,12 +283,10 @@ class Meeting(Value):
 def approach_speed(
     meetings: Sequence[Meeting], V: Array, theta: float, velocity_error: tuple[float, float], rho: float
 ) -> float:
-    """The greatest normal speed at which any of the contacts can be met, for a unit twist.
+    """The greatest normal speed at which any of the contacts can be met, for a unit twist V (6,) in the metric of ρ.
 
-    Args:
-        V: unit twist (6,) in the metric of ρ.
-        theta: by how much the part may be turned from its goal when they are, rad.
-        velocity_error: shares of the speed in translation, and in rotation on the arm ρ.
+    The part may be turned from its goal by θ (rad) when they are. Velocity errors are shares of the speed in
+    translation, and in rotation on the arm ρ.
     """
     v, w = V[:3], V[3:]
     found = [0.0]

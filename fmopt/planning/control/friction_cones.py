@@ -250,11 +250,8 @@ class FrictionCones(Value):
     def turn(self, a: Array, d: Array) -> Array | None:
         """The scaled twist (6,) of K* that keeps power on a cos θ + d sin θ from 0 up to the greatest θ, or nearly π.
 
-        None where a itself is balanced. From where one twist ends, the
-        steepest one for the wrench there goes further.
-
-        Args:
-            a, d: scaled wrenches (6,), of unit length, at right angles.
+        Both are scaled wrenches (6,), of unit length, at right angles; None where a itself is balanced. From where one
+        twist ends, the steepest one for the wrench there goes further.
 
         Raises:
             SolverError: no solver settles them.
@@ -281,11 +278,8 @@ class FrictionCones(Value):
     def freeing(self, held: Array, along: Array) -> Array | None:
         """The scaled twist (6,) of K* that has power on held + b along for the least b; None where no b is free.
 
-        From the steepest twist along the push on: at the least push of one, the steepest for the wrench needs less.
-
-        Args:
-            held: scaled wrench (6,).
-            along: scaled wrench (6,), of unit length.
+        Both are scaled wrenches (6,), `along` of unit length. From the steepest twist along the push on: at the least
+        push of one, the steepest for the wrench needs less.
 
         Raises:
             SolverError: no solver settles them.
@@ -307,12 +301,7 @@ class FrictionCones(Value):
         return best
 
     def stated(self, twist: Array, inner: Array) -> Array:
-        """A scaled twist (6,) as a plan states it: moved to the inside of K* by more than rounding can be, unscaled.
-
-        Args:
-            twist: scaled (6,), of K*.
-            inner: scaled (6,), inside K*.
-        """
+        """A scaled twist (6,) of K* as a plan states it, unscaled: moved along an inner one by more than rounding."""
         unit = twist / length(twist)
         inside = unit + _INSIDE / float(np.min(self.opening(inner))) * inner
         rounded = np.where(np.abs(inside) < 10.0 ** -(_DIGITS + 1), 0.0, inside) / twist_scale(self.rho)

@@ -70,10 +70,8 @@ def move_derivatives(
     displacement = np.zeros((12, 6))
     displacement[:6, :3], displacement[6:, :3] = -np.eye(6, 3), np.eye(6, 3)
     # log(exp(δ) R) changes by J⁻¹ δ, J the left Jacobian; at the start the right one counts, which is that of −ω.
-    displacement[3:6, 3:], displacement[9:, 3:] = (
-        -np.linalg.inv(left_jacobian(-turn)).T,
-        np.linalg.inv(left_jacobian(turn)).T,
-    )
+    displacement[3:6, 3:] = -np.linalg.inv(left_jacobian(-turn)).T
+    displacement[9:, 3:] = np.linalg.inv(left_jacobian(turn)).T
     goal = claim.piece.goal
     w, dw = _wrenches(assembly, held, goal)
     dm = _wrenches(assembly, made, goal)[1]
@@ -91,8 +89,7 @@ def _wrenches(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Po
     rows = contact_rows(assembly, contacts, (), pose)
     dN = np.stack([Curvature.of(rows, rows, axis).power() for axis in np.eye(6)]).transpose(2, 1, 0)
     size = np.linalg.norm(rows.N[:, :3], axis=1)[:, None]
-    w = rows.N / size
-    dw = dN / size
+    w, dw = rows.N / size, dN / size
     longer = np.sum(dw[..., :3] * w[:, :3], axis=-1, keepdims=True)
     return w, dw - longer * w
 
@@ -150,8 +147,7 @@ def hold_derivatives(
     move: GuardedMove, found: Balance, changing: MoveDerivatives, rho: float, specification: Specification
 ) -> Array:
     """The derivatives (n,) of the share of the contact force that presses a move's least pressed contact."""
-    slopes = _Change.of(move, changing, rho, specification).of_force(found)
-    return slopes / specification.contact_force
+    return _Change.of(move, changing, rho, specification).of_force(found) / specification.contact_force
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,14 +220,8 @@ class _Change:
     def of_force(self, found: Balance) -> Array:
         """The derivatives (n,) of the least force of a balance."""
         rows, equations = _prices(found)
-        m, n, move, changing, spec = (
-            len(self.move.held),
-            len(self.move.made),
-            self.move,
-            self.changing,
-            self.specification,
-        )
-        x = found.x
+        move, changing, spec, x = self.move, self.changing, self.specification, found.x
+        m, n = len(move.held), len(move.made)
         f, g, k, r, b = x[:m], x[m : 2 * m], x[2 * m : 2 * m + n], x[2 * m + n : -3], float(x[-2])
         dpush, dpower = self.push
         felt = np.sign(float(move.reaction @ self.V))

@@ -66,7 +66,8 @@ def recovery_record(
     runs = _runs(segments)
     rooms = [min(lowest(body, segments[k], rho) for k in run) - above - _SLACK for run in runs]
     first = Pose.from_vector(segments[0]["start"])
-    turn = _furthest_turn(segments) + _OVERTURN
+    goals = (Pose.from_vector(segment["goal"]) for segment in segments)
+    turn = max(float(np.linalg.norm(log(goal.R @ first.R.T))) for goal in goals) + _OVERTURN
     lift: dict[str, Any] | None = None
     why = ""
     if max(rooms) <= 0.0:
@@ -78,7 +79,7 @@ def recovery_record(
         clear = _clear(body, fixed, first, box, turn)
         lift = {"direction": [0.0, 0.0, 1.0], "above": above, "clear": clear, "turn": turn}
     retries = offsets(box)
-    if lift is not None and _begun(body, first, box) <= _top(fixed) + _SLACK:
+    if lift is not None and _begun(body, first, box) <= float(fixed.vertices[:, 2].max()) + _SLACK:
         why, retries = "with some start errors the part begins below the top, where it cannot be carried to", []
     if lift is None:
         retries = []
@@ -87,23 +88,11 @@ def recovery_record(
         of_move = [claims[k] for k in run]
         found = unplanned_contacts(assembly, of_move, box, specification.friction, rho)
         unplanned += [one.described(number, told_apart(one, specification, rho)) for one in found]
-        moves.append(
-            {
-                "move": number,
-                "back_off": lift is not None and room > 0.0,
-                "room": None if lift is None else rounded_down(room),
-                "order": order(assembly, of_move, found, box, retries),
-            }
-        )
-    said = {
-        "lift": lift,
-        "why": why,
-        "retries": retries,
-        "covers": covered(box) if retries else box,
-        "moves": moves,
-        "not_covered": list(NOT_COVERED),
-    }
-    return said, tuple(unplanned)
+        back = {"back_off": lift is not None and room > 0.0, "room": None if lift is None else rounded_down(room)}
+        moves.append({"move": number, **back, "order": order(assembly, of_move, found, box, retries)})
+    covers = covered(box) if retries else box
+    said = {"lift": lift, "why": why, "retries": retries, "covers": covers, "moves": moves}
+    return {**said, "not_covered": list(NOT_COVERED)}, tuple(unplanned)
 
 
 def underside(fixed: Polyhedron) -> float:
@@ -126,8 +115,7 @@ def lowest(body: Polyhedron, segment: Mapping[str, Any], rho: float) -> float:
     errors are taken off.
     """
     start, goal = Pose.from_vector(segment["start"]), Pose.from_vector(segment["goal"])
-    local = start.local(goal)
-    shift, turn = local[:3], local[3:]
+    shift, turn = np.split(start.local(goal), 2)
     angle = float(np.linalg.norm(turn))
     way = float(np.linalg.norm([*shift, rho * angle]))
     surplus = max(0.0, float(segment["hybrid"]["termination"]["max_travel"]) - way) / max(way, 1e-30)
@@ -149,10 +137,6 @@ def _sunk(body: Polyhedron, pose: Pose, errors: Array) -> Array:
     return np.asarray(errors[2] + turned + 0.5 * np.linalg.norm(w, axis=1) * float(errors[3:] @ errors[3:]))
 
 
-def _top(fixed: Polyhedron) -> float:
-    return float(fixed.vertices[:, 2].max())
-
-
 def _begun(body: Polyhedron, first: Pose, box: Array) -> float:
     """The height of the part's lowest point as it starts, with the worst of the start errors, m."""
     return float((first.apply(body.vertices)[:, 2] - body.radii - _sunk(body, first, box)).min())
@@ -162,7 +146,7 @@ def _clear(body: Polyhedron, fixed: Polyhedron, first: Pose, box: Array, turn: f
     """The height from which the part may be carried: the turn bows ways by r θ²/8, errors lower it."""
     r = float((np.linalg.norm(body.vertices, axis=1) + body.radii).max())
     errors = float(box[2]) + r * float(box[3] + box[4]) + 0.5 * r * float(box[3:] @ box[3:])
-    over = _top(fixed) + r * turn**2 / 8.0 + errors + _SPARE
+    over = float(fixed.vertices[:, 2].max()) + r * turn**2 / 8.0 + errors + _SPARE
     return max(over, float((first.apply(body.vertices)[:, 2] - body.radii).min()) + _SLACK)
 
 
@@ -170,13 +154,6 @@ def _runs(segments: Sequence[Mapping[str, Any]]) -> list[list[int]]:
     """Indices of the segments of each move."""
     count = int(segments[-1]["move"]) + 1
     return [[k for k, segment in enumerate(segments) if segment["move"] == move] for move in range(count)]
-
-
-def _furthest_turn(segments: Sequence[Mapping[str, Any]]) -> float:
-    """The greatest angle (rad) of a pose of the plan from that of its start."""
-    first = Pose.from_vector(segments[0]["start"])
-    poses = [Pose.from_vector(segment["goal"]) for segment in segments]
-    return max(float(np.linalg.norm(log(pose.R @ first.R.T))) for pose in poses)
 
 
 def offsets(box: Array) -> list[list[float]]:

@@ -142,10 +142,8 @@ def _run(part: Polyhedron, edges: Sequence[int]) -> tuple[Array, Array]:
     """Directions (e, 3) of edges, and sums (e, 3) of the normals of their faces."""
     of_edges = [part.edges[i] for i in edges]
     ends = part.vertices[[edge.vertices for edge in of_edges]].reshape(-1, 2, 3)  # also of no edges at all
-    ahead = ends[:, 1] - ends[:, 0]
-    return ahead / lengths(ahead)[:, None], part.normals[[edge.faces for edge in of_edges]].reshape(-1, 2, 3).sum(
-        axis=1
-    )
+    ahead, beside = ends[:, 1] - ends[:, 0], part.normals[[edge.faces for edge in of_edges]].reshape(-1, 2, 3)
+    return ahead / lengths(ahead)[:, None], beside.sum(axis=1)
 
 
 def within_rims(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> list[Forms]:

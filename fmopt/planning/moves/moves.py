@@ -268,7 +268,8 @@ def _replacement(
     C = np.array([k.direction for k in (*rest, kept[n])]).T
     before = _rows(assembly, [*(k.contact for k in rest), gone], (*held, gone), pose)
     for contact in held:
-        if any(contact == k.contact for k in rest) or not _same_wall(assembly, gone, contact):
+        same_wall = contact.kind is Kind.VERTEX_FACE and on_wall(assembly, gone, contact.fixed_feature)
+        if not same_wall or any(contact == k.contact for k in rest):
             continue
         now = _rows(assembly, [*(k.contact for k in rest), contact], held, pose)
         # Both sets of rows span the same where together they have no more rank than the new ones alone.
@@ -284,10 +285,6 @@ def _rows(
 ) -> Array:
     """Contact rows (k, 6), angles weighed against lengths."""
     return np.asarray(contact_rows(assembly, contacts, together, pose).N * assembly.units)
-
-
-def _same_wall(assembly: Assembly, gone: PrimitiveContact, other: PrimitiveContact) -> bool:
-    return other.kind is Kind.VERTEX_FACE and on_wall(assembly, gone, other.fixed_feature)
 
 
 def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple[Move, ...]:

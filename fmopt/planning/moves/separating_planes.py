@@ -267,12 +267,8 @@ def _spans(counts: Sequence[int]) -> Places:
 class FreePlanes:
     """The best planes between a moving piece and fixed ones (m) over pieces of motion (n).
 
-    Args:
-        normals: unit normals (n, m, 3).
-        offsets: how far out the fixed pieces reach along them (n, m), m.
-        margins: certified margins (n, m), m.
-        clearances: nominal clearances (n, m), m.
-        best: which pairs (m) they are the best of.
+    They are unit normals (n, m, 3), how far out the fixed pieces reach along these, certified margins and nominal
+    clearances (n, m), m; and which pairs (m) they are the best of.
     """
 
     normals: Array

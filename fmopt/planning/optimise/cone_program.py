@@ -42,15 +42,11 @@ def stated(value: Value, **defaults: Array) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Norm(Value):
+class Norm(Value, F=(None, None), g=("F",)):
     """The convex term |F x + g|, F (q, n), g (q,)."""
 
     F: Array
     g: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "F", frozen(self.F, None, None, name="F"))
-        object.__setattr__(self, "g", frozen(self.g, self.F.shape[0], name="g"))
 
     def __call__(self, x: Array) -> float:
         """The value at x (n,)."""
@@ -126,7 +122,14 @@ class ConeProgram(Value):
     @cached_property
     def size(self) -> Sizes:
         """What scaling divides by."""
-        return _sizes(self)
+        units, stack = self.units, self.stacked
+        norms = np.maximum.reduceat(_lengths(stack.F * units), stack.begins) if self.norms else np.zeros(0)
+        norms[norms == 0.0] = 1.0
+        rows = np.maximum(_lengths(self.G * units), (self.W * norms).max(axis=1, initial=0.0))
+        rows[rows == 0.0] = 1.0
+        equalities = _lengths(self.A * units)
+        equalities[equalities == 0.0] = 1.0
+        return Sizes(equalities, rows, norms, float(np.abs(self.c * units).max()) or 1.0)
 
     @cached_property
     def stacked(self) -> Stack:
@@ -189,18 +192,6 @@ def _unchecked(kind: type[T], **fields: Any) -> T:
     return made
 
 
-def _sizes(program: ConeProgram) -> Sizes:
-    units = program.units
-    stack = program.stacked
-    norms = np.maximum.reduceat(_lengths(stack.F * units), stack.begins) if program.norms else np.zeros(0)
-    norms[norms == 0.0] = 1.0
-    rows = np.maximum(_lengths(program.G * units), (program.W * norms).max(axis=1, initial=0.0))
-    rows[rows == 0.0] = 1.0
-    equalities = _lengths(program.A * units)
-    equalities[equalities == 0.0] = 1.0
-    return Sizes(equalities, rows, norms, float(np.abs(program.c * units).max()) or 1.0)
-
-
 def _lengths(M: Array) -> Array:
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", M, M)))
 
@@ -214,28 +205,19 @@ def _bound(values: ArrayLike, n: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Duals(Value):
+class Duals(Value, equalities=(None,), rows=(None,), norms=(None,)):
     """Multipliers in original units: equalities (p,), rows (m,), and one vector per norm (together (Σq,))."""
 
     equalities: Array
     rows: Array
     norms: Array
 
-    def __post_init__(self) -> None:
-        for name in ("equalities", "rows", "norms"):
-            object.__setattr__(self, name, frozen(getattr(self, name), None, name=name))
-
 
 @dataclass(frozen=True, eq=False)
 class Solution(Value):
-    """A point that passed `certify`.
+    """A point x (n,), original units, that passed `certify`, with its value c·x and the multipliers or None.
 
-    Attributes:
-        x: the point (n,), original units.
-        value: c·x.
-        bound: no feasible point is better than this; inf when no multipliers were given.
-        gap: bound − value, in units of the objective.
-        duals: the multipliers that prove the bound, or None.
+    By these no feasible point is better than the bound, inf without; the gap is bound − value, in units of both.
     """
 
     x: Array
@@ -268,8 +250,9 @@ def certify(program: ConeProgram, x: ArrayLike, duals: Duals | None = None, tol:
     Raises:
         SolverError: an equality, row or bound is violated, or the multipliers do not close the gap.
     """
-    x = _finite(x, len(program.c))
-    size = program.size
+    x, size = np.asarray(x, dtype=np.float64), program.size
+    if x.shape != program.c.shape or not np.isfinite(x).all():
+        raise SolverError(f"the solver returned no finite point of {len(program.c)} numbers")
     equality = np.abs(program.A @ x - program.b) / size.equalities
     slacks = program.slacks(x) / size.rows
     box = np.minimum(x - program.lower, program.upper - x) / program.units
@@ -286,13 +269,6 @@ def certify(program: ConeProgram, x: ArrayLike, duals: Duals | None = None, tol:
                 f"the proposed multipliers leave a gap of {gap:.3g} and a dual residual of {residual:.3g} (scaled)"
             )
     return Solution(frozen(x), value, bound, bound - value, duals)
-
-
-def _finite(x: ArrayLike, n: int) -> Array:
-    x = np.asarray(x, dtype=np.float64)
-    if x.shape != (n,) or not np.isfinite(x).all():
-        raise SolverError(f"the solver returned no finite point of {n} numbers")
-    return x
 
 
 def dual_bound(program: ConeProgram, duals: Duals, x: Array) -> tuple[float, float]:

@@ -25,16 +25,13 @@ _LOOSER = 100.0  # times the tolerance
 _local = threading.local()  # solvers hold the numbers of one program: threads must not share them
 
 Indices = NDArray[np.intp]
+Pair = tuple[Array, Array]  # a matrix and the other side of its rows, or lower and upper limits
 
-_ADVICE = {
+_ALMOST = ("AlmostSolved", "AlmostPrimalInfeasible", "AlmostDualInfeasible", "NumericalError", "InsufficientProgress")
+_ADVICE = dict.fromkeys(_ALMOST, "check the units of the program") | {
     "DualInfeasible": "the objective is unbounded: add bounds",
-    "AlmostSolved": "check the units of the program",
-    "AlmostPrimalInfeasible": "check the units of the program",
-    "AlmostDualInfeasible": "check the units of the program",
     "MaxIterations": "raise max_iterations, or check the units of the program",
     "MaxTime": "no time limit was set",
-    "NumericalError": "check the units of the program",
-    "InsufficientProgress": "check the units of the program",
     "CallbackTerminated": "no callback was set",
     "Unsolved": "the solver did not run",
 }
@@ -203,16 +200,10 @@ def _build(settings: ClarabelSolver, M: Array, widths: tuple[int, ...], rhs: Arr
     return clarabel.DefaultSolver(empty, q, csc_matrix(M), rhs, cones, options)
 
 
-def least_vertex(
-    cost: Array, rows: tuple[Array, Array], equations: tuple[Array, Array], limits: tuple[Array, Array]
-) -> Array | None:
+def least_vertex(cost: Array, rows: Pair, equations: Pair, limits: Pair) -> Array | None:
     """The x (n,) with the least cost·x over A x ≤ b, C x = d, lower ≤ x ≤ upper, re-checked; None where no x is.
 
-    Args:
-        cost: c (n,), of order 1 as the rows are.
-        rows: A (k, n) and b (k,).
-        equations: C (p, n) and d (p,).
-        limits: lower and upper (n,), which may be infinite.
+    The cost (n,) is of order 1 as rows A (k, n), b (k,) and equations C (p, n), d (p,) are; limits may be infinite.
 
     Raises:
         SolverError: no solver settles it, or the answer breaks its rows.
@@ -223,21 +214,18 @@ def least_vertex(
     return x
 
 
-def _contradict(rows: tuple[Array, Array], equations: tuple[Array, Array], limits: tuple[Array, Array]) -> bool:
+def _contradict(rows: Pair, equations: Pair, limits: Pair) -> bool:
     """Whether it is proved that every x breaks a row: the least s by which one does all but them is not small."""
     (A, b), (C, d) = rows, equations
     relaxed = np.vstack([A, C, -C])
     lifted = np.hstack([relaxed, -np.ones((len(relaxed), 1))]), np.concatenate([b, d, -d])
     cost = np.append(np.zeros(A.shape[1]), 1.0)
-    s = _daqp(
-        cost, lifted, (np.zeros((0, len(cost))), np.zeros(0)), (np.append(limits[0], 0.0), np.append(limits[1], np.inf))
-    )
+    none, lifted_limits = np.zeros((0, len(cost))), (np.append(limits[0], 0.0), np.append(limits[1], np.inf))
+    s = _daqp(cost, lifted, (none, np.zeros(0)), lifted_limits)
     return s is not None and bool(s[-1] > _CHECK)
 
 
-def _daqp(
-    cost: Array, rows: tuple[Array, Array], equations: tuple[Array, Array], limits: tuple[Array, Array]
-) -> Array | None:
+def _daqp(cost: Array, rows: Pair, equations: Pair, limits: Pair) -> Array | None:
     """The optimum that daqp finds; None where its multipliers do not prove it, and where it finds none."""
     import daqp
 
@@ -262,9 +250,7 @@ def _daqp(
     return np.where(np.abs(x) < _ROUNDING, 0.0, x) if max(apart, short) <= _CHECK else None
 
 
-def _highs(
-    cost: Array, rows: tuple[Array, Array], equations: tuple[Array, Array], limits: tuple[Array, Array]
-) -> Array | None:
+def _highs(cost: Array, rows: Pair, equations: Pair, limits: Pair) -> Array | None:
     from scipy.optimize import linprog
 
     (A, b), (C, d) = rows, equations

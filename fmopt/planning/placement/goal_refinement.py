@@ -164,13 +164,12 @@ class Turns:
 
 @dataclass(frozen=True, eq=False)
 class _Obstacles:
-    """Rows at one pose: as functions, as gradients N (k, 6) with values f (k,), their allowances and divisors (k,)."""
+    """Rows at one pose: as functions, as values f (k,) with gradients N (k, 6), and their allowances (k,)."""
 
     rows: tuple[Row, ...]
     f: Array
     N: Array
     allowance: Array
-    scale: Array
 
 
 def refine_goals(
@@ -230,7 +229,7 @@ def _placed_pose(
 ) -> Array:
     """The displacement (6,) of a goal pose that one method proposes."""
     contacts = (*move.held, *move.making)
-    box = radius / metric.sigma
+    box, weights = radius / metric.sigma, np.ones(len(obstacles.rows))
     if method == "nlp":
         body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
         surfaces = tuple(Row.of(contact, body, fixed) for contact in contacts)
@@ -241,7 +240,7 @@ def _placed_pose(
             metric=metric,
             lower=-box * assembly.freedoms,
             upper=box * assembly.freedoms,
-            weights=obstacles.scale,
+            weights=weights,
             allowance=obstacles.allowance,
         )
         return place_on_surfaces(problem, np.zeros(6)).x[:6]
@@ -253,19 +252,14 @@ def _placed_pose(
         lower=-box,
         upper=box,
         goal=Flat(E, np.zeros(len(E))),
-        weights=obstacles.scale,
+        weights=weights,
     )
     return descend(linear, np.zeros((1, 6)), _CENTRING).x[:6]
 
 
 def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: float) -> _Obstacles | None:
     """The rows near binding at the goal of move k, from the pieces that end and begin there."""
-    number = -1
-    rows: list[Row] = []
-    f: list[float] = []
-    N: list[Array] = []
-    allowance: list[float] = []
-    scale: list[float] = []
+    number, found = -1, list[tuple[Row, float, Array, float]]()
     for claim in placed.reached.claims:
         number += claim.piece.progress[0] == 0.0
         ending = number == k and claim.piece.last
@@ -281,24 +275,18 @@ def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: fl
                 continue  # a pair in touch: its contacts keep it apart, not this pose
             loss = np.minimum(bounds.start.f, bounds.goal.f) - bounds.lower
             for i in np.flatnonzero(at.f - loss < (placed.margin + near) * bounds.scale):
-                rows.append(functions[int(i)])
-                f.append(float(at.f[i]) / bounds.scale)
-                N.append(at.N[i] / bounds.scale)
-                allowance.append(float(loss[i]) / bounds.scale)
-                scale.append(1.0)
+                value, allowance = float(at.f[i]) / bounds.scale, float(loss[i]) / bounds.scale
+                found.append((functions[int(i)], value, at.N[i] / bounds.scale, allowance))
         if claim.early is not None and not ending:
             made = claim.piece.made
             assert made is not None
             surface = Row.of(made, assembly.moving.polyhedron, assembly.fixed.polyhedron)
-            value, slope = evaluate([surface], claim.piece.start, np.zeros(6))
-            rows.append(surface)
-            f.append(float(value[0]))
-            N.append(slope[0])
-            allowance.append(float(value[0]) - claim.early)
-            scale.append(1.0)
-    if not rows or min(v - a for v, a in zip(f, allowance, strict=True)) > placed.margin + idle:
+            values, slopes = evaluate([surface], claim.piece.start, np.zeros(6))
+            found.append((surface, float(values[0]), slopes[0], float(values[0]) - claim.early))
+    if not found or min(value - allowance for _, value, _, allowance in found) > placed.margin + idle:
         return None
-    return _Obstacles(tuple(rows), np.array(f), np.array(N), np.array(allowance), np.array(scale))
+    rows, f, N, allowances = zip(*found, strict=True)
+    return _Obstacles(rows, np.array(f), np.array(N), np.array(allowances))
 
 
 def _functions(moving: Polyhedron, fixed: Polyhedron, separation: Separation, scale: float) -> Sequence[Row]:

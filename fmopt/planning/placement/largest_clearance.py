@@ -42,15 +42,11 @@ class Metric:
 
 
 @dataclass(frozen=True, eq=False)
-class Flat(Value):
+class Flat(Value, E=(None, 6), e=("E",)):
     """The affine space E X = e of a contact state, E (p, 6), e (p,)."""
 
     E: Array
     e: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "E", frozen(self.E, None, 6, name="E"))
-        object.__setattr__(self, "e", frozen(self.e, len(self.E), name="e"))
 
     @staticmethod
     def everything() -> Flat:
@@ -103,7 +99,7 @@ class Room(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Placement(Room):
+class Placement(Room, N=(None, 6), D=("N",)):
     """Where to put the goal of a segment, or both its ends: maximise t over
 
         N_j·G − D_j − growth_j |G − S|_σ ≥ weights_j t,   G in `goal`,   lower ≤ G ≤ upper,   t ≤ cap.
@@ -126,8 +122,7 @@ class Placement(Room):
     start: Array | Flat | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "N", frozen(self.N, None, 6, name="N"))
-        object.__setattr__(self, "D", frozen(self.D, len(self.N), name="D"))
+        super().__post_init__()
         if self.start is not None and not isinstance(self.start, Flat):
             object.__setattr__(self, "start", frozen(self.start, 6, name="start"))
         self.complete(self.metric.dual_norm(self.N), moving=self.start is not None)
@@ -174,8 +169,7 @@ class Placement(Room):
 
     def clearances(self, x: Array) -> Array:
         """Clearance of every counted row and end at x, shape (ends, k), in m; rows of weight 0 have inf."""
-        program = self.program()
-        slacks = program.slacks(np.append(x[:-1], 0.0)).reshape(-1, len(self.D))  # at t = 0
+        slacks = self.program().slacks(np.append(x[:-1], 0.0)).reshape(-1, len(self.D))  # at t = 0
         return per_weight(slacks, self.weights)
 
     def at(self, poses: Array) -> Solution:
@@ -190,12 +184,7 @@ class Placement(Room):
 
 
 def per_weight(slacks: Array, weights: Array) -> Array:
-    """Clearances of slacks, m; those of weight 0 have inf.
-
-    Args:
-        slacks: (…, k), m.
-        weights: (k,), 0 or more.
-    """
+    """Clearances (…, k) of slacks (…, k), m, by weights (k,), 0 or more; those of weight 0 have inf."""
     counted = weights > 0.0
     return np.asarray(np.where(counted, slacks / np.where(counted, weights, 1.0), np.inf))
 
@@ -203,8 +192,7 @@ def per_weight(slacks: Array, weights: Array) -> Array:
 def max_min_clearance(problem: Placement, solver: Solver | None = None) -> Solution:
     """The poses of largest least clearance; the value t (m) is negative when obstacles must overlap.
 
-    Args:
-        solver: whose answer is checked again; Clarabel if None.
+    The answer of the solver, Clarabel if None, is checked again.
 
     Raises:
         InfeasibleError: the affine spaces, bounds and rows of weight 0 contradict each other.

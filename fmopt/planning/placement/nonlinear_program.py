@@ -178,15 +178,11 @@ def place_on_surfaces(problem: SurfacePlacement, guess: ArrayLike | None = None)
         if len(kept) == len(problem.contacts):
             raise
         best = certify_on_surfaces(problem, project(problem, _optimum(problem, list(range(len(problem.contacts))), X)))
-    return _better(problem, best, X)
-
-
-def _better(problem: SurfacePlacement, found: Solution, X: Array) -> Solution:
     try:
-        guess = certify_on_surfaces(problem, X)
+        projected = certify_on_surfaces(problem, X)
     except SolverError:
-        return found
-    return guess if guess.value > found.value else found
+        return best
+    return projected if projected.value > best.value else best
 
 
 def _optimum(problem: SurfacePlacement, kept: list[int], X: Array) -> Array:
@@ -312,10 +308,9 @@ def largest(
             continue
         d, multipliers = step
         price = max(price, 2.0 * float(np.abs(multipliers).max(initial=0.0)))  # above all multipliers: exact
-        now = price * program.short(at.g) - program.best(at.g)
-        merit = _Merit(now, price)
+        merit = _Merit(price * program.short(at.g) - program.best(at.g), price)
         gain = merit.gained(program, at.g + at.J @ d)
-        if gain <= _SETTLED * (1.0 + abs(now)) and program.short(at.g) <= _EXACT:
+        if gain <= _SETTLED * (1.0 + abs(merit.now)) and program.short(at.g) <= _EXACT:
             return np.append(at.x, program.best(at.g))
         there = _there(program, at.x + d, multipliers)
         rise = merit.gained(program, there.g)

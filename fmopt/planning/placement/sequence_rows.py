@@ -97,11 +97,7 @@ class SequenceRows:
     def within(self, most: Array, fine: float) -> Linear:
         """The rows that may bind where displacements are no larger than these (n,), and no two that are the same.
 
-        Products that change by less than `fine` (m) count as they are.
-
-        Args:
-            most: (n,), m and rad.
-            fine: m.
+        These are in m and rad. Products that change by less than `fine` (m) count as they are.
         """
         spread = np.abs(self.turning) @ most
         signs = np.where(np.abs(self.products) > spread, np.sign(self.products), 0.0)
@@ -212,10 +208,8 @@ def _growing(
     """The rows that let errors be carried through a move, and its end be felt.
 
     A contact being made comes nearer all along, as it is and as errors are seen through those held; contacts given up
-    get farther away; and a move is longer than what errors make its end differ by.
-
-    Args:
-        shape: of generators and displacements.
+    get farther away; and a move is longer than what errors make its end differ by. `shape` is of generators and
+    displacements.
     """
     piece, last, (width, n) = claim.piece, claim.advance, shape
     share, row = piece.progress[1] - piece.progress[0], None
@@ -334,8 +328,7 @@ def hold_rows(
 ) -> SequenceRows:
     """A row for each hold: that it is no less than it has to be, or than it is where it is less; shares on an arm of ρ.
 
-    Args:
-        width: how many generators the rows are to have; holds lose to none.
+    Rows have so many generators as `width` says; holds lose to none.
     """
     rho, m = tolerance.rho, len(holds)
     numbers = np.cumsum([claim.piece.progress[0] == 0.0 for claim in reached.claims], dtype=np.intp) - 1

@@ -40,7 +40,7 @@ from fmopt.plan.position_force import AXES
 from fmopt.planning.optimise.solvers import least_vertex
 from fmopt.planning.search.guarded_move import implied, modulo
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 _MOST_ALONE = 1e6  # factor of a start error alone beyond which it makes no contact: its part in it is rounding
 LARGEST = 4.0  # factor of the start errors up to which contacts are looked for
@@ -51,7 +51,7 @@ _OPEN = 1e-9  # m: a contact nearer than this touches
 
 
 @dataclass(frozen=True, eq=False)
-class UnplannedContact(Value):
+class UnplannedContact(Value, row=(6,), wrench=(6,)):
     """A contact that a move does not plan, and what error would make it.
 
     Args:
@@ -72,10 +72,6 @@ class UnplannedContact(Value):
     row: Array
     wrench: Array
     angle: float | None
-
-    def __post_init__(self) -> None:
-        for name in ("row", "wrench"):
-            object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
 
     def described(self, move: int, told: bool) -> diagnostics.UnplannedContact:
         """As a plan describes it, with whether the robot can tell it from the contact that is wanted."""
