@@ -31,9 +31,8 @@ def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
     """
     error, unit, moving, fixed = options
     if len(files) > 2:
-        raise _wrong(
-            files[2], "too-many", f"{len(files)} files are named", f"name a problem file, or two parts: {_EXAMPLE}"
-        )
+        advice = f"name a problem file, or two parts: {_EXAMPLE}"
+        raise _wrong(files[2], "too-many", f"{len(files)} files are named", advice)
     parts = [is_part(file) for file in files]
     if len(files) == 1 and not parts[0]:
         for option, value in (("--error", error), ("--unit", unit), ("--moving", moving), ("--fixed", fixed)):
@@ -48,12 +47,8 @@ def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
         message = "this is no part but a problem or an assembly file"
         raise _wrong(other, "file-kind", message, f"name it alone, or two parts: {_EXAMPLE}")
     if len(files) == 2 and files[0].absolute() == files[1].absolute():
-        raise _wrong(
-            files[0],
-            "same-part",
-            "this part is named twice",
-            f"name the part that moves and the one that stays: {_EXAMPLE}",
-        )
+        advice = f"name the part that moves and the one that stays: {_EXAMPLE}"
+        raise _wrong(files[0], "same-part", "this part is named twice", advice)
     single = len(files) == 1
     if single and files[0].suffix.lower() not in {".obj", ".glb", ".3mf"} and not holds_several(files[0]):
         message = "this is one part, and an insertion takes two"

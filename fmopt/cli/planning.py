@@ -101,8 +101,7 @@ def solve(
     # Nobody is to take what an earlier run left for this one's; a report that is written now replaces the old one.
     output.set_aside(folder, ("attempt.html",) if report else ("attempt.html", "report.html"))
     plan.write(result.document, folder / "plan.json")
-    timings = json.dumps(result.seconds, indent=1) + "\n"
-    output.save(timings.encode(), folder / "timings.json")
+    output.save(f"{json.dumps(result.seconds, indent=1)}\n".encode(), folder / "timings.json")
     if report:
         _write_report(result.plan, folder)
     if as_json:
@@ -166,12 +165,9 @@ def _findings(verdict: Verdict) -> dict[str, Any]:
 
 def _margins(plan: proof.Plan) -> dict[str, Any]:
     """What each segment states, in m; stated, not proved, unless the verdict is CERTIFIED."""
-    return {
-        "segment_margins": [
-            {"move": s.move, "margin": s.margin, "clearance": s.clearance, "binding_contact": s.binding}
-            for s in plan.segments
-        ]
-    }
+    segments = [(s.move, s.margin, s.clearance, s.binding) for s in plan.segments]
+    names = ("move", "margin", "clearance", "binding_contact")
+    return {"segment_margins": [dict(zip(names, segment, strict=True)) for segment in segments]}
 
 
 @app.command(epilog="Example: fmopt verify out/square_peg/plan.json --problem problems/square_peg.toml")
@@ -282,13 +278,8 @@ def schema(
     from fmopt.task.toml.model_file import ModelFile
     from fmopt.task.toml.problem_file import ProblemFile
 
-    kinds: dict[str, type[Table]] = {
-        "problem": ProblemFile,
-        "model": ModelFile,
-        "assembly": AssemblyFile,
-        "study": StudyFile,
-        "allocation": AllocationFile,
-    }
+    kinds: dict[str, type[Table]] = {"problem": ProblemFile, "model": ModelFile, "assembly": AssemblyFile}
+    kinds |= {"study": StudyFile, "allocation": AllocationFile}
     found = kinds.get(kind)
     if found is None:
         raise typer.BadParameter(f"{kind!r} is none of {', '.join(kinds)}", param_hint="kind")

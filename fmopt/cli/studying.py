@@ -23,8 +23,6 @@ class _Study(typer.core.TyperGroup):
 
 
 studies = typer.Typer(cls=_Study, no_args_is_help=True, rich_markup_mode=None)
-
-
 app.add_typer(studies, name="study", help="Run a study over many problems, resumable; or report on its results.")
 
 
@@ -112,9 +110,8 @@ def _foretold(file: Path, found: Any) -> str:
     if found.seconds is None:
         return "\n".join([*lines, f"no estimate of time: {found.source}"])
     whole = "the rest" if found.asked == found.total - found.done else f"{found.asked} runs"
-    return "\n".join(
-        [*lines, f"{duration(found.seconds)} a run, by {found.source}; {duration(found.rest)} for {whole}"]
-    )
+    words = f"{duration(found.seconds)} a run, by {found.source}; {duration(found.rest)} for {whole}"
+    return "\n".join([*lines, words])
 
 
 def _told(tally: Any, folder: Path) -> str:

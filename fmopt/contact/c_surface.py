@@ -63,11 +63,7 @@ class Surfaces(Value):
 
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron) -> Surfaces:
-        """The functions of the contacts between these parts.
-
-        Args:
-            contacts: in the order of the answers.
-        """
+        """The functions of the contacts between these parts, in their order."""
         return _surfaces(moving, fixed, tuple(contacts))
 
     def values(self, pose: Pose) -> Array:
@@ -75,12 +71,7 @@ class Surfaces(Value):
         return self.heights(pose.p, pose.R)
 
     def heights(self, p: Array, R: Array) -> Array:
-        """Signed distances f (…, k), m; see `values`.
-
-        Args:
-            p: (…, 3), m.
-            R: (…, 3, 3).
-        """
+        """Signed distances f (…, k), m, at positions p (…, 3), m, and rotations R (…, 3, 3); see `values`."""
         lead, k = p.shape[:-1], len(self.contacts)
         f = np.empty((math.prod(lead), k))
         heights(self.tables, _rows(p, 3), _rows(R, 3, 3), f)
@@ -162,9 +153,7 @@ def stacked(
 ) -> tuple[NDArray[np.intp], tuple[Records, ...]]:
     """Contacts by kinds: which they are, one kind after the other (k,), and the records of each kind.
 
-    Args:
-        kinds: of things, None for those that are no contacts.
-        numbers: of each (n,), in the order of its definition.
+    The kind is None of what is no contact; the numbers (n,) of each are in the order of its definition.
     """
     places = [[i for i, own in enumerate(kinds) if own is kind] for kind in CONTACTS.values()]
     groups = zip(CONTACTS.values(), places, strict=True)
@@ -199,13 +188,7 @@ def parameters(moving: Polyhedron, fixed: Polyhedron, contact: PrimitiveContact)
 
 @compiled
 def heights(tables: Tables, p: Array, R: Array, f: Array) -> None:
-    """Fills in the distances of all contacts at poses.
-
-    Args:
-        p: (m, 3), m.
-        R: (m, 3, 3).
-        f: (m, k), written over.
-    """
+    """Fills in the distances f (m, k), m, of all contacts at poses p (m, 3), m, R (m, 3, 3)."""
     for n in range(len(p)):
         for i in range(f.shape[1]):
             f[n, i] = height(tables, i, p[n], R[n])
@@ -213,11 +196,7 @@ def heights(tables: Tables, p: Array, R: Array, f: Array) -> None:
 
 @compiled
 def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
-    """Fills in distances and wrenches of all contacts at poses.
-
-    Args:
-        N: (m, k, 6), written over.
-    """
+    """Fills in distances f (m, k), m, and wrenches N (m, k, 6) of all contacts at poses p (m, 3), m, R (m, 3, 3)."""
     for n in range(len(p)):
         for i in range(f.shape[1]):
             f[n, i] = wrench(tables, i, p[n], R[n], N[n, i])
@@ -225,22 +204,13 @@ def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
 
 @compiled
 def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
-    """Fills in how regular contacts are at a pose; see `kernels_generated.regularity`.
-
-    Args:
-        p: (3,), m.
-        R: (3, 3).
-        found: (k,), written over.
-    """
+    """Fills in how regular contacts (k,) are at a pose p (3,), m, R (3, 3); see `kernels_generated.regularity`."""
     for i in range(len(found)):
         found[i] = regularity(tables, i, p, R)
 
 
 def contact_point(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Array:
     """The point (3,) of the moving part's feature, in m, at which the fixed part pushes (at a pose in contact).
-
-    Args:
-        pose: of the moving part in the B-frame; the contact touches there.
 
     Raises:
         InfeasibleError: edges are parallel.
@@ -290,9 +260,7 @@ def contact_wrench(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhed
 def friction_cone(normal: Array, arm: Array, friction: float, sides: int = _SIDES) -> Array:
     """Generators (sides, 6) of the wrenches that a contact can put on the part: a pyramid inside its friction cone.
 
-    Args:
-        normal: unit vector (3,) along which the contact pushes the part.
-        arm: the contact point (3,) from the part's reference point, m.
+    It pushes along a unit normal (3,), with its point at an arm (3,) from the part's reference point, m.
     """
     first, second = plane_basis(normal).T
     turns = 2.0 * math.pi * np.arange(sides) / sides
@@ -303,11 +271,9 @@ def friction_cone(normal: Array, arm: Array, friction: float, sides: int = _SIDE
 def angle_between(one: Array, other: Array) -> float | None:
     """The least angle (rad) between vectors of two cones; None where one is {0}.
 
-    Each is the cone of sums with weights that are not negative. The greatest cosine is sought by projecting onto the
-    cones in turn, from the generators that are nearest to the other cone: each projection brings the two nearer.
-
-    Args:
-        one, other: generators (k, n) and (m, n), of any length; rows of 0 do not count.
+    Each is the cone of sums of its generators, (k, n) and (m, n), of any length, with weights that are not negative;
+    rows of 0 do not count. The greatest cosine is sought by projecting onto the cones in turn, from the generators that
+    are nearest to the other cone: each projection brings the two nearer.
     """
     A, B = _directions(one), _directions(other)
     if not len(A) or not len(B):

@@ -74,9 +74,7 @@ class _Work(NamedTuple):
 def descended(at: Functions, on: Bits, T: Array, room: float) -> tuple[Array, Array, Bits]:
     """Levenberg–Marquardt from each of n starts: poses (n, 3, 4), what is short there (n,), and whether that is final.
 
-    Args:
-        on: (n, k), the contacts that are to touch.
-        T: (n, 3, 4), where to start: rotations, and positions beside them in m.
+    Contacts `on` (n, k) are to touch; starts T (n, 3, 4) are rotations, and positions beside them in m.
     """
     n, k = on.shape
     found, size, final = np.zeros((n, 3, 4)), np.zeros(n), np.zeros(n, np.bool_)
@@ -109,12 +107,9 @@ def descended(at: Functions, on: Bits, T: Array, room: float) -> tuple[Array, Ar
 
 @compiled
 def projected(at: Functions, on: Bits, T: Array, rank: Numbers) -> Array:
-    """The nearest poses (n, 3, 4) where contacts touch, by Gauss–Newton with shortest scaled steps.
+    """The nearest poses (n, 3, 4) to T (n, 3, 4) where contacts `on` (n, k) touch, by Gauss–Newton with shortest steps.
 
-    Args:
-        on: (n, k), the contacts.
-        T: (n, 3, 4), where to start.
-        rank: (n,), how many singular directions a step may use.
+    Of singular directions each step may use so many as `rank` (n,) says; it is shortest in scaled units.
     """
     n, k = on.shape
     found = np.zeros((n, 3, 4))

@@ -61,12 +61,9 @@ class Walls(NamedTuple):
 
 
 class Ridges(NamedTuple):
-    """The n convex edges of a part.
+    """The n convex edges of a part: ends (n, 2, 3), m, unit vectors (n, 3) along them, and arcs.
 
-    Attributes:
-        ends: (n, 2, 3), m.
-        directions: unit vectors (n, 3) along them.
-        arcs: normals (n, 2, 3) of the faces beside them.
+    These are between the normals (n, 2, 3) of the faces beside them.
     """
 
     ends: Array
@@ -143,11 +140,7 @@ def edges_at_edges(own: Ridges, other: Ridges, T: Array, reach: float, angle: fl
 
 @part
 def face_distance(walls: Walls, face: int, x: Vector) -> float:
-    """Distance from a point to a face as a region of its plane, m.
-
-    Args:
-        x: in the frame of the part, m.
-    """
+    """Distance from a point, in the frame of the part, to a face as a region of its plane, m."""
     normal = row(walls.normals, face)
     height = dot(normal, x) - walls.offsets[face]
     foot = plus(x, -height, normal)
@@ -165,12 +158,7 @@ def face_distance(walls: Walls, face: int, x: Vector) -> float:
 
 @part
 def segment_distance(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
-    """Distance between the segments from a to b and from c to d, m.
-
-    Args:
-        a, b: ends of the one, m; different.
-        c, d: ends of the other, m; different.
-    """
+    """Distance between the segments from a to b and from c to d, m; the ends of each differ."""
     u, w, r = plus(b, -1.0, a), plus(d, -1.0, c), plus(a, -1.0, c)
     uu, ww, uw, ru, rw = dot(u, u), dot(w, w), dot(u, w), dot(r, u), dot(r, w)
     # The Gram determinant: next to nothing for parallel segments, where any start is as good.
@@ -221,11 +209,7 @@ def distances(pairs: NDArray[np.intp], own: Solid, other: Solid, T: Array, T_bac
 
 @part
 def arc_distance(x: Vector, a: Vector, b: Vector) -> float:
-    """Distance of a unit vector from the cone of two unit generators, 1 at most.
-
-    Args:
-        x, a, b: unit vectors.
-    """
+    """Distance of a unit vector from the cone of two unit generators, 1 at most."""
     # Least squares onto two generators that are not orthogonal, by their Gram matrix.
     xa, xb, ab = dot(x, a), dot(x, b), dot(a, b)
     rest, found = max(1.0 - ab * ab, _PARALLEL), 1.0
@@ -242,11 +226,7 @@ def arc_distance(x: Vector, a: Vector, b: Vector) -> float:
 
 @part
 def arc_angle(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
-    """Least angle between the great-circle arcs from a to b and from c to d, rad; π/2 when more.
-
-    Args:
-        a, b, c, d: unit vectors; each arc is the shorter one.
-    """
+    """Least angle between the shorter great-circle arcs from a to b and from c to d, unit vectors, rad; π/2 if more."""
     # The arcs are nearest at an end of one of them, unless they cross.
     ends = min(arc_distance(a, c, d), arc_distance(b, c, d))
     ends = min(ends, arc_distance(c, a, b), arc_distance(d, a, b))

@@ -12,10 +12,8 @@ def closed_sets(incidence: Bits) -> tuple[Bits, Bits, NDArray[np.intp]]:
     """All intersections of the planes' sets of corners, none empty and none at infinity: largest dimension first.
 
     The dimension of a face is one more than that of its largest smaller intersection with a plane, as faces of a
-    polytope come in levels without gaps; of a corner it is 0.
-
-    Args:
-        incidence: which planes hold each corner (m, k + 1); the last plane is that at infinity.
+    polytope come in levels without gaps; of a corner it is 0. The incidence is which planes hold each corner
+    (m, k + 1), the last of them that at infinity.
 
     Returns:
         the corners of each face (n, m), the planes that hold it (n, k), and its dimension (n,).
@@ -45,9 +43,7 @@ def closed_sets(incidence: Bits) -> tuple[Bits, Bits, NDArray[np.intp]]:
 def covers(active: Bits, dimensions: NDArray[np.intp]) -> Bits:
     """Which face (row index) has which face (column index) on its boundary, one dimension lower (n, n).
 
-    Args:
-        active: the planes that hold each face (n, k).
-        dimensions: (n,).
+    They come by which planes hold each (n, k), and by their dimensions (n,).
     """
     planes = active.astype(np.float32)
     contained = planes @ planes.T == active.sum(axis=1)[:, None]

@@ -40,11 +40,8 @@ def bounds(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pos
     """The bounding functions of a contact: a pose of its surface is on the facet when every clause holds.
 
     For a face, the same vertex on the neighbour across each convex edge; a convex face gives one alternative a clause,
-    a hole or a notch gives several. For edges, their end points against the other edge's faces. What ends at a wall
-    (a reflex edge) is not bounded: the wall's own contacts stop it.
-
-    Args:
-        pose: a pose near the contact; it tells the sides of the edges' ends apart.
+    a hole or a notch gives several. For edges, their end points against the other edge's faces, the sides of which a
+    pose near the contact tells. What ends at a wall (a reflex edge) is not bounded: the wall's own contacts stop it.
     """
     return BoundTable.of((contact,), moving, fixed, pose).clauses[0]
 
@@ -68,12 +65,7 @@ class BoundTable(Value):
 
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> BoundTable:
-        """The table of the contacts' bounds, told apart at a pose.
-
-        Args:
-            contacts: in the order of the table.
-            pose: of the moving part in the B-frame; tells which way edges cross.
-        """
+        """The table of the contacts' bounds, in their order, told apart by which way edges cross at a pose."""
         crossings = Crossings.of(contacts, moving, fixed)
         return _table(crossings, crossings.sides(pose))
 
@@ -83,13 +75,10 @@ class BoundTable(Value):
         return np.array([bound.sign for bound in self.listed], dtype=np.intp)
 
     def depths(self, g: Array) -> tuple[Array, NDArray[np.intp]]:
-        """How far (m) poses are inside each clause of each contact, and by which bound.
+        """How far (m) poses are inside each clause of each contact, and by which bound, from values g (…, m) there.
 
-        Args:
-            g: values (…, m) of `surfaces` at the poses.
-
-        Returns:
-            (…, k, clauses) depths, inf for a clause that a contact does not have, and the indices into `listed`.
+        These are depths (…, k, clauses), inf for a clause that a contact does not have, and indices into `listed`; g is
+        of `surfaces`.
         """
         # Two more columns for what `places` has beyond the bounds: never binding within a group, never best among
         # groups.
@@ -120,9 +109,7 @@ def touching(
 ) -> tuple[PrimitiveContact, ...]:
     """Those of the contacts that touch at a pose: f = 0 to 1e-9 m, and more than `within` (m) inside their bounds.
 
-    Args:
-        pose: of the moving part in the B-frame.
-        within: m; less than 0 admits what lies outside its bounds by so much.
+    Less than 0 admits what lies outside its bounds by so much.
     """
     # On the surface first: bounds are only asked of what touches.
     level = np.abs(Surfaces.of(contacts, moving, fixed).values(pose)) <= INSIDE
@@ -138,13 +125,8 @@ def cell(
 
     Where parts are open, as at the mouth of a hole, free space is no intersection of half-spaces. In the cell around a
     pose in which no listed bound changes sign it is: the kept contacts' f ≥ 0 and nothing else. A contact that the free
-    pose violates is none: in a notch, a face told edge by edge seems to go on over the notch.
-
-    Args:
-        within: bounds further away than this (m) are left out; they are not reached.
-
-    Returns:
-        the kept contacts, and the limits g < 0 of the cell.
+    pose violates is none: in a notch, a face told edge by edge seems to go on over the notch. These are the limits
+    g < 0 of the cell; bounds further away than `within` (m) are left out, as they are not reached.
     """
     table = BoundTable.of(contacts, moving, fixed, pose)
     g = dict(zip((bound.contact.id for bound in table.listed), table.surfaces.values(pose), strict=True))

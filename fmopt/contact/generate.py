@@ -60,8 +60,7 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]  # SymPy has no types
     def _print_Rational(self, expr: Any) -> str:
         return repr(float(expr))
 
-    def _print_Integer(self, expr: Any) -> str:
-        return repr(float(expr))
+    _print_Integer = _print_Rational
 
 
 def written() -> str:

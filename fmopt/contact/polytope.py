@@ -48,12 +48,8 @@ class Faces(Value):
 def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
     """All faces of {x: normals·x ≥ offsets}, also when it is unbounded, flat, degenerate or holds lines.
 
-    The rows are cut down to a pointed, full-dimensional polyhedron, whose vertices and rays come from the convex hull
-    of the dual (Qhull); faces are the closed sets of incidences.
-
-    Args:
-        normals: rows (k, n); none may be zero.
-        offsets: (k,).
+    The rows (k, n), none of them zero, with offsets (k,) are cut down to a pointed, full-dimensional polyhedron, whose
+    vertices and rays come from the convex hull of the dual (Qhull); faces are the closed sets of incidences.
 
     Raises:
         InfeasibleError: the half-spaces have no common point.
@@ -156,10 +152,7 @@ class _Cut(Value):
 def _means(corners: Array, rays: Bits, members: Bits) -> Array:
     """For each face the mean of its vertices plus the mean of its rays (n, r).
 
-    Args:
-        corners: vertices and rays (m, r).
-        rays: which of them are rays (m,).
-        members: the corners of each face (n, m).
+    They are of corners (m, r), some of them rays (m,), the members of each face (n, m).
     """
     from scipy.sparse import csr_array
 

@@ -67,29 +67,26 @@ class PrimitiveContact:
 def vertex_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
     """The contact of a moving vertex on a fixed face."""
     # The outer loop stands for the face; its holes are in its bounds.
-    outer = fixed.faces[face].loops[0]
-    return PrimitiveContact(f"v{vertex}-f{face}", Kind.VERTEX_FACE, (vertex,), outer, vertex, face)
+    return PrimitiveContact(f"v{vertex}-f{face}", Kind.VERTEX_FACE, (vertex,), fixed.faces[face].loops[0], vertex, face)
 
 
 @remembered(_CONTACTS)
 def ball_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
     """The contact of a moving ball, of which a vertex is the centre, on a fixed face."""
-    outer = fixed.faces[face].loops[0]
-    return PrimitiveContact(f"b{vertex}-f{face}", Kind.BALL_FACE, (vertex,), outer, vertex, face)
+    return PrimitiveContact(f"b{vertex}-f{face}", Kind.BALL_FACE, (vertex,), fixed.faces[face].loops[0], vertex, face)
 
 
 @remembered(_CONTACTS)
 def face_vertex(moving: Polyhedron, face: int, vertex: int) -> PrimitiveContact:
     """The contact of a moving face on a fixed vertex."""
-    outer = moving.faces[face].loops[0]
-    return PrimitiveContact(f"f{face}-v{vertex}", Kind.FACE_VERTEX, outer, (vertex,), face, vertex)
+    loop = moving.faces[face].loops[0]
+    return PrimitiveContact(f"f{face}-v{vertex}", Kind.FACE_VERTEX, loop, (vertex,), face, vertex)
 
 
 def edge_edge(moving: Polyhedron, fixed: Polyhedron, R: Array, one: int, other: int) -> PrimitiveContact:
     """The contact of a moving edge across a fixed edge, the moving edge run so that the normal leaves the fixed part.
 
-    Args:
-        R: rotation (3, 3) of the moving part at which the edges meet.
+    They meet at a rotation R (3, 3) of the moving part.
     """
     return _crossing(moving, fixed, R, [(one, other)])[0]
 
@@ -113,8 +110,7 @@ def _crossing(
 def crossed(moving: Polyhedron, fixed: Polyhedron, one: int, other: int, along: bool) -> PrimitiveContact:
     """The contact of a moving edge, run along or the other way, across a fixed one; see `edge_edge`.
 
-    Args:
-        along: whether the moving edge keeps the order of its ends, on which the sign of R a × e depends.
+    Run along it keeps the order of its ends, on which the sign of R a × e depends.
     """
     ends = moving.edges[one].vertices if along else moving.edges[one].vertices[::-1]
     return PrimitiveContact(f"e{one}-e{other}", Kind.EDGE_EDGE, ends, fixed.edges[other].vertices, one, other)
@@ -174,15 +170,10 @@ def _walls(polyhedron: Polyhedron) -> Walls:
 def near_contacts(
     moving: Polyhedron, fixed: Polyhedron, pose: Pose, reach: float, angle: float
 ) -> tuple[PrimitiveContact, ...]:
-    """All primitive contacts that can occur at poses within `reach` and `angle` of `pose`.
+    """All primitive contacts at poses within a shift (`reach`, m) and a turn (`angle`, rad) of the body at `pose`.
 
     A contact counts when its features can come together (distance at `pose` at most reach + angle × lever) and when
     the contact normal can lie in the normal cones of both features after a turn by at most `angle`.
-
-    Args:
-        moving: the moving part in its body frame, m.
-        reach: largest shift of the body origin, m.
-        angle: largest turn about the body origin, rad.
 
     Raises:
         OverdueError: there is no time left.
@@ -216,12 +207,7 @@ def near_tips(
 
 
 def matrices(p: Array, R: Array) -> Array:
-    """Poses as kernels take them: rotations with positions beside them, (…, 3, 4).
-
-    Args:
-        p: (…, 3), m.
-        R: (…, 3, 3).
-    """
+    """Poses as kernels take them: rotations R (…, 3, 3) with positions p (…, 3), m, beside them, (…, 3, 4)."""
     found = np.empty((*p.shape, 4))
     found[..., :3], found[..., 3] = R, p
     return found
@@ -245,9 +231,6 @@ def feature_distances(contacts: Sequence[PrimitiveContact], moving: Polyhedron, 
     """Distances (k,) between the two features of contacts at a pose, m: what touches is next to each other, too.
 
     Bounds do not say that, as there are none where a face or an edge ends at a wall, or at the next one in its plane.
-
-    Args:
-        pose: of the moving part in the B-frame.
     """
     pairs = np.array([_pair(contact) for contact in contacts], dtype=np.intp).reshape(-1, 5)
     back = pose.inverse()

@@ -34,12 +34,7 @@ class Poses(Value):
 
     @staticmethod
     def around(pose: Pose, X: Array) -> Poses:
-        """The poses at local coordinates around one.
-
-        Args:
-            pose: where X = 0 is.
-            X: (n, 6), displacement in m and rotation vector in rad, axes of B.
-        """
+        """The poses at local coordinates X (n, 6) around one: displacement, m, and rotation vector, rad, axes of B."""
         return Poses(pose.p + X[:, :3], turns(X[:, 3:]) @ pose.R)
 
     @staticmethod
@@ -129,11 +124,7 @@ class Neighbourhood(Value):
         return Neighbourhood(space, BoundTable.of(space.contacts, moving, fixed, space.pose), (moving, fixed))
 
     def measured(self, on: Bits, poses: Poses) -> Measures:
-        """What states have at poses, one each.
-
-        Args:
-            on: (n, k), which contacts each state holds.
-        """
+        """What states have at poses, one each, by which contacts each holds (n, k)."""
         unit, values = self.space.scale[0], heights(self.functions, poses.matrices)
         f = values[:, self.functions.own]
         depth, which = self.table.depths(values[:, self.functions.bounds[0]])
@@ -157,19 +148,11 @@ class Neighbourhood(Value):
         ends = [number.setdefault(bound.contact, len(number)) for bound in self.table.listed]
         # Those of contacts and of bounds, each once.
         joint = Surfaces.of(tuple(number), *self.parts)
-        return Functions(
-            joint.tables,
-            np.array(joint.order[: len(space.contacts)]),
-            (
-                joint.order[np.array(ends, dtype=np.intp)],
-                self.table.signs,
-                np.array(self.table.places),
-                np.array(self._ending),
-            ),
-            np.array(space.limits.T, order="C"),
-            np.array(space.scale),
-            matrices(space.pose.p, space.pose.R),
-        )
+        surfaces = joint.order[np.array(ends, dtype=np.intp)]
+        bounds = surfaces, self.table.signs, np.array(self.table.places), np.array(self._ending)
+        own, limits = np.array(joint.order[: len(space.contacts)]), np.array(space.limits.T, order="C")
+        zero = matrices(space.pose.p, space.pose.R)
+        return Functions(joint.tables, own, bounds, limits, np.array(space.scale), zero)
 
     def _ended(self, on: Bits, which: NDArray[np.intp]) -> Bits:
         """Which contacts (n, k) end where one of `on` begins: no pose violates the one without violating the other."""
@@ -199,11 +182,7 @@ class Met(Value):
 
 
 def meet(near: Neighbourhood, on: Bits, start: Poses, room: float) -> Met:
-    """Searches from each start for a pose where its contacts touch and everything else is at least `room` away.
-
-    Args:
-        on: (n, k), the contacts that are to touch.
-    """
+    """Searches from each start for a pose where contacts `on` (n, k) touch and all else is at least `room` away."""
     found, short, settled = descended(near.functions, on, start.matrices, room)
     return Met(_projected(near, on, found, 6), short, settled)
 
@@ -211,9 +190,8 @@ def meet(near: Neighbourhood, on: Bits, start: Poses, room: float) -> Met:
 def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | NDArray[np.intp]) -> Poses:
     """The nearest poses where the contacts `on` (n, k) touch, by Gauss–Newton with shortest scaled steps.
 
-    Args:
-        rank: how many singular directions a step may use, of all or of each. The rank of a state's linear picture
-            stays near its facet; 6 also uses those that only curvature provides.
+    Steps use so many singular directions, of all or of each: the rank of a state's linear picture stays near its facet;
+    6 also uses those that only curvature provides.
     """
     return _projected(near, on, poses.matrices, rank)
 

@@ -31,7 +31,6 @@ class ContactState(Value, point=(6,)):
 
     Attributes:
         id: name within the graph, "free" for free space.
-        contacts: ids of the active contacts.
         dimension: of the facet, 6 − rank.
         point: (6,), local coordinates X in m and rad of a point in its relative interior.
     """
@@ -47,8 +46,6 @@ class ContactGraph(Value):
     """Contact states, largest dimension first, and for each the adjacent ones of lower and of higher dimension.
 
     Attributes:
-        space: the local contact space.
-        states: the states.
         sons: for each state the indices of the states on the boundary of its facet, one dimension lower.
         fathers: for each state the indices of the states whose facets it bounds, one dimension higher.
     """
@@ -106,8 +103,7 @@ class LocalSpace(Value, normals=("contacts", 6), offsets=("contacts",), scale=(6
     @property
     def half_spaces(self) -> tuple[Array, Array]:
         """Rows (k + l, 6) and offsets (k + l,) of contacts, and of limits after them."""
-        limits = self.limits
-        return np.vstack([self.normals, limits[:, :6]]), np.append(self.offsets, limits[:, 6])
+        return np.vstack([self.normals, self.limits[:, :6]]), np.append(self.offsets, self.limits[:, 6])
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,12 +155,7 @@ def local_space(
     scale: Scale,
     within: Cell = _EVERYWHERE,
 ) -> LocalSpace:
-    """The contacts' half-spaces N·X ≥ D around a pose, in scaled units with unit rows.
-
-    Args:
-        pose: the reference pose X = 0.
-        scale: units of lengths and angles.
-    """
+    """The contacts' half-spaces N·X ≥ D around a pose, X = 0, in scaled units with unit rows."""
     units = scale.units
     signs = np.concatenate([np.ones(len(contacts)), [-bound.sign for bound in within.limits]])
     listed = (*contacts, *(bound.contact for bound in within.limits))

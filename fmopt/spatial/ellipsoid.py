@@ -77,8 +77,7 @@ def coupling_inverse(N: ArrayLike, C: ArrayLike) -> Array:
 def _inverse(rows: Array, directions: Array) -> tuple[Array, float]:
     """(N C)⁻¹ (r, r) of rows N and Cᵀ (r, n) by Gauss and Jordan, and the Frobenius norm of that of unit ones.
 
-    Returns:
-        the inverse, and its size: infinite where a pivot vanishes, not a number where a row or a direction does.
+    The norm is infinite where a pivot vanishes, not a number where a row or a direction does.
     """
     r, n = rows.shape
     work, inverse, lengths, widths = np.empty((r, r)), np.zeros((r, r)), np.zeros(r), np.zeros(r)
@@ -128,10 +127,8 @@ def _inverse(rows: Array, directions: Array) -> tuple[Array, float]:
 def oblique_projector(N: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
     """The projector Π = I − C (N C)⁻¹ N along C (n, r) onto {x : N x = 0}, N (r, n), and its correction C̃ = C (N C)⁻¹.
 
-    x = Πx + C̃ (N x), so column i of C̃ is the displacement that changes N_i·x by one and no other row.
-
-    Returns:
-        Π (n, n) and C̃ (n, r).
+    With Π (n, n) and C̃ (n, r), x = Πx + C̃ (N x): column i of C̃ is the displacement that changes N_i·x by one and no
+    other row.
 
     Raises:
         InfeasibleError: see `coupling_inverse`.

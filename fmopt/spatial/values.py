@@ -129,13 +129,9 @@ def remembered(most: int) -> Callable[[Callable[Concatenate[T, P], R]], Callable
 
 @dataclass(frozen=True, eq=False)
 class Framing(Value, hole=(6,), hand=(6,)):
-    """Which share of each component of the start error is fixed in the hole, and which in the hand.
+    """Shares (6,), from 0 to 1, of the start error that turn with the fixed part (`hole`) and with the other (`hand`).
 
     What is left stays as it is in the world: the robot's own error, which neither part turns with.
-
-    Args:
-        hole: shares (6,), from 0 to 1, of what turns with the fixed part.
-        hand: shares (6,) of what turns with the moving part.
     """
 
     hole: Array

@@ -118,7 +118,7 @@ class Bias(Value):
 
 
 def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specification) -> Bias:
-    """The applied wrench that holds every contact, the least normal force greatest.
+    """The applied wrench that holds every contact, the least normal force greatest, for a unit twist V (6,).
 
     With contact wrenches wᵢ and normal forces fᵢ the applied wrench is −Σ fᵢ wᵢ + b u: a frictionless balance, which
     lies inside every friction cone, and a push b ≥ 0 along the motion, u without power on what the held contacts stop.
@@ -144,10 +144,7 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
     whose friction asks for it less. Of equal answers that with the least greatest force is taken. Without a new contact
     there is no push. Where no g exists, Σ kⱼ = h takes the place of the second line: only the reaction that ends the
     move leaves all contacts closed; where none exists then either, the new contact pries a held one open as it is felt,
-    and the program is solved without g. `stays` tells which.
-
-    Args:
-        V: unit twist (6,) in the metric of ρ.
+    and the program is solved without g. `stays` tells which. Twists are of unit length in the metric of ρ.
 
     Raises:
         InfeasibleError: the move does not approach its contact, or the greatest t is not positive.
@@ -169,11 +166,9 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
 
 
 class Balance(NamedTuple):
-    """A linear program of `bias_wrench` with its answer x.
+    """A linear program of `bias_wrench` with its answer, the forces x = (f, g, k, r, m, b, t).
 
-    Args:
-        x: the forces (f, g, k, r, m, b, t).
-        which: of them presses the least pressed contact; t by default.
+    `which` of them presses the least pressed contact; t by default.
     """
 
     program: Program

@@ -41,8 +41,7 @@ def holds(
 ) -> list[Hold]:
     """How surely the pieces of a motion hold their contacts, of those that hold them by little.
 
-    Args:
-        least: how firm slides and how steady turns have to be, shares of the contact force; 0 where nothing is asked.
+    So firm slides and so steady turns have to be, shares of the contact force; 0 where nothing is asked.
     """
     found = list[Hold]()
     for number, (claim, bound) in enumerate(bounded(claims, tolerance.rho)):

@@ -58,8 +58,7 @@ def recovery_record(
 ) -> tuple[dict[str, Any], tuple[diagnostics.UnplannedContact, ...]]:
     """What a plan says of recovery, as its file holds it, and the contacts that larger errors would make first.
 
-    Args:
-        box: half-widths (6,) of the start error.
+    Start errors have half-widths `box` (6,), m and rad.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     above = underside(fixed)

@@ -139,10 +139,7 @@ def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int,
 
     One twist is what lets a move be certified in pieces: an execution that touches late only goes on in the direction
     that all pieces share. Each piece is the twist and as much compliance as its contacts ask for; the twist is aimed
-    anew until the last piece ends at the goal.
-
-    Args:
-        shots: how often the twist is aimed; the last piece takes up what is left.
+    anew, as many `shots`, until the last piece ends at the goal, or takes up what is left.
     """
     if count == 1:
         return move.start, move.goal
@@ -175,10 +172,7 @@ def _way(
 def unroll(
     assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, step: float, care: Care = Care.ALL
 ) -> Reached:
-    """Certifies a move piece by piece.
-
-    Args:
-        step: greatest turn of one piece, rad.
+    """Certifies a move piece by piece, none of which turns by more than a step, rad.
 
     Raises:
         InfeasibleError: parts overlap nominally on the way, or a step is impossible.

@@ -150,10 +150,7 @@ def _first(edges: Edges, reached: Reached, heights: Array) -> Kept:
 def _narrow(edges: Edges, vertices: Array, kept: Kept, m: int, rooms: Array) -> bool:
     """Looks between the neighbours of the best planes of a pair, and at the room (n, e, shares) of those in between.
 
-    None is put down for those without more room than the pair's best margin in any piece of motion.
-
-    Returns:
-        whether any have more.
+    None is put down for those without more room than the pair's best margin in any piece; returns whether any have.
     """
     found = np.zeros((_REFINED, SHARES), dtype=np.bool_)
     edge, share, lows, highs, _, margins = kept
@@ -225,8 +222,7 @@ def _refine_all(edges: Edges, reached: Reached, kept: Kept) -> None:
 def _refine_tightest(edges: Edges, reached: Reached, kept: Kept, asked: tuple[float, float]) -> NDArray[np.bool_]:
     """Refines the planes of pairs that may be the tightest, those tightest so far first.
 
-    Returns:
-        which pairs (m) have the best planes now: those of others keep at least as much as the tightest of these.
+    Returns which pairs (m) have the best planes now: those of others keep at least as much as the tightest of these.
     """
     (count, pairs), (grazing, enough) = kept.margin.shape, asked
     rooms, margins, clearances = np.empty((count, _REFINED, SHARES)), np.empty(pairs), np.empty(pairs)

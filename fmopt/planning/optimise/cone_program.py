@@ -276,10 +276,8 @@ def dual_bound(program: ConeProgram, duals: Duals, x: Array) -> tuple[float, flo
 
     With y free, λ ≥ 0 and |u_k| ≤ Σ_j λ_j W_jk every feasible x has
     c·x ≤ y·b + λ·h − Σ u_k·g_k + r·x,  r = c − Aᵀy + Gᵀλ − Σ F_kᵀu_k;
-    r·x is at most its maximum over the box. Multipliers outside their cones are pulled in first.
-
-    Args:
-        x: (n,), which counts for variables that lack the bound they would need.
+    r·x is at most its maximum over the box, or at x (n,) for variables that lack the bound they would need. Multipliers
+    outside their cones are pulled in first.
 
     Raises:
         SolverError: the multipliers are not as many as the rows.

@@ -71,11 +71,7 @@ class Sensitivity:
 def sensitivities(
     assembly: Assembly, claims: tuple[Claim, ...], tolerance: Tolerance, drifting: bool = False
 ) -> tuple[Sensitivity, ...]:
-    """How generators change along a sequence of moves, piece by piece.
-
-    Args:
-        drifting: whether drift is to grow with the moves.
-    """
+    """How generators change along a sequence of moves, piece by piece, with drift that grows with the moves or not."""
     n = 6 + 6 * sum(claim.piece.progress[0] == 0.0 for claim in claims)
     found, number = list[Sensitivity](), -1
     brought, longer, begun = np.zeros((0, 6, 6)), np.zeros((0, n)), Pose(np.zeros(3), np.eye(3))
@@ -142,11 +138,9 @@ def pose_derivatives(assembly: Assembly, claims: tuple[Claim, ...], tolerance: T
 def _between(
     ways: Sequence[Linearisation], shares: Sequence[float], compliant: Array, ends: tuple[Array, Array]
 ) -> list[Array]:
-    """The derivatives (6, n) of all poses of a move in k pieces, from its start to its goal.
+    """The derivatives (6, n) of all poses of a move in k pieces, from those of its start and its goal, its `ends`.
 
-    Args:
-        compliant: derivatives of the twists along which held contacts give way (h, 6, n).
-        ends: derivatives (6, n) of the start and of the goal of the move.
+    Twists along which held contacts give way have the derivatives `compliant` (h, 6, n).
     """
     # As the twist stays, and with the twist: what all pieces give way by alike is part of it.
     (start, goal), first = ends, ways[0].twist / shares[0]

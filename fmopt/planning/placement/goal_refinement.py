@@ -57,8 +57,7 @@ class Descent:
 def descend(problem: Placement, guess: ArrayLike | None = None, settings: Descent | None = None) -> Solution:
     """Perturbs the poses along the state's surface until the reciprocal cost has a minimum; proves no optimum.
 
-    Args:
-        guess: start of the descent, poses (ends, 6), else the least-squares point of the affine spaces.
+    It starts from a guess, poses (ends, 6), else from the least-squares point of the affine spaces.
 
     Raises:
         InfeasibleError: the affine spaces contradict each other.

@@ -81,9 +81,7 @@ class Room(Value):
     def complete(self, weights: Array, *, moving: bool) -> None:
         """Checks what is given while the value is made, and puts defaults where something is left out.
 
-        Args:
-            weights: of the obstacles (k,), for want of others.
-            moving: whether there is a start to travel from.
+        For want of others, `weights` (k,) are those of the obstacles; with a start to travel from it is `moving`.
 
         Raises:
             ValueError: shapes do not fit, growth where nothing moves, or a negative weight or growth.

@@ -289,12 +289,9 @@ def largest(
     parameters: Array,
     bounds: tuple[Array, Array],
 ) -> Array | None:
-    """A local optimum (x, t) (7,) from a start (7,); None where the steps do not come to an end.
+    """A local optimum (x, t) (7,) from a start (7,), within bounds (7,); None where the steps do not come to an end.
 
-    Args:
-        weights: w (k,), zero for equalities and for rows that only have to hold.
-        begin: where to start (7,).
-        bounds: lower and upper (7,).
+    Weights w (k,) are zero for equalities and for rows that only have to hold.
     """
     program = _Program(functions, equalities, weights, parameters, *bounds)
     at = _Point(begin[:6], *functions(begin[:6], parameters, np.zeros(len(weights))))

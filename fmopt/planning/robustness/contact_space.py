@@ -149,7 +149,9 @@ def space_at(
     within = Cell(limits, wide * scale.reach, wide * scale.angle)
     space = local_space(kept, body, fixed, reference, scale, within)
     states = _enumerated(space)
-    graph = contact_graph(space, _free_alone(len(kept)) if states is None else states)
+    # Free space is the only face that is told of a space whose states are not enumerated.
+    free = Faces(np.zeros((1, len(kept)), dtype=np.bool_), np.full(1, 6), np.zeros((1, 6)), 0)
+    graph = contact_graph(space, free if states is None else states)
     return Space(name, pose.vector(), graph, confirm(graph, body, fixed), states is not None)
 
 
@@ -162,11 +164,6 @@ def _enumerated(space: LocalSpace) -> Faces | None:
     except SolverError:
         return None
     return found if len(found.points) <= _STATES else None
-
-
-def _free_alone(contacts: int) -> Faces:
-    """Free space as the only face: all that is said of a space whose states are not enumerated."""
-    return Faces(np.zeros((1, contacts), dtype=np.bool_), np.full(1, 6), np.zeros((1, 6)), 0)
 
 
 def _regular(assembly: Assembly, near: Sequence[PrimitiveContact], pose: Pose) -> bool:
@@ -204,8 +201,6 @@ class Confirmation(Value):
     """A state on the true surfaces.
 
     Attributes:
-        state: id of the state.
-        verdict: whether it exists.
         pose: the pose found, or the best one.
         residual: largest |f| of its contacts there, m; of a split one, in the middle of its linear facet.
         clearance: least f of the other contacts within their bounds, m; inf when there are none.

@@ -48,11 +48,9 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion that can be certified under other errors.
+    """A motion that can be certified under other errors than its own, half-widths `box` (6,), m and rad, at its start.
 
-    Args:
-        box: half-widths (6,) of its start error, m and rad.
-        turn: greatest turn of one piece, rad.
+    Its pieces turn by so much at most, rad.
     """
 
     assembly: Assembly
@@ -85,7 +83,7 @@ class Motion:
         """What is certified of it, as far as the first move without a margin."""
         if self.known is not None:
             claims = claims_of_moves(self.known.claims)
-            return Outcome(self.known, tuple(min(of_move, key=_margin) for of_move in claims))
+            return Outcome(self.known, tuple(min(of_move, key=lambda claim: claim.margin) for of_move in claims))
         return self._followed(Outcome(self.start), beyond=False)
 
     @cached_property
@@ -101,7 +99,7 @@ class Motion:
                 after = unroll(self.assembly, move, reached, self.tolerance, self.turn)
             except InfeasibleError as error:
                 return Outcome(reached, least, error.message)
-            least = (*least, min(after.claims[len(reached.claims) :], key=_margin))
+            least = (*least, min(after.claims[len(reached.claims) :], key=lambda claim: claim.margin))
             reached = after
             if least[-1].margin <= 0.0 and not beyond:
                 break
@@ -142,10 +140,6 @@ class CertifiedMotion:
     def claims(self) -> tuple[Claim, ...]:
         """What is certified of its pieces, in order."""
         return self.placed.reached.claims
-
-
-def _margin(claim: Claim) -> float:
-    return claim.margin
 
 
 def error_tolerance(motion: Motion, clearance: tuple[float, float]) -> ErrorTolerance:
@@ -210,10 +204,8 @@ def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensi
             tolerance = replace(motion.tolerance, velocity_error=more)
             compared(f"velocity.{name}", rate[k], replace(motion, tolerance=tolerance, known=None))
     sides = [side for side in clearance if np.isfinite(side)]
-    if sides:
-        slimmer = _slimmer(motion, _SHARE * min(sides))
-        if slimmer is not None:
-            compared("clearance", min(sides), slimmer)
+    if sides and (slimmer := _slimmer(motion, _SHARE * min(sides))) is not None:
+        compared("clearance", min(sides), slimmer)
     return tuple(found)
 
 
@@ -229,9 +221,8 @@ def _slimmer(motion: Motion, gap: float) -> Motion | None:
         assembly = replace(motion.assembly, moving=slim)
         try:
             goals = [onto_surfaces(assembly, move.goal, move) for move in motion.moves]
-            return replace(
-                motion, assembly=assembly, moves=in_a_row(motion.moves, motion.moves[0].start, goals), known=None
-            )
+            moves = in_a_row(motion.moves, motion.moves[0].start, goals)
+            return replace(motion, assembly=assembly, moves=moves, known=None)
         except InfeasibleError:
             continue
     return None

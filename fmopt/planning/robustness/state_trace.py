@@ -34,6 +34,8 @@ _COMMON = 1e-8  # m; how nearly all contacts touch, and end, at the common end o
 _NARROW = 1e-7  # of a piece
 _BACK = (0.1, 0.4)  # shares of the last piece of a move by which a space is taken earlier where its end will not do
 
+_Reached = tuple[float, frozenset[str]]  # a share of a piece, and the contacts that touch there
+
 
 @dataclass(frozen=True, eq=False)
 class Visit:
@@ -195,11 +197,7 @@ def _passed(
 
 
 def _between(
-    assembly: Assembly,
-    piece: Piece,
-    near: Sequence[PrimitiveContact],
-    low: tuple[float, frozenset[str]],
-    high: tuple[float, frozenset[str]],
+    assembly: Assembly, piece: Piece, near: Sequence[PrimitiveContact], low: _Reached, high: _Reached
 ) -> list[tuple[str, frozenset[str]]]:
     """The changes of state between two shares of a piece, each narrowed down to a pose."""
     (a, before), (b, after) = low, high

@@ -75,18 +75,10 @@ class UnplannedContact(Value, row=(6,), wrench=(6,)):
 
     def described(self, move: int, told: bool) -> diagnostics.UnplannedContact:
         """As a plan describes it, with whether the robot can tell it from the contact that is wanted."""
-        return diagnostics.UnplannedContact(
-            move,
-            str(self.contact.kind),
-            self.contact.moving,
-            self.contact.fixed,
-            self.factor,
-            numbers(self.wrench),
-            told,
-            self.axis,
-            self.axis_factor if self.axis else None,
-            self.angle,
-        )
+        features = str(self.contact.kind), self.contact.moving, self.contact.fixed
+        alone = self.axis, self.axis_factor if self.axis else None
+        wrench = numbers(self.wrench)
+        return diagnostics.UnplannedContact(move, *features, self.factor, wrench, told, *alone, self.angle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +127,10 @@ def unplanned_contacts(
             limit = min([LARGEST, *factors[_MOST - 1 : _MOST], *([best[contact].factor] if contact in best else [])])
             r = row @ place.images
             # Bounds can only ask for more: by its distance alone a contact needs λ ≥ gap / Σ|rₖ|.
-            if gap / max(float(np.abs(r).sum()), 1e-30) >= limit or _comes_along(assembly, claim, contact):
+            planned = claim.piece.goal_contacts
+            if gap / max(float(np.abs(r).sum()), 1e-30) >= limit or any(
+                implied(assembly, planned, made, contact) for made in planned
+            ):
                 continue
             rows = _bounding(assembly, contact, place)
             factor = _factor(gap, r, rows)
@@ -165,11 +160,6 @@ def _near(assembly: Assembly, claim: Claim, place: _Place) -> Iterator[tuple[Pri
     closing = (f > _OPEN) & (f <= _SURELY * np.abs(N @ place.images).sum(axis=1))
     for k in np.flatnonzero(closing):
         yield others[k], float(f[k]), N[k]
-
-
-def _comes_along(assembly: Assembly, claim: Claim, contact: PrimitiveContact) -> bool:
-    piece = claim.piece
-    return any(implied(assembly, piece.goal_contacts, made, contact) for made in piece.goal_contacts)
 
 
 def _bounding(assembly: Assembly, contact: PrimitiveContact, place: _Place) -> list[tuple[Array, Array]]:
@@ -236,11 +226,9 @@ def _unplanned(
     angle = None
     if piece.made is not None:
         held = contact_rows(assembly, piece.held, piece.held, piece.goal).N * scale if piece.held else np.zeros((0, 6))
-        wanted = [_cone(assembly, made, piece.goal, friction) for made in piece.making]
-        angles = [
-            angle_between(modulo(held, scale * one), modulo(held, scale * _cone(assembly, contact, pose, friction)))
-            for one in wanted
-        ]
+        wanted = [scale * _cone(assembly, made, piece.goal, friction) for made in piece.making]
+        cone = modulo(held, scale * _cone(assembly, contact, pose, friction))
+        angles = [angle_between(modulo(held, one), cone) for one in wanted]
         angle = min((found for found in angles if found is not None), default=None)
     wrench = contact_wrench(contact, body, fixed, pose)
     factor, axis = met.alone

@@ -214,12 +214,9 @@ def shortfall(node: Node) -> str:
     worst = min(node.reached.claims, key=lambda claim: claim.margin)
     if worst.margin > 0.0:
         return ""
-    pair = re.fullmatch(r"pieces (\d+)/(\d+)", worst.binding)
-    what = (
-        f"the distance of piece {pair[1]} of the moving part from piece {pair[2]} of the fixed one"
-        if pair
-        else worst.binding
-    )
+    what = worst.binding
+    if pair := re.fullmatch(r"pieces (\d+)/(\d+)", what):
+        what = f"the distance of piece {pair[1]} of the moving part from piece {pair[2]} of the fixed one"
     return f", where {what} is short by {-1e6 * worst.margin:.1f} um for the stated errors"
 
 

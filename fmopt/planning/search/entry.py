@@ -215,12 +215,9 @@ def planar_entries(
 def deeper(moving: Part, fixed: Part, pose: Pose, corner: Array, spread: Array) -> Iterator[Pose]:
     """Poses in the plane of x and z from which to go on once a corner was caught on a slope of the mouth.
 
-    The part stays turned as it is. The corner goes in below the lowest level of the mouth, by a few times what its
-    height is uncertain by, between the middle and the wall on the side from which it leans.
-
-    Args:
-        corner: the corner (3,) in the body.
-        spread: how far the errors displace it (3,), m.
+    The part stays turned as it is. The corner (3,), in the body, goes in below the lowest level of the mouth, by a few
+    times what the errors displace its height by, of their `spread` (3,), m, between the middle and the wall on the side
+    from which it leans.
     """
     tip = leading_corners(moving)
     width = float(np.ptp(tip[:, 0]))
@@ -281,9 +278,7 @@ def swung_by(tip: Array, start_box: Array) -> float:
 class _Mouth:
     """Walls of the hole at its mouth, first the two that a part goes in between; inside, `inward` · (x, y) ≥ `offsets`.
 
-    Args:
-        inward: unit normals (n, 2).
-        offsets: (n,), m.
+    These are unit normals (n, 2), and offsets (n,), m.
     """
 
     inward: Array

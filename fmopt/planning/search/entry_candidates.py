@@ -1,7 +1,8 @@
 """Which tilted ways to begin are tried, and in which order: shapes of entries for the errors of a problem.
 
 Everywhere `start_box` has half-widths (6,) of the start error, m and rad; `per_side` is the clearance a side, m; `play`
-the free travel (x, y) of the upright part between the walls, m; `max_tilt` the greatest tilt about each axis, rad.
+the free travel (x, y) of the upright part between the walls, m; `max_tilt` the greatest tilt about each axis, rad. A
+`funnel` is how deep below the mouth the walls begin, and how far outside them the top does, m.
 """
 
 from __future__ import annotations
@@ -55,6 +56,8 @@ _RUN = 6  # shapes of one heading are tried before those of the next, and before
 _BEST = math.radians(100.0)  # of the angles of corners, which of them goes in first
 _SAME = 1e-6  # of the part's width, by which a part that looks the same once turned may differ
 
+Pair = tuple[float, float]
+
 
 def room(assembly: Assembly, per_side: float, start_box: Array, drift: Array) -> Array:
     """Half-widths (6,) of the errors that ways to begin leave room for, wide enough for contacts some clearances apart.
@@ -105,11 +108,8 @@ def likely_shapes(
 
     The further errors are beyond the clearance, the more it is worth to lay the part flat: that is tried first or last.
     Of corners that differ each has its turn, with its walls as axes; `obtuse_shapes` are for those that turn by little.
-    Where errors are uneven or small, the first few are for them; then shapes for `ample` ones take turns with
-    the others.
-
-    Args:
-        start_box: half-widths (6,) of the errors to leave room for, such as `roomy_errors`, m and rad.
+    Where errors are uneven or small, the first few are for them; then shapes for `ample` ones take turns with the
+    others. Errors to leave room for are such as `roomy_errors`.
     """
     if max_tilt <= 0.0:
         return iter(())
@@ -202,12 +202,7 @@ def _in_turn(*runs: tuple[Iterator[Shape], int]) -> Iterator[Shape]:
 
 
 def tilted_shapes(
-    moving: Part,
-    play: tuple[float, float],
-    start_box: Array,
-    max_tilt: float,
-    funnel: float = 0.0,
-    heading: float = 0.0,
+    moving: Part, play: Pair, start_box: Array, max_tilt: float, funnel: float = 0.0, heading: float = 0.0
 ) -> Iterator[Shape]:
     """Shapes that leave room for the start error, the likeliest first: a tilted part shows the mouth only a corner.
 
@@ -215,16 +210,14 @@ def tilted_shapes(
     two walls next to it; unequally far from the two, so that it cannot meet both at once. Tilts about the two axes
     differ, so that no two edges come down level; turned between the two ways that level a face next to the corner with
     the mouth, the corner is nearest to both walls, turned beyond them another edge is. The less deep the corner goes
-    in, the less the part is tilted, so that as much of its edges is inside.
-
-    Args:
-        funnel: how deep below the mouth the walls begin, m; the corner goes in below that.
-        heading: turn about z of the axes that all this is about, rad.
+    in, the less the part is tilted, so that as much of its edges is inside. It goes in below the `funnel`, of which the
+    depth alone counts here, m; all this is about axes turned about z by a heading, rad.
     """
     tip = leading_corners(moving)
     slack = 0.5 * min(play)
     widths = np.ptp((tip @ turned_axes(heading))[:, :2], axis=0)
-    for (deep, wide), share, tilts in _ways():
+    # Depth and room in errors, share of the turn, shares of the tilt about y and x.
+    for (deep, wide), share, tilts in (way for shares in _TURNS for way in product(_ROUNDS, shares, _TILTS)):
         swing = swung_by(lowest(tip, Shape(*tilts, 0.0, 0.0, (0.0, 0.0), heading=heading))[None], start_box)
         uncertain = float(start_box[2]) + swing
         steepest = np.arctan((_ROUNDS[0][0] * uncertain + 0.5 * slack) / (_INSIDE * widths))
@@ -239,21 +232,10 @@ def tilted_shapes(
         yield Shape(float(about[0]), float(about[1]), turn, funnel + depth, (x, y), heading=heading)
 
 
-def _ways() -> Iterator[tuple[tuple[float, float], float, tuple[float, float]]]:
-    """Depth and room in errors, share of the turn, shares of the tilt about y and x."""
-    for shares in _TURNS:
-        for (deep_and_wide, share), tilts in product(product(_ROUNDS, shares), _TILTS):
-            yield deep_and_wide, share, tilts
-
-
 def touching_shapes(
     shapes: Iterable[Shape], moving: Part, start_box: Array, rate: float, width: float
 ) -> Iterator[Shape]:
-    """The same shapes with the top beside the mouth touched first, so that the corner need not go in as deep.
-
-    Args:
-        width: how far outside the walls the top begins, m.
-    """
+    """The same shapes with the top touched first, `width` (m) outside the walls, so that corners go in less deep."""
     tip = leading_corners(moving)
     for n, shape in enumerate(shapes):
         swing = swung_by(lowest(tip, shape)[None], start_box)
@@ -265,17 +247,13 @@ def touching_shapes(
 
 
 def obtuse_shapes(
-    moving: Part, play: tuple[float, float], start_box: Array, max_tilt: float, funnel: tuple[float, float], way: Way
+    moving: Part, play: Pair, start_box: Array, max_tilt: float, funnel: Pair, way: Way
 ) -> Iterator[Shape]:
     """Shapes for a corner that turns by so little that a part flush with one wall has little play towards the other.
 
     The part is to be flush with the first wall before it meets the second, and to meet both well apart: so it is tilted
     less along the wall, turned from it by little more than errors, and nearer to it. The corner touches the top first
     and goes in less deep than the next one along the wall is above it.
-
-    Args:
-        funnel: how deep below the mouth the walls begin, and how far outside them the top does, m.
-        way: the heading of the axes that all this is about, and which wall the part is to be flush with first.
     """
     spread = start_spread(moving, start_box)
     beyond = funnel[1] + _BEYOND * spread
@@ -293,18 +271,9 @@ def obtuse_shapes(
 
 
 def flat_shapes(
-    shapes: Iterable[Shape],
-    moving: Part,
-    play: tuple[float, float],
-    start_box: Array,
-    rate: float,
-    funnel: tuple[float, float],
+    shapes: Iterable[Shape], moving: Part, play: Pair, start_box: Array, rate: float, funnel: Pair
 ) -> Iterator[Shape]:
-    """The same shapes with the part laid flat on the top first, which takes away what its height and tilts are off by.
-
-    Args:
-        funnel: how deep below the mouth the walls begin, and how far outside them the top does, m.
-    """
+    """The same shapes with the part laid flat on the top first, which takes away errors of its height and tilts."""
     tip = leading_corners(moving)
     lean = _LEAN * float(np.linalg.norm(start_box[3:]))
     for n, shape in enumerate(shapes):

@@ -52,16 +52,11 @@ def tuned(
     progress: Callable[[float], None] = lambda _: None,
     steady: Callable[[MoveSequence], bool] = lambda _: True,
 ) -> MoveSequence:
-    """One of some sequences of moves from an entry of another shape, with the largest margin that was met.
+    """One of some sequences of moves, the best first, from an entry of another shape, with the largest margin met.
 
-    One that is steady stays so.
-
-    The numbers are varied one after the other. Where that leaves next to no margin, so are those of the next sequence;
-    where it does for all of them, all numbers of the best are varied at random.
-
-    Args:
-        candidates: the sequences, the best first; one that does not start tilted is not varied.
-        steady: whether friction leaves all contacts of a sequence closed.
+    One that is steady, friction leaving all of its contacts closed, stays so; one that does not start tilted is not
+    varied. The numbers are varied one after the other. Where that leaves next to no margin, so are those of the next
+    sequence; where it does for all of them, all numbers of the best are varied at random.
     """
     best: _Tuning | None = None
     for found in candidates:
@@ -106,8 +101,7 @@ def _at_random(tuning: _Tuning) -> None:
 class _Tuning:
     """The best sequence so far, the factors of the first shape's numbers that led to it, and the tries it took.
 
-    Args:
-        kept: whether another sequence may take its place.
+    Another sequence may take its place where it is `kept`.
     """
 
     task: Task
@@ -162,14 +156,8 @@ def _from_entry(task: Task, found: MoveSequence, entry: Entry, least: float) -> 
     node = replayed(task, entry, found.names, least)
     if node is None:
         return None
-    return replace(
-        found,
-        entry=node.entry,
-        moves=node.moves,
-        reached=node.reached,
-        cost=node.cost,
-        lower_bound=min(found.lower_bound, node.cost),  # the bound is of other entries
-    )
+    bound = min(found.lower_bound, node.cost)  # that of the sequence is of other entries
+    return replace(found, entry=node.entry, moves=node.moves, reached=node.reached, cost=node.cost, lower_bound=bound)
 
 
 def replayed(task: Task, entry: Entry, names: Sequence[str], least: float) -> Node | None:

@@ -52,11 +52,8 @@ def freedoms(
 ) -> tuple[Freedom, ...]:
     """Both ways along and about the axes of the compliance frame; down as far as the goal. In the plane x, z, about y.
 
-    Args:
-        max_turn: greatest turn of one move, rad.
-        depth: greatest way down, m.
-        reach: greatest way in any other direction, m.
-        axes: (3, 3) of the frame, those of the B-frame turned about z; None for these themselves.
+    Limits are the greatest turn, rad, the greatest way down (`depth`) and in any other direction (`reach`), m. The axes
+    (3, 3) of the frame are those of the B-frame turned about z; None for these themselves.
     """
     found = []
     for axis, letter in enumerate("xyz"):
@@ -112,11 +109,7 @@ class Near:
 
 @dataclass(frozen=True, eq=False)
 class _Course:
-    """A motion along a freedom, as kernels take it.
-
-    Args:
-        held: functions of the held contacts (r,) and their compliant twists (r, 6).
-    """
+    """A motion along a freedom, as kernels take it; held are contacts' functions (r,) and compliant twists (r, 6)."""
 
     held: tuple[Table, Array]
     motion: tuple[Array, Array, Array, Array]
@@ -139,11 +132,7 @@ class _Course:
         return Poses(p, R)
 
     def meeting(self, near: Near, which: NDArray[np.intp], between: Array, values: Array) -> Array:
-        """Amounts (m,) at which distances vanish.
-
-        Args:
-            which: m of them.
-            values: the distances (2, m) there, the first positive, the second not.
+        """Amounts (m,) between two at which distances vanish that have values (2, m) there, positive, then not.
 
         Raises:
             InfeasibleError: the held contacts cannot be kept.
@@ -243,7 +232,9 @@ def _arrival(assembly: Assembly, place: Place, goal: Pose, first: PrimitiveConta
     first = next((c for c in made if implied(assembly, place.held, c, first)), first)
     made = [first, *(c for c in made if c != first)]
     together = tuple(c for c in made if c == first or implied(assembly, place.held, first, c))
-    if len(together) < len(made) and _independent(assembly, place, first, made, goal):
+    # Contacts met at once that add more than one rank to what is held are independent.
+    several, held = len(together) < len(made), place.held
+    if several and pinned(assembly, goal, (*held, *made)) > pinned(assembly, goal, held) + 1:
         return None
     return Move(place.pose, goal, place.held, together)
 
@@ -262,13 +253,6 @@ def _touching(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Po
     beside = list(compress(contacts, feature_distances(contacts, body, fixed, pose) <= _BESIDE))
     inside = insides(assembly, beside, pose) > 10.0 * _TOUCH if beside else ()
     return [contact for contact, within in zip(beside, inside, strict=True) if within]
-
-
-def _independent(
-    assembly: Assembly, place: Place, first: PrimitiveContact, made: Sequence[PrimitiveContact], goal: Pose
-) -> bool:
-    """Whether contacts met at once add more than one rank to what is held."""
-    return pinned(assembly, goal, (*place.held, *made)) > pinned(assembly, goal, place.held) + 1
 
 
 def implied(

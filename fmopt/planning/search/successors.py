@@ -150,15 +150,14 @@ def signature(assembly: Assembly, move: Move, tolerance: Tolerance, errors: Erro
     if not move.making:
         return 0.0
     scale = np.array([1.0, 1.0, 1.0, *[1.0 / tolerance.rho] * 3])
-    near = near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, move.goal, *_likely(errors))
-    others = [
-        c
-        for c in near
-        if c not in move.held and c not in move.making and not implied(assembly, move.held, move.making[0], c)
-    ]
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    shift, turn = np.split(errors.support(np.eye(6)), 2)  # how far the errors displace the body origin at most, m, rad
+    near = near_contacts(body, fixed, move.goal, float(np.linalg.norm(shift)), float(np.linalg.norm(turn)))
+    known = (*move.held, *move.making)
+    others = [c for c in near if c not in known and not implied(assembly, move.held, move.making[0], c)]
     if not others:
         return 0.0
-    f, N = Surfaces.of(others, assembly.moving.polyhedron, assembly.fixed.polyhedron).values_and_rows(move.goal)
+    f, N = Surfaces.of(others, body, fixed).values_and_rows(move.goal)
     reachable = (f > 1e-9) & (f < errors.support(N)) & np.isfinite(f)
     if not reachable.any():
         return 0.0
@@ -167,12 +166,6 @@ def signature(assembly: Assembly, move: Move, tolerance: Tolerance, errors: Erro
     wanted, *wrong = modulo(held, np.vstack([wanted, N[reachable] * scale]))
     alike = [float(wanted @ w) / max(float(np.linalg.norm(wanted) * np.linalg.norm(w)), 1e-30) for w in wrong]
     return float(np.clip(max(alike), 0.0, 1.0))
-
-
-def _likely(errors: ErrorSet) -> tuple[float, float]:
-    """How far (m) and by what angle (rad) the errors displace the body origin at most."""
-    spread = errors.support(np.eye(6))
-    return float(np.linalg.norm(spread[:3])), float(np.linalg.norm(spread[3:]))
 
 
 def successor_by(task: Task, node: Node, move: Move, name: str, care: Care = Care.NONE) -> Node | None:
