@@ -68,11 +68,7 @@ def verify(
 
 
 def judge(plan: Plan, expected_sha256: str | None = None, overdue: Callable[[], bool] = lambda: False) -> Verdict:
-    """Checks a plan that was read, as `verify` does.
-
-    Args:
-        expected_sha256: of the problem that it has to be a plan of; any if None.
-        overdue: asked now and then; where it says so, what is left is not checked and the plan not certified.
+    """Checks a plan that was read, as `verify` does, which has the same arguments.
 
     Raises:
         PlanError: its parts are no solids that arithmetic can take.
@@ -184,12 +180,9 @@ def _collision(
 
 
 def overlap(M: Shape, F: Shape, X: Pose, least: float) -> float:
-    """A depth (m) to which the pieces certainly overlap, 0 when no overlap deeper than `least` was found.
+    """A depth (m) to which the pieces certainly overlap, 0 when no overlap deeper than `least` (m) was found.
 
     Candidates come from floats (corners of the intersection and their mean); the depth of a candidate is exact.
-
-    Args:
-        least: m.
     """
     if M.ball:
         found = _sunk_in(M, F, X)

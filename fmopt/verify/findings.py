@@ -117,30 +117,18 @@ class Verdict:
 
 
 class Notes:
-    """Collects findings on one segment, or on the plan.
-
-    Args:
-        segment: index of the segment, None for the plan.
-    """
+    """Collects findings on one segment, by its index, or on the plan (None)."""
 
     def __init__(self, segment: int | None) -> None:
         self.segment = segment
         self.found: list[Finding] = []
 
     def add(self, what: str, message: str, shortfall: float = 0.0) -> None:
-        """Notes a finding.
-
-        Args:
-            shortfall: m; 0 where that has no meaning.
-        """
+        """Notes a finding, with its shortfall, m, 0 where that has no meaning."""
         self.found.append(Finding(self.segment, what, shortfall, message))
 
     def equal(self, what: str, stated: Sequence[float], derived: Sequence[int], floor: float) -> None:
-        """Stated numbers must be the derived ones.
-
-        Args:
-            floor: difference that always passes, in the unit of the numbers.
-        """
+        """Stated numbers must be the derived ones; a difference of `floor`, in their unit, always passes."""
         if len(stated) != len(derived):
             self.add(what, f"has {len(stated)} numbers where the check derives {len(derived)}")
             return
@@ -151,11 +139,7 @@ class Notes:
                 return
 
     def at_most(self, what: str, stated: float, derived: int) -> None:
-        """A margin must not exceed the derived one, and be it but for rounding.
-
-        Args:
-            stated: in m.
-        """
+        """A margin, m, must not exceed the derived one, and be it but for rounding."""
         value = number(derived)
         # Without any tolerance: the planner states margins a tenth of a picometre below what it has.
         if fixed(stated) > derived:
@@ -164,11 +148,7 @@ class Notes:
             self.add(what, f"{micrometres(stated)} are stated, but {micrometres(value)} follow")
 
     def at_least(self, what: str, stated: float, derived: int, allowance: int = 0) -> None:
-        """A bound of errors must not be below the derived one, and be it but for rounding or an allowance.
-
-        Args:
-            stated: m or rad.
-        """
+        """A bound of errors, m or rad, must not be below the derived one, and be it but for rounding or allowance."""
         value = number(derived)
         if fixed(stated) + allowance < derived:
             self.add(what, f"is stated as {stated!r}, below the {value!r} that follow", value - stated)
@@ -176,21 +156,13 @@ class Notes:
             self.add(what, f"is stated as {stated!r}, above the {value!r} that follow")
 
     def about(self, what: str, stated: float, derived: int) -> None:
-        """A clearance that nothing rests on must not exceed the derived one but for rounding.
-
-        Args:
-            stated: in m.
-        """
+        """A clearance, m, that nothing rests on must not exceed the derived one but for rounding."""
         value = number(derived)
         if not -(RELATIVE * abs(value) + MARGIN_FLOOR) <= stated - value <= _OTHER_SIDE:
             self.add(what, f"{micrometres(stated)} are stated, but {micrometres(value)} follow", stated - value)
 
     def positive(self, what: str, derived: int) -> None:
-        """A derived margin must be positive.
-
-        Args:
-            derived: m, in fixed point.
-        """
+        """A derived margin, m in fixed point, must be positive."""
         if derived <= 0:
             value = number(derived)
             self.add(what, f"short by {micrometres(-value)}", -value)

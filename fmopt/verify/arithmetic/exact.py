@@ -82,11 +82,7 @@ def turned_over(plane: Level) -> Level:
 
 
 def height(plane: Level, p: Point) -> int:
-    """A number of the sign of a point's height over a plane: 0 on it.
-
-    Args:
-        plane: not of unit normal, so that only the sign says anything.
-    """
+    """A number of the sign of a point's height over a plane, whose normal is no unit vector: 0 on it."""
     return plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] - plane[3] * p[3]
 
 
@@ -105,11 +101,9 @@ def through(points: Iterable[Point]) -> Level | None:
 
 
 def area(points: Sequence[Vector], loops: Iterable[Sequence[int]]) -> Vector:
-    """The direction of the area that loops of points in fixed point enclose (Newell): across their plane if any.
+    """The direction of the area that loops of points in fixed point, m, enclose (Newell): across their plane if any.
 
-    Args:
-        points: of which the loops name some, m.
-        loops: indices, counter-clockwise as seen from where the area points; holes the other way round.
+    Loops are indices, counter-clockwise as seen from where the area points; holes the other way round.
     """
     x = y = z = 0
     for loop in loops:

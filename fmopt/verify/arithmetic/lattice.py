@@ -73,8 +73,7 @@ def apart(a: Bounds, b: Bounds) -> bool:
 def through(a: Point, b: Point, c: Point) -> HalfSpace:
     """The half-space behind the plane of three points, which run counter-clockwise seen from its front.
 
-    Args:
-        a, b, c: counter-clockwise seen from the front; on a line they make a normal of 0.
+    On a line they make a normal of 0.
     """
     n = outer(sub(b, a), sub(c, a))
     return (*n, inner(n, a))
@@ -86,21 +85,13 @@ def height(h: HalfSpace, p: Point) -> int:
 
 
 def elevations(h: HalfSpace, points: Sequence[Place]) -> list[int]:
-    """The elevation of each of some places.
-
-    Args:
-        points: in any order.
-    """
+    """The elevation of each of some places."""
     a, b, c, d = h
     return [a * x + b * y + c * z - d * w for x, y, z, w in points]
 
 
 def common(points: Sequence[Place], spaces: Sequence[HalfSpace]) -> bool:
-    """Whether the convex hull of places that lie in one plane, in order around it, has a point in all half-spaces.
-
-    Args:
-        points: in one plane, in order around their hull.
-    """
+    """Whether the convex hull of places that lie in one plane, in order around it, has a point in all half-spaces."""
     crossing = []
     for space in spaces:
         heights = elevations(space, points)
@@ -152,20 +143,12 @@ def cross_or_touch(p: Flat, q: Flat, a: Flat, b: Flat) -> bool:
 
 
 def folds_back(a: Flat, b: Flat, c: Flat) -> bool:
-    """Whether the way from b to c goes back along the way from a to b.
-
-    Args:
-        a, b, c: in the order in which they are passed.
-    """
+    """Whether the way from b to c goes back along the way from a to b."""
     return turn(a, b, c) == 0 and (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1]) < 0
 
 
 def seen_along(axis: int, p: Point) -> Flat:
-    """A point without one coordinate, the others in cyclic order.
-
-    Args:
-        axis: 0, 1 or 2, the one left out.
-    """
+    """A point without one coordinate (0, 1 or 2), the others in cyclic order."""
     return (p[(axis + 1) % 3], p[(axis + 2) % 3])
 
 

@@ -68,11 +68,7 @@ def times(a: int, b: int) -> int:
 
 
 def over(a: int, b: int) -> int:
-    """The quotient, rounded down.
-
-    Args:
-        b: not 0.
-    """
+    """The quotient, rounded down; b is not 0."""
     return (a << BITS) // b
 
 

@@ -309,7 +309,9 @@ class Chain:
                 if not reached.implies(touch):
                     raise Broken(f"its goal state has {touch.id}, which its basis does not imply")
             after = tuple(goal_state)
-        facts = self._known(segment.move, _joined([t for t, _ in basis], after), task.goal.R)
+        held = [t for t, _ in basis]
+        held += [t for t in after if all(t.id != s.id for s in held)]
+        facts = self._known(segment.move, held, task.goal.R)
         self.link = Link(motion.goal_errors, along, basis, facts)
         self.previous = segment
 
@@ -318,10 +320,6 @@ def _aim(segment: Segment) -> tuple[list[str], list[str], tuple[str, ...]]:
     """What a segment's move is to make, the contact of the basis and all that come with it, and to give up."""
     made, new = [b[0] for b in segment.basis if b[2]], [i for i in segment.goal_state if i not in segment.state]
     return made, new, segment.leaving
-
-
-def _joined(a: Sequence[Touch], b: Sequence[Touch]) -> list[Touch]:
-    return [*a, *(t for t in b if all(t.id != s.id for s in a))]
 
 
 @dataclass(frozen=True)
@@ -344,11 +342,7 @@ class Leg:
 
 
 def misfit(legs: Sequence[Leg]) -> tuple[int, int]:
-    """Bounds of the translation (m) and rotation (rad) by which executions can differ from stretched pieces.
-
-    Args:
-        legs: the pieces of one move, in order.
-    """
+    """Bounds of translation (m) and rotation (rad) by which executions can differ from a move's stretched pieces."""
     rates = [row_of(over(x, leg.progress) for x in leg.twist) for leg in legs]
     # Where pieces join, an execution that is late still moves at the old rate while the claim has it at the new one.
     jumps = [row_of(y - x for x, y in zip(a, b, strict=True)) for a, b in pairwise(rates)]
@@ -364,11 +358,7 @@ def misfit(legs: Sequence[Leg]) -> tuple[int, int]:
 
 
 def check_fit(legs: Sequence[Leg], notes: Notes) -> None:
-    """Notes when a move relies on its pieces being stretched alike.
-
-    Args:
-        legs: the pieces of one move that makes a contact, in order.
-    """
+    """Notes when a move that makes a contact relies on its pieces, which come in order, being stretched alike."""
     if any(leg.directions != legs[0].directions for leg in legs):
         notes.add("pieces of the move", "do not give way along the same directions")
         return

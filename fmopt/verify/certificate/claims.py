@@ -45,11 +45,9 @@ _RECIPROCAL = 1e-9  # power that rounding may leave a force axis on a position a
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a segment comes to.
+    """What a segment comes to: its least derived margin, fixed point, None when a claim could not be derived.
 
-    Attributes:
-        margin: the least derived margin, fixed point; None when a claim could not be derived.
-        failed: pairs that are not shown to be apart, with the row that is tightest.
+    Failed are pairs that are not shown to be apart, with the row that is tightest.
     """
 
     margin: int | None
@@ -218,8 +216,7 @@ def approach(motion: Motion) -> int:
 def departure(motion: Motion, function: Function) -> int:
     """A lower bound, in fixed point, of how much a row grows along the piece; positive: on every execution it does.
 
-    Args:
-        function: of a contact given up, 0 at its start.
+    The row is that of a contact given up, 0 at its start.
     """
     return _Growth(motion, function).least(1)
 
@@ -232,9 +229,6 @@ class _Growth:
     With aᵢ = N·Dᵢ, r = N − Σ aᵢ Nᵢ feels nothing of D where the piece ends, and N grows by r·(v + w + D λ): what rows
     have in common as they turn cancels in r. Products of rows and motions are interpolated between both ends, and of
     first order in the errors; what is left has closed bounds.
-
-    Args:
-        function: of the row N.
     """
 
     def __init__(self, motion: Motion, function: Function) -> None:

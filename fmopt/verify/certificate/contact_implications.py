@@ -9,9 +9,8 @@ level with that wall and at a known angle to the flush. Nothing here uses an err
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 from fmopt.verify.arithmetic.exact import height, inner, one_way, outer, parallel, turned_over
 from fmopt.verify.arithmetic.rational import ONE, Matrix, Vector, dot, length, neg, scaled, sub, times, turned, unit
@@ -202,14 +201,10 @@ class Facts:
         return image_of(*pair, w)
 
     def keeps(self, normal: Vector, d: Vector) -> bool:
-        """Whether a body direction is known to be level with planes of a normal, both given exactly.
+        """Whether a body direction is known to be level with planes of a normal, both given exactly, by integers.
 
         It is decided and not measured: either the direction is one that is turned onto one level with them, or the two
         turned directions that it is made of, and the one across them, cancel exactly.
-
-        Args:
-            normal: integers, of any length.
-            d: of the body, integers.
         """
         if not any(d) or any(parallel(turn.exact, d) and turn.keeps(normal) for turn in self.turns):
             return True
@@ -217,23 +212,15 @@ class Facts:
         return pair is not None and cancel(*pair, normal, d)
 
     def across(self, along: Vector, d: Vector) -> bool:
-        """Whether a body direction is known to be across a world direction, both given exactly.
+        """Whether a body direction is known to be across a world direction, both given exactly, by integers.
 
         So it is where one across it is turned onto that.
-
-        Args:
-            along: integers, of any length.
-            d: of the body, integers.
         """
         turned = (turn for turn in self.turns if turn.onto is not None and parallel(turn.onto, along))
         return any(inner(turn.exact, d) == 0 for turn in turned) or self.keeps(along, d)
 
     def level(self, plane: Plane, v: Vector, w: Vector) -> bool:
-        """Whether two body points are known to be equally high over a wall.
-
-        Args:
-            v, w: body points, m.
-        """
+        """Whether two body points, m, are known to be equally high over a wall."""
         return self._level(len(self.turns), plane, v, w)  # what is open may be decided when more turns are known
 
     @remembered
@@ -244,14 +231,10 @@ class Facts:
         return not far and self.keeps(self.assembly.exact(plane)[:3], self.assembly.way(w, v))
 
     def rises(self, normal: Vector, d: Vector) -> bool:
-        """Whether a body vector d cannot fall along a unit normal, by one known direction or by all of them.
+        """Whether a body vector d, m, cannot fall along a unit normal, by one known direction or by all of them.
 
         The vector keeps its part along the direction: it rises by that part's height less all of the rest. What the
         arithmetic is off by, `ROUNDING`, is allowed: what is taken off the rows that are left is more.
-
-        Args:
-            normal: unit vector of the world.
-            d: of the body, m.
         """
         for turn in self.turns:
             along, rise = dot(turn.body, d), dot(turn.world, normal)
@@ -262,11 +245,7 @@ class Facts:
         return image is not None and dot(normal, image) >= -ROUNDING
 
     def beside(self, v: Vector, w: Vector, base: Line) -> bool:
-        """Whether the vector from w to v is known to point along a world line.
-
-        Args:
-            v, w: vertices of the moving part, m.
-        """
+        """Whether the vector from w to v, vertices of the moving part, m, is known to point along a world line."""
         d = self.assembly.way(w, v)
         if not any(d):
             return True
@@ -310,24 +289,17 @@ class Facts:
 
     def _beside(self, plane: Plane) -> tuple[Plane, ...]:
         """Body planes that lie in a plane, as follows from a face beside them in a wall parallel to it."""
-        key = len(self.turns), plane
-        if key not in self._besides:
-            self._besides[key] = tuple(self._planes_beside(plane))
-        return self._besides[key]
+        return self._planes_beside(len(self.turns), plane)
 
-    @cached_property
-    def _besides(self) -> dict[tuple[int, Plane], tuple[Plane, ...]]:
-        return {}
-
-    def _planes_beside(self, plane: Plane) -> Iterator[Plane]:
-        if self.assembly.form or not self.assembly.agree(plane, plane):
-            return  # faces of a part may be off each other, or the plane is none of the parts' own
-        for wall in self.walls:
-            if not wall.flush or self.assembly.agree(wall.plane, plane) or not self.assembly.along(wall.plane, plane):
-                continue
-            flush = wall.flush[0].plane
-            # As far behind the body plane that lies in the wall as the plane is behind the wall.
-            yield Plane(flush.normal, flush.offset + wall.plane.offset - plane.offset)
+    @remembered
+    def _planes_beside(self, turns: int, plane: Plane) -> tuple[Plane, ...]:
+        assembly = self.assembly
+        if assembly.form or not assembly.agree(plane, plane):
+            return ()  # faces of a part may be off each other, or the plane is none of the parts' own
+        walls = (wall for wall in self.walls if wall.flush and assembly.along(wall.plane, plane))
+        flushes = ((wall.flush[0].plane, wall.plane) for wall in walls if not assembly.agree(wall.plane, plane))
+        # As far behind the body plane that lies in the wall as the plane is behind the wall.
+        return tuple(Plane(flush.normal, flush.offset + wall.offset - plane.offset) for flush, wall in flushes)
 
     def not_below(self, wall_plane: Plane, vertices: Sequence[Vector], above: Iterable[Vector]) -> set[int]:
         """Which body points are on or above a wall, given some vertices known to be on or above it.
@@ -337,11 +309,7 @@ class Facts:
         planes that are known to be there are exact. So is the body plane beside a face that lies in a parallel wall,
         as far from the face as the plane from the wall. The body points asked for may be vertices of pieces, off them
         by `DEVIATION`: as the body is rigid they are below the wall by no more than that, and nothing follows from
-        them.
-
-        Args:
-            vertices: body points asked for, m.
-            above: body points known not to be below the wall, m.
+        them. All are in m.
         """
         wall = self.on(wall_plane)
         raised, beside = list(above), self._beside(wall_plane)

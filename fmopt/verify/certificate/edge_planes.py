@@ -16,7 +16,7 @@ from fmopt.verify.arithmetic.exact import height
 from fmopt.verify.arithmetic.rational import ONE, Vector, add, cross, dot, length, neg, scaled, sub, times, unit
 from fmopt.verify.certificate.contact_implications import Facts
 from fmopt.verify.certificate.propagation import Motion
-from fmopt.verify.parts.assembly import Assembly, Rim, Touch
+from fmopt.verify.parts.assembly import Assembly, Rim, Touch, middle
 from fmopt.verify.parts.rows import DirectionAlong, EdgesApart, Function, PointAbove
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, line, near
 from fmopt.verify.reading.document import Witness
@@ -96,11 +96,7 @@ class Known:
                     yield LevelRim(touch, face, touch in self.facts.held)
 
     def presses(self, assembly: Assembly, centre: Vector, plane: Plane) -> bool:
-        """Whether a contact keeps the ball about a body point on a plane, or from crossing it.
-
-        Args:
-            centre: body point, m.
-        """
+        """Whether a contact keeps the ball about a body point, m, on a plane, or from crossing it."""
         balls = (t for t in self.all if t.kind == "ball-face" and t.moving[0] == centre)
         return any(assembly.agree(t.faces[0], plane) for t in balls)
 
@@ -322,10 +318,8 @@ def _turned_onto(
     """Points in the plane of both edges known to be on or above a wall along the fixed one: (point, rim plane, wall).
 
     The plane holds the rim and this point. With the point on or above the wall and inside its rim, the wall is behind
-    the plane, and so is one parallel to it under another rim that is level with the plane.
-
-    Args:
-        lies: whether a body point is known to be in the plane.
+    the plane, and so is one parallel to it under another rim that is level with the plane. Body points that are known
+    to be in the plane are told by `lies`.
     """
     for touch in known.all:
         if touch.kind != "vertex-face" or not lies(touch.moving[0]):
@@ -341,11 +335,7 @@ def _turned_onto(
 def _inward(touch: Touch, base: Line, wall: Plane) -> Plane:
     """The plane across a wall through a rim of it, with the wall in front."""
     # The mean of the corners tells which way is inside; what it has along the rim and off the wall is taken away.
-    total: Vector = (0, 0, 0)
-    for w in touch.fixed:
-        total = add(total, sub(w, base.point))
-    n = len(touch.fixed)
-    inward = (total[0] // n, total[1] // n, total[2] // n)
+    inward = middle([sub(w, base.point) for w in touch.fixed])
     for axis in (base.direction, wall.normal):
         inward = sub(inward, scaled(dot(axis, inward), axis))
     inward = unit(inward)

@@ -143,11 +143,9 @@ class Linkage:
         return replace(self, hand=tuple(turned(turn, g[:3]) + turned(turn, g[3:]) for g in self.hand))
 
     def moves(self, travel: Vector, turn: Matrix, count: int) -> tuple[Row, ...]:
-        """By how much `count` generators move as the part travels and turns.
+        """By how much `count` generators move as the part turns and its reference point travels, m.
 
-        Args:
-            travel: of the reference point, m.
-            count: of generators; those behind the linked ones do not move.
+        Those behind the linked ones do not move.
         """
         after = self.turned(turn).hand
         found = []
@@ -295,10 +293,7 @@ def blurred(Q: Square) -> Square:
 def dual(directions: tuple[Row, ...], rows: tuple[Row, ...]) -> tuple[tuple[Row, ...], tuple[tuple[int, ...], ...]]:
     """The columns of C (N C)⁻¹, and (N C)⁻¹, for directions C and rows N.
 
-    Where a piece of motion starts, they are those of the end of the piece before.
-
-    Args:
-        rows: N, of the contacts held.
+    Where a piece of motion starts, they are those of the end of the piece before. Rows are of the contacts held.
 
     Raises:
         ArithmeticRefusal: see `inverse`.
@@ -313,11 +308,7 @@ def dual(directions: tuple[Row, ...], rows: tuple[Row, ...]) -> tuple[tuple[Row,
 
 
 def complement(columns: Sequence[Row], rows: Sequence[Row]) -> Square:
-    """I − Σ cᵢ nᵢᵀ.
-
-    Args:
-        columns: cᵢ; none give the identity.
-    """
+    """I − Σ cᵢ nᵢᵀ; without columns cᵢ the identity."""
     if not columns:
         return diagonal([ONE] * 6)
     across = list(zip(*rows, strict=True))
@@ -341,22 +332,15 @@ def metric(rho: int) -> Row:
 
 
 def measure(v: Row, rho: int) -> int:
-    """√(|e|² + ρ²|ε|²).
-
-    Args:
-        v: twist (e, ε), m and rad.
-    """
+    """√(|e|² + ρ²|ε|²) of a twist (e, ε), m and rad."""
     return root(sum([times(w, times(x, x)) for w, x in zip(metric(rho), v, strict=True)]))
 
 
 def outer_sum(Q1: Square, Q2: Square, weights: Row) -> Square:
     """An ellipsoid around the sum of two: (1 + 1/p)Q₁ + (1 + p)Q₂, p = √tr Q₁/√tr Q₂ in the metric.
 
-    A summand without extent is left out. Both are blurred first: a factor may be large where a summand is small, though
-    not so large that what is but blur would count.
-
-    Args:
-        Q1, Q2: symmetric, positive semidefinite but for `BLUR`.
+    A summand without extent is left out. Both, symmetric and positive semidefinite but for `BLUR`, are blurred first: a
+    factor may be large where a summand is small, though not so large that what is but blur would count.
     """
     # The sum with a point is the other summand itself, without the factors.
     if Q1 == NOTHING or Q2 == NOTHING:

@@ -52,11 +52,7 @@ class _Way(NamedTuple):
 
 
 def facet_margin(assembly: Assembly, touch: Touch, together: Sequence[Touch], motion: Motion, held: bool) -> int:
-    """How far a contact stays from the boundary of its facet, m.
-
-    Args:
-        held: whether the contact is held along the piece; else it has just been made at the piece's end.
-    """
+    """How far a contact stays from the boundary of its facet, m, held along the piece or else just made at its end."""
     way = _Way(motion, held)
     if assembly.form and any(touch.id == own.id for own in motion.task.basis):
         # The crossing of another rim says the same only nearly. That an end of the edge is on the wall is enough.
@@ -245,8 +241,7 @@ def _in_edges(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: 
 def _within(assembly: Assembly, touch: Touch, crossing: _Crossing, sides: int, way: _Way) -> int:
     """How far a crossing stays from the ends of the fixed edge, `sides` at most.
 
-    Args:
-        sides: how far the moving edge's ends stay on their sides of the wall; `UNBOUNDED` where the edge lies in one.
+    So far the moving edge's ends stay on their sides of the wall; `UNBOUNDED` where the edge lies in one.
     """
     (c, d), u = touch.fixed, touch.fixed_line.direction
     a, k = crossing.a, sub(crossing.b, crossing.a)

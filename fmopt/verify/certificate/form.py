@@ -69,8 +69,7 @@ class Tied(Protocol):
 def levers(piece: Tied, room: Callable[[PointAbove], int]) -> list[int]:
     """By how many Δ the functions of the contacts held, and of the one that is made at the end, may be off zero.
 
-    Args:
-        room: how high a real point is over a fixed plane at least, m.
+    They rest on the `room` of a real point over a fixed plane, how high it is at least, m.
 
     Raises:
         ArithmeticRefusal: a direction tells of a contact, and nothing how far that may be off.

@@ -40,12 +40,9 @@ _TINY = 1e-12  # of a unit column, below which it depends on others
 
 
 class Drive(NamedTuple):
-    """What a segment drives against what at its end.
+    """What a segment drives against what at its end: its unit twist V (6,), scaled by factors (6,) that compare twists.
 
-    Args:
-        twist: V (6,), the unit twist of the motion.
-        along: scaled unit wrench (6,) along the motion; zero where all of it is stopped.
-        scale: factors (6,) that make twists comparable.
+    Along the motion is a scaled unit wrench (6,), zero where all of it is stopped.
     """
 
     held: Sequence[Contact]
@@ -62,11 +59,7 @@ class Drive(NamedTuple):
 
 
 def check_jam_free(hybrid: Hybrid, drive: Drive, goal: Numbers, asked: Specification, notes: Notes) -> None:
-    """Judges what a strategy says of the directions in which its wrench may turn.
-
-    Args:
-        goal: pose (6,) of the segment's end.
-    """
+    """Judges what a strategy says of the directions in which its wrench may turn, at the goal (6,) of its segment."""
     stated, held, along, scale = hybrid.jam_free, drive.held, drive.along, drive.scale
     if stated is None:
         return
@@ -77,21 +70,13 @@ def check_jam_free(hybrid: Hybrid, drive: Drive, goal: Numbers, asked: Specifica
     if not abs(stated.push - push) <= RELATIVE * abs(push):
         notes.add("jam_free.push", f"is stated as {stated.push!r}, but follows as {push!r}")
     for k, twist in enumerate(stated.twists):
-        if not _opens(twist, held, scale, asked.friction):
+        size = math.hypot(*(x * s for x, s in zip(twist, scale, strict=True)))
+        if not all(dot(c.wrench, twist) - asked.friction * c.sliding(twist) > _STRICT * size for c in held):
             notes.add("jam_free.twists", f"twist {k} does not open every held contact beyond friction")
             return
     twists = [tuple(x * s for x, s in zip(twist, scale, strict=True)) for twist in stated.twists]
     rest = tuple(x / s - hybrid.push * u for x, s, u in zip(hybrid.bias, scale, along, strict=True))
     _range(stated, twists, rest, along, _directions(hybrid, along, scale, goal), notes)
-
-
-def _opens(twist: Numbers, held: Sequence[Contact], scale: Numbers, friction: float) -> bool:
-    size = math.hypot(*(x * s for x, s in zip(twist, scale, strict=True)))
-    for contact in held:
-        opening = dot(contact.wrench, twist) - friction * contact.sliding(twist)
-        if not opening > _STRICT * size:
-            return False
-    return True
 
 
 def _range(
@@ -171,13 +156,10 @@ def check_stays(hybrid: Hybrid, drive: Drive, asked: Specification, notes: Notes
 
 
 def residual(columns: Sequence[Sequence[float]], wanted: Sequence[float]) -> float:
-    """The least |Σ xⱼ cⱼ − d| over x ≥ 0, c the columns and d what is wanted.
+    """The least |Σ xⱼ cⱼ − d| over x ≥ 0, c the columns, of one size, and d what is wanted.
 
     Columns enter one by one, the one that the residual asks for most first; one whose share would become negative
     leaves. Each round makes the residual smaller, so that none comes twice.
-
-    Args:
-        columns: c, of one size; none leave |d|.
     """
     chosen: list[int] = []
     x = [0.0] * len(columns)

@@ -54,8 +54,9 @@ def check_recovery(plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None
     lift = recovery.lift
     try:
         _check_moves(recovery.moves, plan, parts[0], lift, notes)
-        if lift is not None:
-            _check_lift(lift, parts[1], notes)
+        if lift is not None and (below := underside(parts[1]) - fixed(lift.above)) > 0:
+            words = f"a face of the fixed part looks down {micrometres(number(below))} above it"
+            notes.add("recovery.lift.above", words, number(below))
         if lift is not None and recovery.retries:
             _check_carrying(lift, plan, parts, notes)
     except ArithmeticRefusal as error:
@@ -78,13 +79,6 @@ def underside(shape: Shape) -> int:
         if leaning > 0 and not vertical:
             heights.append(max(levels))
     return max(heights, default=min(v[2] for v in shape.vertices))
-
-
-def _check_lift(lift: Lift, part: Shape, notes: Notes) -> None:
-    below = underside(part) - fixed(lift.above)
-    if below > 0:
-        short = number(below)
-        notes.add("recovery.lift.above", f"a face of the fixed part looks down {micrometres(short)} above it", short)
 
 
 def _check_moves(entries: Sequence[MoveRecovery], plan: Plan, part: Shape, lift: Lift | None, notes: Notes) -> None:
@@ -114,11 +108,8 @@ def _check_moves(entries: Sequence[MoveRecovery], plan: Plan, part: Shape, lift:
 def lowest(shape: Shape, segment: Segment, rho: float) -> int:
     """A lower bound of the height of the part's lowest point on a segment, its greatest travel used up; for its errors.
 
-    Heights of points are followed from start to goal, and on from there at the rates that they have there.
-
-    Args:
-        shape: the moving part.
-        rho: of the metric of its greatest travel, m.
+    Heights of points are followed from start to goal, and on from there at the rates that they have there. Travel is in
+    the metric of ρ, m.
     """
     start, goal = pose(segment.start), pose(segment.goal)
     shift, turn = sub(goal.p, start.p), logarithm(product(goal.R, transposed(start.R)))

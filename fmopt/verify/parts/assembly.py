@@ -145,10 +145,8 @@ class Assembly(Incidence):
                 self.touches[contact.id] = found
 
     def _solids(self) -> Iterator[str]:
-        for name, part, pieces in (
-            ("moving", self.moving, self.moving_pieces),
-            ("fixed", self.fixed, self.fixed_pieces),
-        ):
+        sides = ("moving", self.moving, self.moving_pieces), ("fixed", self.fixed, self.fixed_pieces)
+        for name, part, pieces in sides:
             flaws = list(part.flaws())
             flat = [piece for piece in pieces if not piece.ball]
             # Balls are no polyhedra: they have neither faces to close nor a hull.
@@ -193,13 +191,10 @@ class Assembly(Incidence):
         return Touch(contact.id, contact.kind, own, other, plane, faces, face, (contact.moving, contact.fixed))
 
     def hinge(self, touch: Touch, together: Sequence[Touch]) -> tuple[Plane, Vector, Vector] | None:
-        """The hinge of an edge-edge contact: (wall φ, end a on it, other end b), or None.
+        """The hinge of an edge-edge contact: (wall φ, end a on it, other end b), or None, as of any other contact.
 
         When a vertex-face contact of `together` holds one end exactly on a wall through the fixed edge, the lines of
         both edges meet exactly when the other end is on that wall too.
-
-        Args:
-            touch: an edge against an edge; any other has none.
         """
         if touch.kind != "edge-edge":
             return None
@@ -220,11 +215,8 @@ class Assembly(Incidence):
 
         The plane of that face has a point of the rim already, from the edge held: its other lines meet the rim exactly
         when the whole rim lies in it. Where the two edges share an end, that end is not on the rim: else the edge held
-        would have no place inside its bounds, or a wall would make `touch` a hinge.
-
-        Args:
-            touch: an edge against an edge; any other has none.
-            together: contacts in the order in which they are held; those before `touch` count.
+        would have no place inside its bounds, or a wall would make `touch` a hinge. Contacts come `together` in the
+        order in which they are held, and those before `touch` count.
         """
         if touch.kind != "edge-edge":
             return None
@@ -288,11 +280,7 @@ class Assembly(Incidence):
 
 
 def over_balls(plane: Plane, radius: int) -> Plane:
-    """The plane in front of which a ball's centre is where the ball is in front of a plane.
-
-    Args:
-        radius: m.
-    """
+    """The plane in front of which a ball's centre is where the ball, of a radius in m, is in front of a plane."""
     return Plane(plane.normal, plane.offset + radius)
 
 

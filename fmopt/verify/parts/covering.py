@@ -59,11 +59,7 @@ _PRECISION = 64  # bits of a normal
 
 
 def uncovered(part: Shape, pieces: Sequence[Shape]) -> Iterator[str]:
-    """What keeps the faces of a part from being the surface of a solid, and its pieces from being that solid.
-
-    Args:
-        pieces: convex; together they are to be the part.
-    """
+    """What keeps the faces of a part from being the surface of a solid, and its convex pieces from being that solid."""
     size = sum(len(shape.vertices) + len(shape.faces) for shape in (part, *pieces))
     # The work is bounded, as a plan may come from anybody: what takes longer is refused, not waited for.
     work = Work(min(_MOST_STEPS, _LEAST_STEPS + _SHARE * size * size))
@@ -156,12 +152,9 @@ def _told(p: Place) -> str:
 
 
 class Cell(NamedTuple):
-    """A convex polygon in a plane.
+    """A convex polygon in a plane, its corners in order.
 
-    Attributes:
-        plane: it is in.
-        corners: in order.
-        sides: half-spaces that hold it, each with the way from the same corner to the next in its plane.
+    Its sides are half-spaces that hold it, each with the way from the same corner to the next in its plane.
     """
 
     plane: HalfSpace

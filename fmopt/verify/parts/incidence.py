@@ -107,9 +107,7 @@ class Incidence:
     def along(self, a: Plane, b: Plane) -> bool:
         """Whether two planes of faces of the parts are parallel, seen from the same side."""
         one, other = self._levels.get(a), self._levels.get(b)
-        if one is None or other is None:
-            return False
-        return one_way(one[:3], other[:3])
+        return one is not None and other is not None and one_way(one[:3], other[:3])
 
     def exact(self, plane: Plane) -> Level:
         """The plane of a face of the parts exactly."""
@@ -117,13 +115,10 @@ class Incidence:
 
     @remembered
     def backed(self, part: Shape, piece: Shape, face: int) -> Backed | None:
-        """The plane of a part that a face of one of its pieces lies in, None when it lies in none.
+        """The plane of a part that a face of one of its pieces, by its index, lies in, None when it lies in none.
 
         Corners of the face may be off that plane by `DEVIATION`, and no vertex is farther beyond it. What is known of
         the plane is then asked of the part's, and the piece is behind that moved out to its farthest vertex.
-
-        Args:
-            face: index of the piece's.
         """
         corners = [piece.vertices[i] for i in piece.faces[face].loops[0]]
         best: tuple[int, Plane] | None = None
@@ -227,11 +222,7 @@ def steep(one: Turn, two: Turn) -> bool:
 
 
 def image_of(one: Turn, two: Turn, w: Vector) -> Vector:
-    """R w from two directions that R turns.
-
-    Args:
-        w: of the body, m.
-    """
+    """R w from two directions that R turns, w of the body, m."""
     axis, turned_axis = cross(one.body, two.body), cross(one.world, two.world)
     # Coordinates in n₁, n₂ and n₁ × n₂, by the Gram determinant: the two need not be at right angles.
     sine = dot(axis, axis)
@@ -246,10 +237,7 @@ def cancel(one: Turn, two: Turn, normal: Vector, d: Vector) -> bool:
     """Whether a normal is exactly across R d, for d = α n₁ + β n₂ + γ n₁ × n₂ of two directions that R turns.
 
     With R nᵢ = kᵢ mᵢ, kᵢ² = |nᵢ|²/|mᵢ|², it is when α k₁ (normal·m₁) + β k₂ (normal·m₂) + γ k₁ k₂ (normal·m₁ × m₂) = 0.
-
-    Args:
-        normal: of the world, integers.
-        d: of the body, integers.
+    The normal, of the world, and d, of the body, are integers.
     """
     n1, n2 = one.exact, two.exact
     g11, g12, g22 = inner(n1, n1), inner(n1, n2), inner(n2, n2)
@@ -275,14 +263,10 @@ def about(along: Vector) -> tuple[Vector, Vector]:
 
 
 def directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector | None:
-    """The unit direction level with a plane and at a known angle to w that is nearly a nominal one.
+    """The unit direction level with a plane of unit normal and at a known angle to w that is nearly a nominal one.
 
-    None where the nominal one is neither of the two that there are, or they are too near each other.
-
-    Args:
-        normal: unit normal of the plane.
-        w: unit vector.
-        nominal: unit vector, which tells the two solutions apart.
+    None where the nominal one is neither of the two that there are, or they are too near each other. It is a unit
+    vector, as w is.
     """
     axis = cross(normal, w)
     square = dot(axis, axis)
@@ -306,11 +290,7 @@ def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector, nominal: M
 
     It is when it is square to a direction that is turned exactly. It is, too, where axes are turned onto axes, as they
     are in a part that is seated, and the edge so turned is level with the wall and at the right angle exactly: of the
-    two directions that are, it is the one that is near.
-
-    Args:
-        normal: of the wall, integers.
-        edge: of the body, integers.
+    two directions that are, it is the one that is near. The wall's normal and the edge, of the body, are integers.
     """
     m = turn.onto
     if m is None:

@@ -58,10 +58,8 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
     elif touch.kind == "ball-face" and touch.plane is not None:
         normal = doubles(touch.plane.normal)
         radius, middle = number(touch.plane.offset - touch.faces[0].offset), _placed(touch.moving[0], X)
-        point, centre = (
-            tuple(x - radius * n for x, n in zip(middle, normal, strict=True)),
-            _sub(middle, X.in_doubles[0]),
-        )
+        point = tuple(x - radius * n for x, n in zip(middle, normal, strict=True))
+        centre = _sub(middle, X.in_doubles[0])
     elif touch.kind == "vertex-face" and touch.plane is not None:
         normal, point = doubles(touch.plane.normal), _placed(touch.moving[0], X)
     else:

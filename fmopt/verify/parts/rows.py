@@ -258,11 +258,7 @@ class Extent:
 
     @remembered
     def swing(self, start: Vector, goal: Vector) -> tuple[int, int]:
-        """Bounds of |ε × w| anywhere on the way of a turned body vector w, and of |τ × w|.
-
-        Args:
-            start, goal: w as it is turned at both ends, m.
-        """
+        """Bounds of |ε × w| anywhere on the way of a body vector w, m, as it is turned at both ends, and of |τ × w|."""
         swept = self.swept(start)
         # On its arc, which is |τ × w| long, w is no farther from the nearer end than half of that.
         swung = max(self.crossing(start), self.crossing(goal)) + (times(self.theta, swept) >> 1)

@@ -61,12 +61,9 @@ class Plane(NamedTuple):
 
 
 class Bound(NamedTuple):
-    """An edge around a convex part of a face.
+    """An edge, by its vertices, around a convex part of a face, with the plane through it across the face.
 
-    Attributes:
-        i, j: its vertices.
-        plane: through it, across the face, with the part in front.
-        whole: whether the part goes along the edge's line no farther than the edge does.
+    The part is in front of that; it is `whole` where it goes along the edge's line no farther than the edge does.
     """
 
     i: int
@@ -179,20 +176,15 @@ class Shape:
         return {edge: n for n, face in enumerate(self.faces) for loop in face.loops for edge in _around(loop)}
 
     def edge(self, i: int, j: int) -> tuple[int, int] | None:
-        """The faces left and right of the edge from i to j, or None when there is no such edge.
+        """The faces left and right of the edge from vertex i to j, or None when there is no such edge.
 
-        Args:
-            i, j: indices of vertices; j to i is the same edge with its faces exchanged.
+        From j to i it is the same edge with its faces exchanged.
         """
         left, right = self.edge_faces.get((i, j)), self.edge_faces.get((j, i))
         return None if left is None or right is None else (left, right)
 
     def convex(self, i: int, j: int) -> bool:
-        """Whether material fills less than half a turn around the edge from i to j.
-
-        Args:
-            i, j: as for `edge`; no edge is not convex.
-        """
+        """Whether material fills less than half a turn around the edge from vertex i to j; no edge is not convex."""
         faces = self.edge(i, j)
         if faces is None:
             return False
@@ -211,11 +203,7 @@ class Shape:
         return None
 
     def across(self, face: int, loop: Sequence[int]) -> list[tuple[int, int, Plane]]:
-        """The edges of a loop of a face, each with the plane across the face that has the face in front of it.
-
-        Args:
-            loop: one of that face's.
-        """
+        """The edges of a loop of a face, each with the plane across the face that has the face in front of it."""
         planes = []
         for i, j in zip(loop, (*loop[1:], loop[0]), strict=True):
             p, q = self.vertices[i], self.vertices[j]
@@ -306,11 +294,7 @@ class Shape:
 
 
 def _before(depths: Sequence[int], behind: Sequence[set[int]], order: Sequence[int]) -> list[int] | None:
-    """The edges that bound a convex part around a point this far before each, None where others cut through it.
-
-    Args:
-        order: in which they are taken.
-    """
+    """The edges, taken in order, that bound a convex part around a point so far before each; None if others cut it."""
     chosen: list[int] = []
     for m in order:
         if depths[m] > 0 and not any(m in behind[n] for n in chosen):

@@ -232,17 +232,13 @@ class Plan:
         title, problem: of the problem that it is for, and that problem's SHA-256.
         version: of the program that wrote it.
         sha256, digest_holds: its seal, and whether it is that of the document.
-        moving, fixed: the parts.
         contacts: every primitive contact that segments name.
-        segments: the motion.
         start_box: half-widths (6,) of the start errors, m and rad.
         velocity_error: shares of translation and of rotation.
         rho: characteristic length, m.
         sources: boxes of the start errors by the frame that they are fixed in; none where all are in the world.
-        specification: what was asked for.
         goal: pose (6,).
         touch: how far apart parts are taken to touch, m.
-        not_covered: what it leaves out.
         recovery: backing off and trying again; None in a bare proof.
         presses: number of segments that are presses: all or none.
         evidence: of a plan of presses; None where it was not carried out.
@@ -298,7 +294,6 @@ class MoveRecovery:
     """What to do when a move fails.
 
     Attributes:
-        move: its number.
         back_off: whether the part may be lifted from anywhere in it.
         room: by how much its lowest point stays above what it could be lifted into, m; None without a lift.
         early, late: retries in order, after something was felt that was not wanted, and after nothing was.
@@ -320,8 +315,6 @@ class Recovery:
         why: why not, or why there are no retries; empty where there are.
         retries: shifts (6,) of the start, m and rad.
         covers: half-widths (6,) of the start errors that the plan covers with its retries.
-        moves: of each move.
-        not_covered: what this does not cover.
     """
 
     lift: Lift | None

@@ -29,12 +29,8 @@ LARGEST_NUMBER_OF_PIECES = 400
 LARGEST_NUMBER_OF_BALLS = 16
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-6, 4.0  # m
 LARGEST_FORM = 1e-3  # m
-_SIZES = {
-    "vertex-face": (1, 3),
-    "face-vertex": (3, 1),
-    "edge-edge": (2, 2),
-    "ball-face": (1, 3),
-}  # vertices; 3 or more of a face
+# Vertices; 3 or more of a face.
+_SIZES = {"vertex-face": (1, 3), "face-vertex": (3, 1), "edge-edge": (2, 2), "ball-face": (1, 3)}
 _FRACTION = re.compile(r"(-?[0-9]+)(?:/([1-9][0-9]*))?", re.ASCII)
 _LONGEST_FRACTION = 800
 _VERSION = re.compile(r"[0-9A-Za-z][0-9A-Za-z.+-]{0,39}", re.ASCII)

@@ -79,10 +79,7 @@ def _ids(place: Reader, known: Iterable[str]) -> tuple[str, ...]:
 
 
 def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part) -> Segment:
-    """A segment, whose kind says how the rest of it reads.
-
-    Args:
-        known: ids of the plan's contacts.
+    """A segment, whose kind says how the rest of it reads, of a plan with contacts of known ids.
 
     Raises:
         PlanError: it has another form.
