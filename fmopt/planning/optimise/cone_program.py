@@ -83,7 +83,7 @@ class Stack:
 
 
 @dataclass(frozen=True, eq=False)
-class ConeProgram(Value):
+class ConeProgram(Value, c=("c",), A=("b", "c"), b=("b",), G=("h", "c"), h=("h",), W=("h", "norms"), units=("c",)):
     """Maximise c·x over A x = b, G x + h ≥ W (norms), lower ≤ x ≤ upper.
 
     Shapes: c (n,), A (p, n), b (p,), G (m, n), h (m,), W (m, K) not negative, K norms, lower and
@@ -109,9 +109,7 @@ class ConeProgram(Value):
         n, p, m, K = len(self.c), len(self.b), len(self.h), len(self.norms)
         stated(self, A=np.zeros((p, n)), G=np.zeros((m, n)), W=np.zeros((m, K)), units=np.ones(n))
         stated(self, lower=np.full(n, -np.inf), upper=np.full(n, np.inf))
-        shapes = {"c": (n,), "A": (p, n), "b": (p,), "G": (m, n), "h": (m,), "W": (m, K), "units": (n,)}
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, frozen(getattr(self, name), *shape, name=name))
+        super().__post_init__()
         for name in ("lower", "upper"):
             object.__setattr__(self, name, _bound(getattr(self, name), n))
         if any(norm.F.shape[1] != n for norm in self.norms):

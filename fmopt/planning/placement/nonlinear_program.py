@@ -58,7 +58,7 @@ _SETTINGS = {"primal_tol": 1e-11, "dual_tol": 1e-11, "iter_limit": 300}
 
 
 @dataclass(frozen=True, eq=False)
-class SurfacePlacement(Room):
+class SurfacePlacement(Room, allowance=("obstacles",)):
     """A goal pose to be placed on true C-surfaces, in local coordinates X around `reference`.
 
     `contacts` must touch (f = 0), `obstacles` keep clear, less an allowance (k,), else none: weights and growth as in
@@ -75,11 +75,10 @@ class SurfacePlacement(Room):
     start: Array | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        k = len(self.obstacles)
         object.__setattr__(self, "contacts", tuple(self.contacts))
         object.__setattr__(self, "obstacles", tuple(self.obstacles))
-        stated(self, allowance=np.zeros(k))
-        object.__setattr__(self, "allowance", frozen(self.allowance, k, name="allowance"))
+        stated(self, allowance=np.zeros(len(self.obstacles)))
+        super().__post_init__()
         if self.start is not None:
             object.__setattr__(self, "start", frozen(self.start, 6, name="start"))
         weights = self.weights

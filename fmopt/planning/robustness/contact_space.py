@@ -76,11 +76,8 @@ class Space:
 
     def near(self, pose: Pose, scale: Scale) -> bool:
         """Whether a pose is as near as contacts are to the space's own pose, or to where it was linearised."""
-        for own in (Pose.from_vector(self.pose), self.graph.space.pose):
-            x = np.abs(own.local(pose))
-            if x[:3].max() <= scale.reach and x[3:].max() <= scale.angle:
-                return True
-        return False
+        apart = [np.abs(own.local(pose)) for own in (Pose.from_vector(self.pose), self.graph.space.pose)]
+        return any(x[:3].max() <= scale.reach and x[3:].max() <= scale.angle for x in apart)
 
     def critical_point(self) -> CriticalPoint:
         """The plan's entry among `critical_points`."""
