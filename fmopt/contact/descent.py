@@ -109,7 +109,7 @@ def descended(at: Functions, on: Bits, T: Array, room: float) -> tuple[Array, Ar
 def projected(at: Functions, on: Bits, T: Array, rank: Numbers) -> Array:
     """The nearest poses (n, 3, 4) to T (n, 3, 4) where contacts `on` (n, k) touch, by Gauss–Newton with shortest steps.
 
-    Of singular directions each step may use so many as `rank` (n,) says; it is shortest in scaled units.
+    A step uses at most `rank` (n,) singular directions, and is shortest in scaled units.
     """
     n, k = on.shape
     found = np.zeros((n, 3, 4))

@@ -109,7 +109,7 @@ def touching(
 ) -> tuple[PrimitiveContact, ...]:
     """Those of the contacts that touch at a pose: f = 0 to 1e-9 m, and more than `within` (m) inside their bounds.
 
-    Less than 0 admits what lies outside its bounds by so much.
+    A depth `within` below 0 admits contacts that lie outside their bounds by as much.
     """
     # On the surface first: bounds are only asked of what touches.
     level = np.abs(Surfaces.of(contacts, moving, fixed).values(pose)) <= INSIDE

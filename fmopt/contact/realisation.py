@@ -190,8 +190,8 @@ def meet(near: Neighbourhood, on: Bits, start: Poses, room: float) -> Met:
 def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | NDArray[np.intp]) -> Poses:
     """The nearest poses where the contacts `on` (n, k) touch, by Gauss–Newton with shortest scaled steps.
 
-    Steps use so many singular directions, of all or of each: the rank of a state's linear picture stays near its facet;
-    6 also uses those that only curvature provides.
+    A step uses `rank` singular directions, one number for all or one a pose: the rank of a state's linear picture stays
+    near its facet; 6 also uses those that only curvature provides.
     """
     return _projected(near, on, poses.matrices, rank)
 

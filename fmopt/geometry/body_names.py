@@ -8,26 +8,26 @@ from collections.abc import Container, Sequence
 from fmopt.errors import GeometryError
 
 
-def chosen(names: list[str], which: str) -> int:
+def chosen(names: Sequence[str], which: str, file: object = "") -> int:
     """The index of the body that is meant by its name or its number, counted from 1, or by nothing where it is alone.
 
     Raises:
-        GeometryError: it is not there, or there are several to choose from; says which.
+        GeometryError: it is not there, or there are several to choose from; says which, and names the file if given.
     """
-    known = listed(names)
+    known, within = listed(names), f"{file}: " if file else ""
     if not which and len(names) == 1:
         return 0
     if not which:
         example = f'"{names[0]}"' if names[0] else "1"
         advice = f"say which by body = {example}, under [mesh], [moving] or [fixed], where the file is named"
         advice += "; or export one part on its own"
-        raise GeometryError(f"it holds {len(names)} bodies: {known}", advice)
+        raise GeometryError(f"{within}it holds {len(names)} bodies: {known}", advice)
     # Digits are a number: a body whose name is digits goes by its number.
     if which.isdecimal() and 1 <= int(which) <= len(names):
         return int(which) - 1
     if which in names:
         return names.index(which)
-    raise GeometryError(f"it has no body {which!r}", f"name one that it has, or give its number: {known}")
+    raise GeometryError(f"{within}it has no body {which!r}", f"name one that it has, or give its number: {known}")
 
 
 def listed(names: Sequence[str], left_out: Container[int] = ()) -> str:

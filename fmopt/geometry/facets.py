@@ -16,12 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
+from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
     from fmopt.geometry.polyhedron import Polyhedron
 
 MAX_FACES = 2_000  # what is planned with them takes a time that grows by their square, at least
+_SLANTED = np.array([0.57, 0.52, 0.6361])  # a direction, nearly a unit vector, along which no corners of parts line up
+_SLACK = 1.01  # times the reach: how much more heights may differ for rounding
 _MOST_PAIRS = 2_000_000  # of vertices near each other: more than any honest mesh has
 _FOLD = 100.0  # slivers up to this many tolerances high may lie folded back in their face's plane
 SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
@@ -131,19 +134,24 @@ def first_within(points: Array, reach: float) -> Indices:
     Raises:
         GeometryError: the points lie in heaps.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
     # Equal points count once: a corner of many triangles would be a heap of pairs by itself.
     first, which = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
     _refuse_heaps(points[first], reach)
-    pairs = cKDTree(points[first]).query_pairs(reach, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(first), len(first)))
-    count, group = connected_components(links, directed=False)
-    firsts = np.full(count, len(points), dtype=np.int64)
-    np.minimum.at(firsts, group, first)
-    return np.asarray(firsts[group][which.ravel()])
+    # By their heights along a slanted direction, few lie between two that are near.
+    order = np.argsort(points[first] @ _SLANTED)
+    sorted_ = points[first[order]]
+    heights, lag, pairs = sorted_ @ _SLANTED, 1, [np.zeros((2, 0), dtype=np.int64)]
+    while len(low := np.flatnonzero(heights[lag:] - heights[:-lag] <= reach * _SLACK)):
+        heed()
+        near = np.linalg.norm(sorted_[low + lag] - sorted_[low], axis=1) <= reach
+        pairs.append(np.array([low[near], low[near] + lag]))
+        lag += 1
+    one, other = first[order][np.hstack(pairs)]
+    found = np.arange(len(points))
+    while np.any(found[one] != found[other]):
+        np.minimum.at(found, np.hstack([found[one], found[other]]), np.tile(np.minimum(found[one], found[other]), 2))
+        found = found[found]
+    return np.asarray(found[first][which.ravel()])
 
 
 def _refuse_heaps(points: Array, reach: float) -> None:
@@ -164,7 +172,7 @@ def place(point: Sequence[float] | Array) -> str:
 
 def _across(vertices: Array, triangles: Indices, called: Indices) -> tuple[tuple[tuple[int, int], ...], ...]:
     owner: dict[tuple[int, int], tuple[int, int]] = {}
-    sides = [[(int(t[k]), int(t[(k + 1) % 3])) for k in range(3)] for t in triangles]
+    sides = [((a, b), (b, c), (c, a)) for a, b, c in triangles.tolist()]
     advice = "repair the mesh: close it, orient all triangles outward, keep the solid free of edges of no thickness"
     for number, triangle in enumerate(sides):
         for k, side in enumerate(triangle):
@@ -200,7 +208,7 @@ def _frames(parts: Patchwork) -> tuple[Array, Array]:
 def _regions(parts: Patchwork, tol: float, most: int) -> Indices:
     """Number of the planar face of each triangle, grown from large triangles so that slivers decide nothing."""
     normals, heights = _frames(parts)
-    region = parts.region.copy()
+    region, triangles = parts.region.copy(), parts.triangles.tolist()
     offsets = np.einsum("ij,ij->i", normals, parts.vertices[parts.triangles[:, 0]])
     spans = np.ptp(parts.vertices[parts.triangles], axis=1).max(axis=1)
     count = 0
@@ -219,8 +227,10 @@ def _regions(parts: Patchwork, tol: float, most: int) -> Indices:
         front = [int(seed)]
         while front:
             for neighbour, _ in parts.across[front.pop()]:
-                alike = heights[neighbour] <= _FOLD * tol or normals[neighbour] @ normals[seed] > 0.0
-                if region[neighbour] < 0 and alike and near[parts.triangles[neighbour]].all():
+                a, b, c = triangles[neighbour]
+                if region[neighbour] >= 0 or not (near[a] and near[b] and near[c]):
+                    continue
+                if heights[neighbour] <= _FOLD * tol or normals[neighbour] @ normals[seed] > 0.0:
                     region[neighbour] = count
                     front.append(neighbour)
         count += 1
@@ -242,17 +252,18 @@ def _outlines(parts: Patchwork, region: Indices) -> dict[int, list[list[int]]]:
     """For each face its loops; at a vertex that a loop meets twice, the walk turns inside the face's own fan."""
     loops: dict[int, list[list[int]]] = {}
     done: set[tuple[int, int]] = set()
-    for start in ((t, k) for t in range(len(parts.triangles)) for k in range(3)):
-        number = int(region[start[0]])
-        if start in done or region[parts.across[start[0]][start[1]][0]] == number:
+    face, triangles = region.tolist(), parts.triangles.tolist()
+    for start in ((t, k) for t in range(len(triangles)) for k in range(3)):
+        number = face[start[0]]
+        if start in done or face[parts.across[start[0]][start[1]][0]] == number:
             continue
         loop = []
         t, k = start
         while (t, k) not in done:
             done.add((t, k))
-            loop.append(int(parts.triangles[t][k]))
+            loop.append(triangles[t][k])
             k = (k + 1) % 3
-            while region[parts.across[t][k][0]] == number:
+            while face[parts.across[t][k][0]] == number:
                 t, k = parts.across[t][k]
                 k = (k + 1) % 3
         loops.setdefault(number, []).append(loop)
@@ -292,10 +303,12 @@ def _straightened(
     meeting = _meeting(outlines)
     faces = []
     for number in sorted(outlines):
-        axis = parts.areas[region == number].sum(axis=0)
         kept = [tuple(vertex for vertex in loop if meeting[vertex] > 2) for loop in outlines[number]]
         loops = [loop for loop in kept if len(loop) >= 3]
-        faces.append(tuple(sorted(loops, key=lambda loop: -float(np.sum(fan(parts.vertices, loop) @ axis)))))
+        if len(loops) > 1:
+            axis = parts.areas[region == number].sum(axis=0)
+            loops.sort(key=lambda loop: -float(np.sum(fan(parts.vertices, loop) @ axis)))
+        faces.append(tuple(loops))
     return tuple(faces)
 
 

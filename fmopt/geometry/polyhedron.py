@@ -103,7 +103,7 @@ class Polyhedron(Value):
                 around[vertex].add(number)
         return tuple(tuple(sorted(numbers)) for numbers in around)
 
-    @property
+    @cached_property
     def volume(self) -> float:
         """Volume in m³, by the divergence theorem about the centre of the vertices."""
         return _volume(self.vertices, (face.loops for face in self.faces))
@@ -231,13 +231,13 @@ def plane_of(points: Array, loops: Sequence[Sequence[int]]) -> tuple[Array, floa
     centre = corners.mean(axis=0)
     area = np.zeros(3)
     for loop in loops:
-        arms = points[list(loop)] - centre
-        area += np.sum(cross(arms, np.roll(arms, -1, axis=0)), axis=0)
-    for axis in range(3):
-        if np.all(corners[:, axis] == corners[0, axis]):
-            normal = np.zeros(3)
-            normal[axis] = 1.0 if area[axis] > 0.0 else -1.0
-            return normal, float(normal[axis] * corners[0, axis] + 0.0)
+        arms = points[[*loop, loop[0]]] - centre
+        area += np.sum(cross(arms[:-1], arms[1:]), axis=0)
+    if (flat := np.all(corners == corners[0], axis=0)).any():
+        axis = int(np.argmax(flat))
+        normal = np.zeros(3)
+        normal[axis] = 1.0 if area[axis] > 0.0 else -1.0
+        return normal, float(normal[axis] * corners[0, axis] + 0.0)
     size = float(np.linalg.norm(area))
     if size == 0.0:
         raise GeometryError(f"a face near {place(centre)} has no area", "drop it or merge its vertices")

@@ -22,7 +22,7 @@ from fmopt.geometry.facets import merged_vertices
 from fmopt.geometry.fit.find import Fit, find
 from fmopt.geometry.inverse_csg import MESH_NOISE, apart
 from fmopt.geometry.mesh.archive import Broken, glb_shells, three_mf_shells
-from fmopt.geometry.mesh.mesh_file import read_bodies, read_triangles
+from fmopt.geometry.mesh.mesh_file import read_surface, read_triangles
 from fmopt.geometry.mesh.mesh_import import load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.task.problem import load
@@ -252,7 +252,7 @@ def test_solids_of_solids_of_a_package_stand_where_each_puts_them(tmp_path: Path
     mesh = f'<object id="1" name="rod" type="model">{three_mf_mesh(points, corners)}</object>'
     pairs = twice(2, "-1 0 0 0 1 0 0 0 1 50 0 0") + twice(3, "1 0 0 0 1 0 0 0 1 200 0 0")
     (tmp_path / "a.3mf").write_bytes(three_mf_package(mesh + pairs, '<item objectid="3"/><item objectid="1"/>'))
-    bodies = read_bodies(tmp_path / "a.3mf")
+    bodies = read_surface(tmp_path / "a.3mf", lambda surface: surface.bodies())
     assert [name for name, _, _ in bodies] == [f"rod_{k}" for k in range(1, 6)]
     middles = [1e3 * (np.min(points, axis=0) + np.max(points, axis=0))[0] / 2 for _, points, _ in bodies]
     np.testing.assert_allclose(middles, [0.0, 50.0, 200.0, 250.0, 0.0], atol=1e-5)

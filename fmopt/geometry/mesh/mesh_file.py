@@ -48,15 +48,15 @@ def read_triangles(path: Path) -> tuple[Array, Indices]:
         ResourceError: the file cannot be read.
         GeometryError: no mesh format, damaged, empty or too large; says where.
     """
-    return _read(path, Surface.arrays)
+    return read_surface(path, Surface.arrays)
 
 
-def read_bodies(path: Path) -> tuple[tuple[str, Array, Indices], ...]:
-    """Name, points (n, 3) and triangles (m, 3) of each object in the file's own unit; errors as of `read_triangles`."""
-    return _read(path, Surface.bodies)
+def read_surface(path: Path, taken: Callable[[Surface], T]) -> T:
+    """What is taken of the surface that a mesh file holds.
 
-
-def _read(path: Path, taken: Callable[[Surface], T]) -> T:
+    Raises:
+        ResourceError, GeometryError: as of `read_triangles`.
+    """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
         advice = "use .stl, .obj, .ply, .3mf or .glb, or .step with the extra step"

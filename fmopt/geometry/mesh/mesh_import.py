@@ -13,16 +13,17 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.body_names import chosen
 from fmopt.geometry.enclosing import Enclosure, enclosing
 from fmopt.geometry.facets import Indices, merged_vertices, place
-from fmopt.geometry.mesh.mesh_file import read_bodies, read_triangles
+from fmopt.geometry.mesh.mesh_file import read_surface, read_triangles
 from fmopt.geometry.mesh.mesh_repair import Crossing, first_crossing, turned_alike, turned_outward
 from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, joined, open_among, patches, sewn, sides_of
 from fmopt.geometry.mesh.plane_facets import flattened
 from fmopt.geometry.mesh.round_planes import chord_error, sagitta
 from fmopt.geometry.mesh.shells import United, united
+from fmopt.geometry.mesh.surface import Surface
 from fmopt.geometry.polyhedron import Polyhedron, manifold_of, placed
 from fmopt.geometry.section import require_plausible
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value, frozen, remembered
 
 Unit = Literal["m", "dm", "cm", "mm", "um", "in"]
 
@@ -126,11 +127,16 @@ def lie_apart(path: Path) -> bool:
 
 
 def _objects(path: Path) -> tuple[tuple[str, Array, Indices], ...]:
+    return read_surface(path, _objects_of)
+
+
+@remembered(1)
+def _objects_of(surface: Surface) -> tuple[tuple[str, Array, Indices], ...]:
     """Name, points (n, 3) and triangles (m, 3) of each object of a file; of one object each body that lies apart."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    found = read_bodies(path)
+    found = surface.bodies()
     if len(found) > 1:
         return found
     points, triangles, reach = _together(found)
@@ -175,10 +181,7 @@ def load_mesh(path: Path | str, unit: Unit, body: str = "") -> Imported:
     points, triangles, reach = _together(found)
     # Objects that touch are one part, as simulators have it, where none of them is named.
     if body or (len(found) > 1 and united(points, triangles, reach).count > 1):
-        try:
-            _, points, triangles = found[chosen([name for name, *_ in found], body)]
-        except GeometryError as error:
-            raise GeometryError(f"{path}: {error.message}", error.advice) from None
+        _, points, triangles = found[chosen([name for name, *_ in found], body, path)]
     return _imported(path, unit, points, triangles)
 
 

@@ -16,6 +16,7 @@ from fmopt.geometry.facets import Indices, merged_vertices
 from fmopt.geometry.step.grid import Cuts, Grid, intervals
 from fmopt.geometry.step.step_file import Same
 from fmopt.geometry.step.surfaces import REACH, Curve, OtherSurfaceError, Surface, read
+from fmopt.spatial.se3 import cross
 from fmopt.spatial.values import Array, Value
 
 if TYPE_CHECKING:
@@ -114,16 +115,17 @@ def _onto_planes(points: Array, triangles: Indices, owners: Indices, surfaces: l
         if surfaces[owner].kind == "Plane":
             for index in triangle:
                 meeting.setdefault(index, set()).add(owner)
-    moved = np.array(points)
-    largest = 0.0
-    for index, own in meeting.items():
-        normals = np.array([surfaces[number].axes[:, 2] for number in sorted(own)])
-        offsets = np.array([surfaces[number].axes[:, 2] @ surfaces[number].origin for number in sorted(own)])
-        shift = np.linalg.pinv(normals, rcond=_FLAT) @ (offsets - normals @ points[index])
-        size = float(np.linalg.norm(shift))
-        if size > _LOOSE:
+    moved, largest = np.array(points), 0.0
+    axes, origins = (np.array([getattr(each, name) for each in surfaces]) for name in ("axes", "origin"))
+    for count in sorted({len(own) for own in meeting.values()}):
+        corners = [index for index, own in meeting.items() if len(own) == count]
+        own = np.array([sorted(meeting[index]) for index in corners])
+        normals = axes[own, :, 2]
+        heights = np.vecdot(normals, origins[own] - points[corners][:, None])
+        shifts = np.einsum("nij,nj->ni", np.linalg.pinv(normals, rcond=_FLAT), heights)
+        if (size := float(np.linalg.norm(shifts, axis=1).max())) > _LOOSE:
             raise OtherSurfaceError("corners that are not in their planes")
-        moved[index] += shift
+        moved[corners] += shifts
         largest = max(largest, size)
     return moved, largest
 
@@ -386,11 +388,10 @@ def _area(loop: Array) -> float:
 
 def _fan(quad: Array, surface: Surface) -> tuple[Array, Indices]:
     """A facet as triangles that look outward; corners that coincide are one."""
-    kept = [i for i in range(4) if np.linalg.norm(quad[i] - quad[i - 1]) > REACH]
-    corners = quad[kept]
+    corners = quad[np.linalg.norm(quad - quad[[-1, 0, 1, 2]], axis=1) > REACH]
     if len(corners) < 3:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     sides = np.array([(0, i, i + 1) for i in range(1, len(corners) - 1)], dtype=np.int64)
-    across = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    across = cross(corners[1] - corners[0], corners[2] - corners[0])
     outward = across @ surface.normal(corners.mean(axis=0)) > 0.0
     return corners, sides if outward else sides[:, ::-1]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fmopt.errors import GeometryError, ResourceError, SizeError
+from fmopt.geometry.body_names import chosen
 from fmopt.geometry.csg import exact_pose
 from fmopt.geometry.facets import Indices
 from fmopt.geometry.mesh.mesh_import import Imported, NamedBody, enclosed, mesh_polyhedron
@@ -29,7 +30,7 @@ from fmopt.spatial.values import Array
 DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
 _MILLIMETRE = 1e-3
 _HEAL = "heal the solid where it was made, leave out what does not mate, or " + COARSER
-_LATEST: dict[tuple[Path, int, float], list[dict[str, Any]]] = {}  # all bodies of the file that was read last
+_LATEST: dict[tuple[Path, int, float], tuple[NamedBody, ...]] = {}  # all bodies of the file that was read last
 _KERNEL = confined.Reader("the CAD kernel", "fmopt.geometry.step.kernel:read", SIMPLER, AGAIN)
 
 
@@ -41,11 +42,11 @@ def bodies(path: Path) -> tuple[NamedBody, ...]:
     Raises:
         ResourceError, SizeError, GeometryError: as of `load_step`; the message names the body at fault.
     """
-    found = _read(path, DEVIATION, "*")
-    return tuple(
-        NamedBody(one["name"], number, _imported(path, one, _called(one, number, len(found))), _place(one))
-        for number, one in enumerate(found, 1)
-    )
+    version = _version(path, DEVIATION)
+    found = _LATEST.get(version) or tuple(filter(None, _read(path, DEVIATION, "*")))
+    _LATEST.clear()
+    _LATEST[version] = found
+    return found
 
 
 def load_step(path: Path, deviation: float = DEVIATION, body: str = "") -> Imported:
@@ -66,31 +67,37 @@ def load_step(path: Path, deviation: float = DEVIATION, body: str = "") -> Impor
         GeometryError: unreadable, without a unit, no solid, or several where none is named, or one whose boundary does
             not close; or reading it breaks the CAD kernel down, or takes more time or memory than there is for it.
     """
-    found = _read(path, deviation, body)
-    number, one = next((number, one) for number, one in enumerate(found, 1) if "points" in one)
-    mesh = _imported(path, one, _called(one, number, len(found)))
-    if len(found) > 1 or np.array_equal(_place(one).vector(), np.zeros(6)):
-        return mesh
-    return mesh.moved(_place(one))
+    if known := _LATEST.get(_version(path, deviation)):
+        one, count = known[chosen([each.name for each in known], body, path)], len(known)
+    else:
+        found = _read(path, deviation, body)
+        one, count = next(filter(None, found)), len(found)
+    if count > 1 or np.array_equal(one.pose.vector(), np.zeros(6)):
+        return one.mesh
+    return one.mesh.moved(one.pose)
 
 
-def _read(path: Path, deviation: float, body: str) -> list[dict[str, Any]]:
-    """What the process finds in the file: each body's name and place, facets of those that are asked for."""
+def _version(path: Path, deviation: float) -> tuple[Path, int, float]:
+    """What tells a reading from others."""
     if not path.is_file():
         raise ResourceError(f"cannot read {path}: there is no such file", "check the path")
+    return path, path.stat().st_mtime_ns, deviation
+
+
+def _read(path: Path, deviation: float, body: str) -> list[NamedBody | None]:
+    """The bodies of the file as the process finds them there; None for each that is not asked for."""
     if find_spec("OCP") is None:
         raise _no_kernel(path, None)
-    latest = path, path.stat().st_mtime_ns, deviation
-    if body == "" and len(known := _LATEST.get(latest, ())) == 1:
-        return list(known)
     answer = confined.read(path, _KERNEL, repr(deviation / _MILLIMETRE), body)
     if "kernel" in answer:
         raise _no_kernel(path, answer["kernel"])
     found: list[dict[str, Any]] = answer["bodies"]
-    if body == "*":
-        _LATEST.clear()
-        _LATEST[latest] = found
-    return found
+    return [
+        NamedBody(one["name"], number, _imported(path, one, _called(one, number, len(found))), _place(one))
+        if "points" in one
+        else None
+        for number, one in enumerate(found, 1)
+    ]
 
 
 def _no_kernel(path: Path, fault: str | None) -> ResourceError:

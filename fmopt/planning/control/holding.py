@@ -41,7 +41,7 @@ def holds(
 ) -> list[Hold]:
     """How surely the pieces of a motion hold their contacts, of those that hold them by little.
 
-    So firm slides and so steady turns have to be, shares of the contact force; 0 where nothing is asked.
+    Slides have to be as firm and turns as steady as `least` says, shares of the contact force; 0 asks for nothing.
     """
     found = list[Hold]()
     for number, (claim, bound) in enumerate(bounded(claims, tolerance.rho)):

@@ -241,7 +241,7 @@ def _in_edges(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: 
 def _within(assembly: Assembly, touch: Touch, crossing: _Crossing, sides: int, way: _Way) -> int:
     """How far a crossing stays from the ends of the fixed edge, `sides` at most.
 
-    So far the moving edge's ends stay on their sides of the wall; `UNBOUNDED` where the edge lies in one.
+    The moving edge's ends stay `sides` on their sides of the wall; `UNBOUNDED` where the edge lies in one.
     """
     (c, d), u = touch.fixed, touch.fixed_line.direction
     a, k = crossing.a, sub(crossing.b, crossing.a)
