@@ -210,7 +210,7 @@ def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
 
 
 def contact_point(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Array:
-    """The point (3,) of the moving part's feature, in m, at which the fixed part pushes (at a pose in contact).
+    """The point (3,) of the moving part's feature, in m, at which the fixed part pushes; the contact touches at `pose`.
 
     Raises:
         InfeasibleError: edges are parallel.

@@ -43,7 +43,7 @@ def closed_sets(incidence: Bits) -> tuple[Bits, Bits, NDArray[np.intp]]:
 def covers(active: Bits, dimensions: NDArray[np.intp]) -> Bits:
     """Which face (row index) has which face (column index) on its boundary, one dimension lower (n, n).
 
-    They come by which planes hold each (n, k), and by their dimensions (n,).
+    `active` (n, k) says which planes hold each face, `dimensions` (n,) are those of the faces.
     """
     planes = active.astype(np.float32)
     contained = planes @ planes.T == active.sum(axis=1)[:, None]

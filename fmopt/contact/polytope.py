@@ -152,7 +152,7 @@ class _Cut(Value):
 def _means(corners: Array, rays: Bits, members: Bits) -> Array:
     """For each face the mean of its vertices plus the mean of its rays (n, r).
 
-    They are of corners (m, r), some of them rays (m,), the members of each face (n, m).
+    `corners` (m, r) are vertices and rays, `rays` (m,) marks the rays, `members` (n, m) the corners of each face.
     """
     from scipy.sparse import csr_array
 

@@ -168,7 +168,7 @@ class Rig:
         A = _adjoint(R, origin)
         lead = np.hstack([state.p - self.qpos[:, :3], between(state.q, self.qpos[:, 3:])])
         error, wanted = _through(A, lead), _through(P, _through(A, twist))
-        # Of the whole period: by the speed at its end tight parts rattle.
+        # The speed over the whole period: by that at its end tight parts rattle.
         actual = _through(A, self.moved / robot.period)
         led, going = _through(P, error), _through(P, actual)
         share = np.clip(state.gone / numbers[:, TRAVEL], 0.0, 1.0)[:, None]

@@ -61,7 +61,7 @@ def _share(records: Sequence[Any]) -> dict[str, Any]:
         return {"trials": 0}
     successes = sum(record["success"] for record in records)
     low, high = success_interval(successes, len(records))
-    # Of those that never tried again; what tried again would have failed without.
+    # Trials that tried again would have failed without.
     alone = sum(record["success"] and not record["retries"] for record in records)
     return {
         "trials": len(records),

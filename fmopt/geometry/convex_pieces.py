@@ -279,10 +279,9 @@ def _irredundant(bodies: Sequence[Polyhedron], whole: float, needed: Sequence[in
 
 
 def _within_two(bodies: Sequence[Polyhedron], needed: Sequence[int]) -> frozenset[int]:
-    """The bodies but for the `needed` ones, by number, that one or two of those that stay hold, the smallest first.
+    """Numbers of bodies that lie inside another one, or inside the union of two; smallest first, `needed` ones never.
 
-    A body that sticks out of a second one by one plane alone lies in it and a third where the third has the corners of
-    the rest, which is convex.
+    Body i lies in j ∪ k if it sticks out of j by one plane only, and k, being convex, holds the corners of that part.
     """
     number: dict[tuple[float, ...], int] = {}
     own = [[number.setdefault((*face.normal, face.offset), len(number)) for face in body.faces] for body in bodies]

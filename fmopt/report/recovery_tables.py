@@ -53,7 +53,7 @@ def recovery_words(plan: Plan) -> list[str]:
 
 def _listed(noun: str, numbers: Sequence[int]) -> str:
     """Numbers as people list them: "moves 1 to 3 and 5"."""
-    # Of consecutive numbers all are ahead of their places by the same.
+    # Consecutive numbers are all ahead of their places by the same.
     runs = [[number for _, number in run] for _, run in groupby(enumerate(numbers), lambda one: one[1] - one[0])]
     words = [word for run in runs for word in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else map(str, run))]
     text = " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)

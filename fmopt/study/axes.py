@@ -223,7 +223,8 @@ def _faults_between(source: Source, axes: Sequence[Axis]) -> list[Fault]:
             words = "the axis it is linked to is linked itself"
             faults.append(place.fault("conflict", words, "link both to the first"))
         key = (*axis.place, "sets")
-        stated = table.items() if isinstance(table := source.get(key), Mapping) else ()
+        table = source.get(key) if axis.sets else None
+        stated = table.items() if isinstance(table, Mapping) else ()
         for goal, expression in axis.sets:
             place = source.place((*key, *[path for path, text in stated if text == expression][:1]))
             if goal.key in seen:

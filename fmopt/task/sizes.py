@@ -178,7 +178,11 @@ def _checked(moving: Part, fixed: Part, *goal: float) -> Clearance:
 
 
 def _require_even(parts: Sequence[Part], clearance: float) -> None:
-    """Refuses parts whose facets lie farther off the plane faces that they stand for than the clearance allows."""
+    """Refuses parts whose facets lie farther off the plane faces that they stand for than the clearance allows.
+
+    Raises:
+        GeometryError: they do, together; with the place of the larger one.
+    """
     if sum(part.off for part in parts) < clearance:
         return
     worst = max(parts, key=lambda part: part.off)

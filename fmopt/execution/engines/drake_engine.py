@@ -153,7 +153,11 @@ def _contacts(results: Any) -> list[Any]:
 
 
 def _library() -> Any:
-    """The engine's library."""
+    """The engine's library.
+
+    Raises:
+        ResourceError: the extra is missing.
+    """
     try:
         import pydrake.multibody.plant
     except ImportError as error:

@@ -52,7 +52,7 @@ def read_triangles(path: Path) -> tuple[Array, Indices]:
 
 
 def read_surface(path: Path, taken: Callable[[Surface], T]) -> T:
-    """What is taken of the surface that a mesh file holds.
+    """Reads a mesh file and returns `taken` of its surface, such as `Surface.bodies`, in the file's own unit.
 
     Raises:
         ResourceError, GeometryError: as of `read_triangles`.

@@ -8,8 +8,8 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.mesh.mesh_repair import first_crossing
-from fmopt.geometry.mesh.open_edges import open_among, sides_of
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
+from fmopt.geometry.polyhedron import from_triangles
 from fmopt.geometry.step.exact_facets import Facets, exact_facets
 from fmopt.geometry.step.step_file import SIMPLER, inside, openings
 from fmopt.geometry.step.surfaces import OtherSurfaceError, plane_of
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _COARSEST = 0.5  # rad between neighbouring facets
 _INSIDE = np.array([[1, 1, 1], [1.5, 1.5, 0], [0, 1.5, 1.5], [1.5, 0, 1.5]]) / 3.0  # where facets are held to surfaces
+_METRES = 1e-3  # a mm
 _FLAT = 1e-6  # of the diameter: facets that cross by less touch
 _ROUNDING = 1e-6  # of the volume
 _HEAL = "heal the solid where it was made"
@@ -78,8 +79,9 @@ def _from_surfaces(solid: TopoDS_Shape, deviation: float) -> Facets | None:
 
 def _closes(found: Facets) -> bool:
     """Whether each edge has two facets, and none passes through another."""
-    sides = sides_of(found.triangles)
-    if len(sides) < 3 * len(found.triangles) or open_among(sides):
+    try:
+        from_triangles(_METRES * found.points, found.triangles)
+    except GeometryError:
         return False
     span = float(np.linalg.norm(np.ptp(found.points, axis=0)))
     return first_crossing(found.points, found.triangles, _FLAT * span) is None

@@ -17,20 +17,18 @@ import numpy as np
 from fmopt.errors import GeometryError, ResourceError, SizeError
 from fmopt.geometry.body_names import chosen
 from fmopt.geometry.csg import exact_pose
-from fmopt.geometry.facets import Indices
-from fmopt.geometry.mesh.mesh_import import Imported, NamedBody, enclosed, mesh_polyhedron
+from fmopt.geometry.mesh.mesh_import import Imported, NamedBody, mesh_polyhedron
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.polyhedron import from_triangles
 from fmopt.geometry.section import require_plausible
 from fmopt.geometry.step.step_file import AGAIN, COARSER, SIMPLER
 from fmopt.runtime import confined
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array
 
 DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
 _MILLIMETRE = 1e-3
 _HEAL = "heal the solid where it was made, leave out what does not mate, or " + COARSER
-_LATEST: dict[tuple[Path, int, float], tuple[NamedBody, ...]] = {}  # all bodies of the file that was read last
+_LATEST: dict[tuple[Path, int, int, float], tuple[NamedBody, ...]] = {}  # all bodies of the file that was read last
 _KERNEL = confined.Reader("the CAD kernel", "fmopt.geometry.step.kernel:read", SIMPLER, AGAIN)
 
 
@@ -77,11 +75,16 @@ def load_step(path: Path, deviation: float = DEVIATION, body: str = "") -> Impor
     return one.mesh.moved(one.pose)
 
 
-def _version(path: Path, deviation: float) -> tuple[Path, int, float]:
-    """What tells a reading from others."""
+def _version(path: Path, deviation: float) -> tuple[Path, int, int, float]:
+    """The file, its state and the deviation: readings with equal ones are the same.
+
+    Raises:
+        ResourceError: there is no such file.
+    """
     if not path.is_file():
         raise ResourceError(f"cannot read {path}: there is no such file", "check the path")
-    return path, path.stat().st_mtime_ns, deviation
+    state = path.stat()
+    return path.resolve(), state.st_mtime_ns, state.st_size, deviation
 
 
 def _read(path: Path, deviation: float, body: str) -> list[NamedBody | None]:
@@ -138,7 +141,8 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
         raise GeometryError(f"{path}{called}: {error.message}", error.advice) from error
     try:
         # Facets of its own surfaces are known to close: nothing is to be mended, and no plane to be fitted.
-        mesh = _of_own_facets(points, triangles) if one["own"] else mesh_polyhedron(points, triangles)
+        own = one["own"]
+        mesh = Imported(from_triangles(points, triangles), 0.0) if own else mesh_polyhedron(points, triangles)
     except GeometryError as error:
         raise GeometryError(f"{path}{called}: cut into facets, {error.message}", _HEAL) from error
     notes = mesh.notes
@@ -146,13 +150,6 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
         size = f"{1e6 * (_MILLIMETRE * one['around']):.3g} µm"
         notes += (f"its fillets are enclosed by facets, which makes it up to {size} larger there and nowhere smaller",)
     return replace(mesh, chord_error=off or 0.0, notes=notes, kind="solid")
-
-
-def _of_own_facets(points: Array, triangles: Indices) -> Imported:
-    try:
-        return Imported(from_triangles(points, triangles), 0.0)
-    except GeometryError:  # as of too many faces
-        return enclosed(points, triangles)
 
 
 def _facets(answer: dict[str, Any]) -> tuple[Any, Any, float | None]:

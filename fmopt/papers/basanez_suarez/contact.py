@@ -181,7 +181,7 @@ def basic_contacts(moving: Profile, static: Profile, deviations: Deviations) -> 
 def _type_1(moving: Profile, static: Profile, deviations: Deviations, own: Array, other: Array) -> list[CU]:
     psi, found = moving.normals, []
     epsilon_a = np.broadcast_to(deviations.static, len(static.vertices))
-    # Of two ends the larger one: a point between them moves by no more.
+    # The larger one of two ends: a point between them moves by no more.
     epsilon_a = np.maximum(epsilon_a, epsilon_a[static.after])
     for i in _corners(moving, own):
         before, turn = moving.before[i], float(moving.turns[i])

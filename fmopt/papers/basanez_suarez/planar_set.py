@@ -111,7 +111,7 @@ class PlanarSet(Value, ABC):
 
 
 def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon:
-    """The polygon of loops that have their set on the left; see `PlanarSet.polygon`.
+    """The polygon of loops that have their set on the left, within a tolerance (m); see `PlanarSet.polygon`.
 
     Chords where an arc bulges away from the chosen side, tangents where it bulges to it. Each arc is moved within the
     set, or within its complement, so that every point that a thin place lets the polygon run round wrongly has winding

@@ -336,7 +336,11 @@ def _common(body: Polyhedron, other: Polyhedron) -> tuple[Array, Array]:
 
 
 def _inside(body: Polyhedron, other: Polyhedron) -> Array:
-    """The point (3,) deepest inside both bodies, or nearest to both."""
+    """The point (3,) deepest inside both bodies, or nearest to both.
+
+    Raises:
+        SolverError: the linear program stopped without an answer.
+    """
     normals, offsets = _common(body, other)
     found = _lowest(np.array([0.0, 0.0, 0.0, -1.0]), np.column_stack([normals, np.ones(len(normals))]), offsets)
     if found is None:

@@ -213,9 +213,9 @@ class Duals(Value, equalities=(None,), rows=(None,), norms=(None,)):
 
 @dataclass(frozen=True, eq=False)
 class Solution(Value):
-    """A point x (n,), original units, that passed `certify`, with its value c·x and the multipliers or None.
+    """A point x (n,), original units, that passed `certify`; `value` is c·x.
 
-    By these no feasible point is better than the bound, inf without; the gap is bound − value, in units of both.
+    `duals` prove that no feasible point exceeds `bound`, inf without them; `gap` is bound − value.
     """
 
     x: Array

@@ -48,9 +48,9 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion that can be certified under other errors than its own, half-widths `box` (6,), m and rad, at its start.
+    """A motion that can be certified under other start errors.
 
-    Its pieces turn by so much at most, rad.
+    `box` (6,) has the half-widths of its own, m and rad; `turn` is the greatest turn of one piece, rad.
     """
 
     assembly: Assembly

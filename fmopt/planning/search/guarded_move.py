@@ -132,7 +132,7 @@ class _Course:
         return Poses(p, R)
 
     def meeting(self, near: Near, which: NDArray[np.intp], between: Array, values: Array) -> Array:
-        """Amounts (m,) between two at which distances vanish that have values (2, m) there, positive, then not.
+        """Amounts (m,) at which distances `which` (m,), m, vanish, of `values` (2, m) at both ends: positive, then not.
 
         Raises:
             InfeasibleError: the held contacts cannot be kept.

@@ -70,7 +70,7 @@ class Hosts(Remote):
 
 
 def _checked(address: str) -> None:
-    """Refuses at once what is no address."""
+    """Refuses at once what is no address, by a ResourceError."""
     parts = urlsplit(address if "://" in address else f"tcp://{address}")
     try:
         known = parts.scheme in ("tcp", "tls", "ws", "wss", "ucx") and parts.hostname and parts.port

@@ -145,7 +145,7 @@ class Linkage:
     def moves(self, travel: Vector, turn: Matrix, count: int) -> tuple[Row, ...]:
         """By how much `count` generators move as the part turns and its reference point travels, m.
 
-        Those behind the linked ones do not move.
+        Generators behind the linked ones do not move.
         """
         after = self.turned(turn).hand
         found = []

@@ -40,9 +40,10 @@ _TINY = 1e-12  # of a unit column, below which it depends on others
 
 
 class Drive(NamedTuple):
-    """What a segment drives against what at its end: its unit twist V (6,), scaled by factors (6,) that compare twists.
+    """The twist of a segment and the contacts at its end.
 
-    Along the motion is a scaled unit wrench (6,), zero where all of it is stopped.
+    `twist` is the unit twist V (6,); `along` the scaled unit wrench (6,) along the motion, zero where all of it is
+    stopped; `scale` has factors (6,) that make twists comparable.
     """
 
     held: Sequence[Contact]

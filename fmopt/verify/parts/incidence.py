@@ -265,8 +265,8 @@ def about(along: Vector) -> tuple[Vector, Vector]:
 def directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector | None:
     """The unit direction level with a plane of unit normal and at a known angle to w that is nearly a nominal one.
 
-    None where the nominal one is neither of the two that there are, or they are too near each other. It is a unit
-    vector, as w is.
+    None where the nominal one is neither of the two that there are, or they are too near each other. w and `nominal`,
+    which tells the two apart, are unit vectors.
     """
     axis = cross(normal, w)
     square = dot(axis, axis)
