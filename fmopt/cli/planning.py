@@ -165,9 +165,11 @@ def _findings(verdict: Verdict) -> dict[str, Any]:
 
 def _margins(plan: proof.Plan) -> dict[str, Any]:
     """What each segment states, in m; stated, not proved, unless the verdict is CERTIFIED."""
-    segments = [(s.move, s.margin, s.clearance, s.binding) for s in plan.segments]
-    names = ("move", "margin", "clearance", "binding_contact")
-    return {"segment_margins": [dict(zip(names, segment, strict=True)) for segment in segments]}
+    rows = [
+        {"move": s.move, "margin": s.margin, "clearance": s.clearance, "binding_contact": s.binding}
+        for s in plan.segments
+    ]
+    return {"segment_margins": rows}
 
 
 @app.command(epilog="Example: fmopt verify out/square_peg/plan.json --problem problems/square_peg.toml")
@@ -280,8 +282,7 @@ def schema(
 
     kinds: dict[str, type[Table]] = {"problem": ProblemFile, "model": ModelFile, "assembly": AssemblyFile}
     kinds |= {"study": StudyFile, "allocation": AllocationFile}
-    found = kinds.get(kind)
-    if found is None:
+    if (found := kinds.get(kind)) is None:
         raise typer.BadParameter(f"{kind!r} is none of {', '.join(kinds)}", param_hint="kind")
     dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     typer.echo(json.dumps({**dialect, **found.model_json_schema()}, indent=2, ensure_ascii=False))

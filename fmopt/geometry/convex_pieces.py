@@ -262,11 +262,11 @@ def _irredundant(bodies: Sequence[Polyhedron], whole: float, needed: Sequence[in
     many = len(bodies) > _MANY
     prisms = _prisms(bodies) if many else None
     union, kept = prisms or _Union(bodies), [*needed]
-    covered = union.with_all(needed)
-    held = _within_two(bodies, needed) if many and prisms is None else frozenset()
+    covered, enough = union.with_all(needed), (1.0 - _NOISE) * whole
+    held = _within_two(bodies, needed) if many and prisms is None and covered < enough else frozenset()
     queue = [(i in held, -bodies[i].volume, i, 0) for i in sorted({*range(len(bodies))} - {*needed})]
     heapify(queue)
-    while queue and covered < (1.0 - _NOISE) * whole:
+    while queue and covered < enough:
         heed()
         last, gain, i, age = heappop(queue)
         if age == len(kept):

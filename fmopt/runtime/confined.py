@@ -20,8 +20,8 @@ from fmopt.runtime.child_process import Child
 
 MEMORY = 4 << 30  # bytes of address space
 PROCESSOR_SECONDS = 60
-_NEXT = "scipy.spatial"  # which every answer is worked on with: it is imported while the process reads
 SECONDS = 300.0  # by the clock; the process has less of the processor
+_NEXT = "scipy.spatial"  # which every answer is worked on with: it is imported while the process reads
 
 
 @dataclass(frozen=True)

@@ -141,8 +141,7 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
         raise GeometryError(f"{path}{called}: {error.message}", error.advice) from error
     try:
         # Facets of its own surfaces are known to close: nothing is to be mended, and no plane to be fitted.
-        own = one["own"]
-        mesh = Imported(from_triangles(points, triangles), 0.0) if own else mesh_polyhedron(points, triangles)
+        mesh = Imported(from_triangles(points, triangles), 0.0) if one["own"] else mesh_polyhedron(points, triangles)
     except GeometryError as error:
         raise GeometryError(f"{path}{called}: cut into facets, {error.message}", _HEAL) from error
     notes = mesh.notes

@@ -30,6 +30,7 @@ HOLE = Feature("hole", "hollow", at(z=0.01), 0.01, through=True)
 ROD_SIZE = 0.012 * 0.008 * 0.03
 PLATE_SIZE = 0.01 * (0.04**2 - 0.0123 * 0.0083)
 COARSER = "export it coarser: the planner takes parts of some hundred faces"
+SPREAD = "export the mesh again: its points must be spread over its surface"
 REPAIR = "repair the mesh: close it, orient all triangles outward, keep the solid free of edges of no thickness"
 
 
@@ -220,14 +221,7 @@ CASES = (
     ),
     filed("a lost corner", REPAIR, from_mesh, (ROD[0], ROD[1][4:]), ROD, gives=ROD_SIZE),
     filed("an edge of no thickness", REPAIR, from_mesh, shared_edge(0.0), shared_edge(0.5), gives=2 * 0.008**3),
-    filed(
-        "heap",
-        "export the mesh again: its points must be spread over its surface",
-        from_mesh,
-        heap(),
-        ROD,
-        gives=ROD_SIZE,
-    ),
+    filed("heap", SPREAD, from_mesh, heap(), ROD, gives=ROD_SIZE),
     filed("no thickness", "export the mesh again: it bounds no solid there", from_mesh, THIN, ROD, gives=ROD_SIZE),
     Case(
         "a gap in a mating face",
