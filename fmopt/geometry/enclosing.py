@@ -116,9 +116,10 @@ def _enclosure(done: Sequence[_Body], known: Array, few: int) -> Enclosure:
         raise GeometryError("what it is cut into is too thin") from error
     spots = [(one.off, one.where) for one in done] + [(one.off, one.where) for one in bounds]
     off, where = max(spots, key=lambda spot: spot[0])
+    boundary = _boundary(bounds, size)
     hulls = [Manifold.hull_points(snapped(one.corners(size), known)) for one in bounds]
     bodies = tuple(of_manifold(hull.simplify(_FLATNESS * size), _FLATNESS * size) for hull in hulls)
-    return Enclosure(bodies, _boundary(bounds, size), off, where)
+    return Enclosure(bodies, boundary, off, where)
 
 
 class _Body:
@@ -140,11 +141,19 @@ class _Body:
         self.areas = np.linalg.norm(normals, axis=1)
         self.normals = normals / np.maximum(self.areas, np.finfo(np.float64).tiny)[:, None]
         self.offsets = np.einsum("ij,ij->i", self.normals, a)
-        self.planes = _hull_planes(shape, size)
-        self.below = _depth(self.planes, self.points)
-        centres = (a + b + c) / 3.0
-        inside = _depth(self.planes, centres) * (self.areas > 1e-9 * self.areas.max())
-        depth = np.concatenate([self.below, inside])
+        hull = shape.hull().to_mesh64()
+        ends, sides = np.array(hull.vert_properties)[:, :3], np.array(hull.tri_verts)
+        self.planes = _hull_planes(ends, sides, size)
+        # Corners and triangles of the hull itself lie in it, which most do of a round part.
+        number = {end: k for k, end in enumerate(map(bytes, ends))}
+        own = np.array([number.get(point, -1) for point in map(bytes, self.points)])
+        outer = {*map(bytes, np.sort(sides.astype(np.int64)))}
+        below = np.array([side not in outer for side in map(bytes, np.sort(own[self.triangles]))])
+        below &= self.areas > 1e-9 * self.areas.max()
+        centres = ((a + b + c) / 3.0)[below]
+        self.below = np.zeros(len(self.points))
+        self.below[own < 0] = _depth(self.planes, self.points[own < 0])
+        depth = np.concatenate([self.below, _depth(self.planes, centres)])
         self.off, self.where = float(depth.max()), np.vstack([self.points, centres])[depth.argmax()]
 
     def _reflex(self) -> tuple[Indices, NDArray[np.intp]]:
@@ -233,10 +242,8 @@ class _Body:
         return manifold_of(points, np.array(mesh.tri_verts, dtype=np.int64))
 
 
-def _hull_planes(shape: Manifold, size: float) -> Array:
-    """Planes (k, 4) of the hull of a shape, but those of slivers: outward normals, and minus how far out, m."""
-    mesh = shape.hull().to_mesh64()
-    points, triangles = np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts)
+def _hull_planes(points: Array, triangles: Indices, size: float) -> Array:
+    """Planes (k, 4) of a convex hull's triangles, but slivers: outward normals, and minus how far out, m."""
     sides = [points[triangles[:, (k + 1) % 3]] - points[triangles[:, k]] for k in range(3)]
     normals = np.cross(sides[0], sides[1])
     areas, longest = np.linalg.norm(normals, axis=1), np.max([np.linalg.norm(side, axis=1) for side in sides], axis=0)

@@ -324,7 +324,11 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
         if len(loop) >= 3:
             loops[frozenset(loop)] = loop
     # Directions that differ by rounding find one face twice, once without some of its corners.
-    kept = [key for key in loops if not any(key < other for other in loops)]
+    beside = dict[int, list[frozenset[int]]]()
+    for key in loops:
+        for index in key:
+            beside.setdefault(index, []).append(key)
+    kept = [key for key in loops if not any(key < other for other in beside[min(key)])]
     ordered = sorted((loops[key] for key in kept), key=lambda loop: tuple(sorted(loop)))
     if len(ordered) < 4:
         raise GeometryError(

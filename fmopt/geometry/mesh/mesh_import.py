@@ -12,10 +12,10 @@ import numpy as np
 from fmopt.errors import GeometryError
 from fmopt.geometry.body_names import chosen
 from fmopt.geometry.enclosing import Enclosure, enclosing
-from fmopt.geometry.facets import Indices, merged_vertices, place
+from fmopt.geometry.facets import MAX_FACES, Indices, merged_vertices, place
 from fmopt.geometry.mesh.mesh_file import read_surface, read_triangles
 from fmopt.geometry.mesh.mesh_repair import Crossing, first_crossing, turned_alike, turned_outward
-from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, joined, open_among, patches, sewn, sides_of
+from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, closes, joined, open_sides, patches, sewn
 from fmopt.geometry.mesh.plane_facets import flattened
 from fmopt.geometry.mesh.round_planes import chord_error, sagitta
 from fmopt.geometry.mesh.shells import United, united
@@ -91,8 +91,7 @@ class _Closed:
     @property
     def is_closed(self) -> bool:
         """Whether every side of a triangle has one other across it."""
-        sides = sides_of(self.triangles)
-        return len(self.triangles) > 3 and len(sides) == 3 * len(self.triangles) and not open_among(sides)
+        return len(self.triangles) > 3 and closes(self.triangles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,31 +203,35 @@ def _rounding(points: Array) -> float:
     return 0.5 * float(np.spacing(np.abs(single).max())) if np.array_equal(single, points) else 0.0
 
 
-def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0) -> Imported:
+def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0, curved: bool = False) -> Imported:
     """The polyhedron of loose triangles (m, 3) over points (n, 3) in m, merged, mended and checked as by `load_mesh`.
 
     Args:
         points: (n, 3), m.
         triangles: (m, 3), counter-clockwise seen from outside.
         rounding: by how much numbers of the file may be rounded, m.
+        curved: whether the facets of curved surfaces are too many for faces: planes are fitted only to close gaps.
 
     Raises:
         GeometryError: open or crossing itself.
     """
     shells = united(points, triangles, _MERGE * _span(points))
     try:
-        return _of_shells(shells, rounding)
+        return _of_shells(shells, rounding, curved)
     except GeometryError:
         if not shells.moved:
             raise
-    return _of_shells(United(points, triangles), rounding)  # shells that meet but for rounding stay beside each other
+    # Shells that meet but for rounding stay beside each other.
+    return _of_shells(United(points, triangles), rounding, curved)
 
 
-def _of_shells(shells: United, rounding: float) -> Imported:
+def _of_shells(shells: United, rounding: float, curved: bool) -> Imported:
     """See `mesh_polyhedron`."""
     span = _span(shells.points)
     closed = _best(shells.points, shells.triangles, span)
     try:
+        if curved and closed.is_closed and not closed.mended:
+            raise GeometryError(f"more than {MAX_FACES} facets are those of curved surfaces")
         flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + shells.moved + rounding)
         if flat.off > _CURVED:
             raise GeometryError("the facets are those of curved surfaces")
@@ -271,7 +274,7 @@ def _best(points: Array, triangles: Indices, span: float) -> _Closed:
             if not attempt.mended:
                 return attempt
             with_gaps = with_gaps or attempt
-        elif len(open_among(sides_of(attempt.triangles))) > MOST_OPEN:
+        elif len(open_sides(attempt.triangles)) > MOST_OPEN:
             break
     found = with_gaps or first
     return found if found is not None else _closed(points, triangles, _MERGE * span, _FLAT * span, 0.0)

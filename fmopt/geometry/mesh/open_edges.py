@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TypeAlias
 
 import numpy as np
 
@@ -54,18 +53,28 @@ class _Gap:
     beside: int
 
 
-Sides: TypeAlias = dict[tuple[int, int], tuple[int, int]]
-"""The triangle, and the number of its side, that runs from one vertex to another."""
+def open_sides(triangles: Indices) -> Indices:
+    """The sides of triangles (m, 3) without another one across: 3 i + k is that from corner k of triangle i on."""
+    there, back = _directed(triangles)
+    return np.flatnonzero(~np.isin(back, there))
 
 
-def sides_of(triangles: Indices) -> Sides:
-    """All sides of triangles (m, 3)."""
-    return {(t[k], t[(k + 1) % 3]): (i, k) for i, t in enumerate(triangles.tolist()) for k in range(3)}
+def closes(triangles: Indices) -> bool:
+    """Whether every side of triangles (m, 3) has one other across it."""
+    there, back = _directed(triangles)
+    return len(np.unique(there)) == len(there) and bool(np.isin(back, there).all())
 
 
-def open_among(sides: Sides) -> list[tuple[int, int]]:
-    """The sides without another one across."""
-    return [side for side in sides if side[::-1] not in sides]
+def _rim(triangles: Indices, sides: Indices) -> Indices:
+    """The vertices at sides of triangles (m, 3) that are numbered so."""
+    return np.unique([triangles.ravel()[sides], triangles[sides // 3, (sides + 1) % 3]])
+
+
+def _directed(triangles: Indices) -> tuple[Indices, Indices]:
+    """A number for each side of triangles (m, 3), and that of a side which runs the other way."""
+    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    wide = int(triangles.max(initial=0)) + 1
+    return start * wide + end, end * wide + start
 
 
 def joined(points: Array, triangles: Indices, numbers: Indices, reach: float) -> tuple[Indices, Indices, float]:
@@ -79,7 +88,7 @@ def joined(points: Array, triangles: Indices, numbers: Indices, reach: float) ->
         numbers: what each is called (m,); those that are left keep theirs.
         reach: how far apart they may be, m.
     """
-    rim = np.unique(np.array(open_among(sides_of(triangles)), dtype=np.int64))
+    rim = _rim(triangles, open_sides(triangles))
     if not 0 < len(rim) <= MOST_OPEN:
         return triangles, numbers, 0.0
     became = np.arange(len(points))
@@ -102,16 +111,15 @@ def sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> t
         reach: how far from the edge they may be, m.
     """
     for _ in range(_MOST_SPLITS):
-        sides = sides_of(triangles)
-        loose = open_among(sides)
+        loose = open_sides(triangles)
         if len(loose) > MOST_OPEN:
             break
-        rim = np.unique(np.array(loose, dtype=np.int64))
+        rim = _rim(triangles, loose)
         splits: dict[int, tuple[int, list[int]]] = {}
-        for a, b in loose:
-            if between := _between(points, a, b, rim, reach):
+        for i, k in zip(*divmod(loose, 3), strict=True):
+            if between := _between(points, triangles[i, k], triangles[i, (k + 1) % 3], rim, reach):
                 # One side of a triangle at a time: what lies on another one is for the next round.
-                splits.setdefault(sides[a, b][0], (sides[a, b][1], between))
+                splits.setdefault(int(i), (int(k), between))
         if not 0 < sum(len(between) for _, between in splits.values()) <= MOST_OPEN:
             break
         kept = [triangle for i, triangle in enumerate(triangles.tolist()) if i not in splits]
@@ -166,26 +174,22 @@ def patches(points: Array, triangles: Indices, tol: float) -> tuple[Patch, ...]:
 
 def _gaps(triangles: Indices) -> list[_Gap]:
     """The gaps of a mesh; none where they are too many."""
-    sides: dict[tuple[int, int], int] = {}
-    for number, triangle in enumerate(triangles.tolist()):
-        for k in range(3):
-            if sides.setdefault((triangle[k], triangle[(k + 1) % 3]), number) != number:
-                return []
-    missing = {(b, a): number for (a, b), number in sides.items() if (b, a) not in sides}
-    # Each key is (from, to), so that the keys make a dictionary from a vertex to the next; fewer entries than keys
-    # tell that rims meet in a vertex.
-    following = dict(missing.keys())
-    if len(following) != len(missing):
+    there, loose = _directed(triangles)[0], open_sides(triangles)
+    beside = loose // 3
+    starts, ends = triangles.ravel()[loose], triangles[beside, (loose + 1) % 3]
+    # The missing surface runs the other way; fewer starts than edges tell that rims meet in a vertex.
+    following = dict(zip(ends.tolist(), zip(starts.tolist(), beside.tolist(), strict=True), strict=True))
+    if len(np.unique(there)) < len(there) or len(following) < len(loose):
         return []
     found = list[_Gap]()
     while following:
         if len(found) == _MOST_GAPS:
             return []
         start = min(following)
-        loop = [start]
-        while (ahead := following.pop(loop[-1], start)) != start:
+        loop, first = [start], following[start][1]
+        while (ahead := following.pop(loop[-1], (start, first))[0]) != start:
             loop.append(ahead)
-        found.append(_Gap(tuple(loop), missing[loop[0], loop[1]]))
+        found.append(_Gap(tuple(loop), first))
     return found
 
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmopt.geometry.facets import Indices, merged_vertices
+from fmopt.geometry.facets import MAX_FACES, Indices, merged_vertices
+from fmopt.geometry.mesh.open_edges import sewn
 from fmopt.geometry.step.grid import Cuts, Grid, intervals
 from fmopt.geometry.step.step_file import Same
 from fmopt.geometry.step.surfaces import REACH, Curve, OtherSurfaceError, Surface, read
@@ -22,7 +23,6 @@ from fmopt.spatial.values import Array, Value
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
-_ROUNDS = 100  # of splitting triangles
 _SAMPLES = 65  # of an edge, between which it turns one way about an axis
 _HALVINGS = 60
 _SLIVER = 1e-6  # rad: what arcs may reach beyond a stop without counting there
@@ -55,10 +55,13 @@ def exact_facets(solid: TopoDS_Shape, deviation: float) -> Facets:
         deviation: how far facets may lie from curved faces, mm.
 
     Raises:
-        OtherSurfaceError: it has other surfaces, or such that meet in a way that no grid follows.
+        OtherSurfaceError: it has other surfaces, or such that meet in a way that no grid follows, or too many facets.
     """
     surfaces, curves = read(solid)
-    work = _Work(surfaces, Grid(surfaces, curves, deviation))
+    grid = Grid(surfaces, curves, deviation)
+    if grid.strips() > MAX_FACES:
+        raise OtherSurfaceError("more faces than a part may have")
+    work = _Work(surfaces, grid)
     points: list[Array] = []
     triangles: list[Indices] = []
     owners: list[int] = []
@@ -70,42 +73,14 @@ def exact_facets(solid: TopoDS_Shape, deviation: float) -> Facets:
             owners += [number] * len(sides)
             count += len(corners)
     merged, kept, numbers = merged_vertices(np.vstack(points), np.vstack(triangles), REACH)
-    kept, owned = _joined(merged, kept, np.array(owners)[numbers])
+    # Where a corner of neighbours lies on an edge, as at the end of a flat on a shaft.
+    kept, owned = sewn(merged, kept, np.array(owners)[numbers], REACH)
     shifted, shift = _onto_planes(merged, kept, owned, surfaces)
     curved = [number for number, surface in enumerate(surfaces) if surface.kind != "Plane"]
     off = max((work.sum_of(number, "off") for number in curved), default=None)
     if off is not None or shift > REACH:
         off = max(off or 0.0, shift if shift > REACH else 0.0)
     return Facets(shifted, kept, off, max((work.sum_of(number, "around") for number in curved), default=0.0))
-
-
-def _joined(points: Array, triangles: Indices, owners: Indices) -> tuple[Indices, Indices]:
-    """Triangles split where a corner of neighbours lies on an edge of theirs, as at the end of a flat on a shaft."""
-    for _ in range(_ROUNDS):
-        sides = {(t[k], t[(k + 1) % 3]): (i, k) for i, t in enumerate(triangles.tolist()) for k in range(3)}
-        loose = [side for side in sides if side[::-1] not in sides]
-        corners = np.unique(np.array(loose, dtype=np.int64))
-        splits: dict[int, tuple[int, int]] = {}
-        for a, b in loose:
-            along = points[b] - points[a]
-            length = float(np.linalg.norm(along))
-            arms = points[corners] - points[a]
-            run = arms @ along / length
-            off = np.linalg.norm(arms - np.outer(run / length, along), axis=1)
-            on = (off <= REACH) & (run > REACH) & (run < length - REACH)
-            if on.any():
-                triangle, k = sides[a, b]
-                splits.setdefault(triangle, (k, int(corners[on][np.argmin(run[on])])))
-        if not splits:
-            break
-        parts = []
-        for triangle, (k, middle) in splits.items():
-            a, b, c = np.roll(triangles[triangle], -k).tolist()
-            parts += [[a, middle, c], [middle, b, c]]
-        rest = np.setdiff1d(np.arange(len(triangles)), list(splits))
-        triangles = np.vstack([triangles[rest], np.array(parts, dtype=np.int64)])
-        owners = np.concatenate([owners[rest], np.repeat(owners[list(splits)], 2)])
-    return triangles, owners
 
 
 def _onto_planes(points: Array, triangles: Indices, owners: Indices, surfaces: list[Surface]) -> tuple[Array, float]:

@@ -29,11 +29,11 @@ _HEAL = "heal the solid where it was made"
 
 
 def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
-    """The boundary of a solid: {"points": (n, 3) in mm, "triangles": (m, 3) outward, "off", "around", "own"}.
+    """The boundary of a solid: {"points": (n, 3) in mm, "triangles": (m, 3) outward, "off", …}.
 
     "off" is how far curved faces are from the facets, mm, None where there are none; "around" how much larger the
-    facets are than fillets of the solid; "own" whether they are of its own surfaces and close by themselves. A solid of
-    other surfaces than `exact_facets` follows is cut by the kernel.
+    facets are than fillets of the solid; "own" whether they are of its own surfaces and close by themselves; "curved"
+    how many others are of curved faces. A solid of other surfaces than `exact_facets` follows is cut by the kernel.
 
     Args:
         solid: in mm.
@@ -44,17 +44,12 @@ def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
     """
     _require_closed(solid)
     found = _from_surfaces(solid, deviation)
-    own = found is not None
+    own, curved = found is not None, 0
     if found is None:
-        points, triangles, off = _facets(solid, deviation)
+        points, triangles, off, curved = _facets(solid, deviation)
         found = Facets(points, triangles, None if off is None else max(deviation, off), 0.0)
-    return {
-        "points": found.points.tolist(),
-        "triangles": found.triangles.tolist(),
-        "off": found.off,
-        "around": found.around,
-        "own": own,
-    }
+    told = {"off": found.off, "around": found.around, "own": own, "curved": curved}
+    return {"points": found.points.tolist(), "triangles": found.triangles.tolist(), **told}
 
 
 def _from_surfaces(solid: TopoDS_Shape, deviation: float) -> Facets | None:
@@ -94,8 +89,8 @@ def _require_closed(solid: TopoDS_Shape) -> None:
         raise GeometryError(f"its shell is not closed: {where}", _HEAL)
 
 
-def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, float | None]:
-    """Points (n, 3), outward triangles (m, 3), and how far they are from curved faces, mm; None if none is."""
+def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, float | None, int]:
+    """Points (n, 3), outward triangles (m, 3), how far off those of curved faces are, mm, if any, and how many."""
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
@@ -104,15 +99,16 @@ def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, floa
     points: list[Array] = []
     triangles: list[Indices] = []
     off: list[float] = []
-    count = 0
+    count = curved = 0
     for face in inside(shape, "FACE"):
         corners, sides, places = _mesh_of(face)
         if plane_of(face) is None:
             off.append(_distance(BRepAdaptor_Surface(face), corners[sides], places[sides]))
+            curved += len(sides)
         points.append(corners)
         triangles.append(sides + count)
         count += len(corners)
-    return np.vstack(points), np.vstack(triangles), max(off, default=None)
+    return np.vstack(points), np.vstack(triangles), max(off, default=None), curved
 
 
 def _mesh_of(face: Any) -> tuple[Array, Indices, Array]:
@@ -140,10 +136,11 @@ def _distance(surface: Any, facets: Array, places: Array) -> float:
     """Largest distance in mm of a surface from facets (m, 3, 3), at the middles of facets and of their edges."""
     normal = np.cross(facets[:, 1] - facets[:, 0], facets[:, 2] - facets[:, 0])
     size = np.linalg.norm(normal, axis=1)
-    normal = normal[size > 0.0] / size[size > 0.0, None]
+    sound = size > 0.0
+    facets, places, normal = facets[sound], places[sound], normal[sound] / size[sound, None]
     largest = 0.0
     for weights in _INSIDE:
-        for (u, v), corner, across in zip(weights @ places[size > 0.0], facets[size > 0.0, 0], normal, strict=True):
-            point = surface.Value(float(u), float(v))
-            largest = max(largest, abs(float(across @ (np.array([point.X(), point.Y(), point.Z()]) - corner))))
+        found = [surface.Value(u, v) for u, v in (weights @ places).tolist()]
+        points = np.array([(point.X(), point.Y(), point.Z()) for point in found]).reshape(-1, 3)
+        largest = max(largest, float(np.abs(np.vecdot(normal, points - facets[:, 0])).max(initial=0.0)))
     return largest

@@ -65,6 +65,11 @@ class Grid:
         """The cuts of an edge, or of ("u", face) or ("v", face); None of straight edges."""
         return self._cuts[self._root(member)] if member in self._parent else None
 
+    def strips(self) -> int:
+        """The least number of faces that cylinders and cones become that go all around."""
+        rounds = [("u", k) for k, one in enumerate(self.surfaces) if one.kind in ("Cylinder", "Cone") and _whole(one)]
+        return sum(len(self._cuts[root].stops) for root in {self._root(each) for each in rounds})
+
     def idle(self, point: Array) -> bool:
         """Whether a vertex (3,), mm, is there for the sake of a seam only."""
         return any(np.linalg.norm(point - seam) <= REACH for seam in self._seams)
@@ -103,18 +108,15 @@ class Grid:
 
     def _idle_ends(self) -> list[Array]:
         """Ends of seams at which nothing else happens: the edges there run on in the same circle, or are closed."""
-        ends = []
-        for edge, numbers in self.faces.items():
-            if len(numbers) == 2 and numbers[0] == numbers[1] and not self.curves[edge].point_like:
-                ends += [end for end in self.curves[edge].ends if self._runs_on(end)]
-        return ends
+        seams = [edge for edge, numbers in self.faces.items() if len(numbers) == 2 and numbers[0] == numbers[1]]
+        edges = [(edge, curve) for edge, curve in self.curves.items() if not curve.point_like]
+        ends = np.array([curve.ends for _, curve in edges]).reshape(-1, 2, 3)
+        places = [end for edge in seams if not self.curves[edge].point_like for end in self.curves[edge].ends]
+        near = [(np.linalg.norm(ends - place, axis=2) <= REACH).any(axis=1) for place in places]
+        meeting = ([edges[k] for k in np.flatnonzero(each)] for each in near)
+        return [place for place, each in zip(places, meeting, strict=True) if self._runs_on(each)]
 
-    def _runs_on(self, point: Array) -> bool:
-        meeting = [
-            (edge, curve)
-            for edge, curve in self.curves.items()
-            if not curve.point_like and any(np.linalg.norm(end - point) <= REACH for end in curve.ends)
-        ]
+    def _runs_on(self, meeting: list[tuple[Same, Curve]]) -> bool:
         rest = [(edge, curve) for edge, curve in meeting if len(set(self.faces[edge])) == 2]
         if len(rest) == 1:
             return rest[0][1].closed
