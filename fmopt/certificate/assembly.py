@@ -95,9 +95,7 @@ class Assembly:
     def agree(self, normal: Array, offset: float, other: Array, other_offset: float) -> bool:
         """Whether two planes are one, seen from the same side, wherever the parts can be.
 
-        Args:
-            normal, other: outward unit normals (3,), axes of one frame.
-            offset, other_offset: m.
+        Planes are outward unit normals (3,), in axes of one frame, and offsets in m.
         """
         # Two planes that are not quite parallel part with the distance from the origin: the angle counts on the whole
         # reach.
@@ -182,10 +180,7 @@ def level(
     """What tells that an edge meets a rim on which another edge of the same body face is held before it, or None.
 
     The face's plane has one point of the rim already; its other lines meet the rim exactly when the face is level with
-    it. Of `together`, the contacts listed before this one count.
-
-    Args:
-        together: contacts in the order in which they are listed.
+    it. The contacts of `together` that are listed before this one count.
 
     Returns:
         (u, k): direction (3,) along the rim towards the edge, and the face's normal (3,) times the greatest distance
@@ -217,11 +212,7 @@ def level(
 def contact_rows(
     assembly: Assembly, contacts: Sequence[PrimitiveContact], together: Sequence[PrimitiveContact], pose: Pose
 ) -> Rows:
-    """Rows (k) of contacts at a pose.
-
-    Args:
-        together: all contacts under consideration; an edge hinged by one of them in the wall gets its hinge form.
-    """
+    """Rows (k) of contacts at a pose; an edge that one of all, `together`, hinges in the wall gets its hinge form."""
     return contact_forms(assembly, tuple(contacts), tuple(together)).at(pose)
 
 
@@ -270,8 +261,7 @@ def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[Prim
         return points_above(body[[contact.moving[0]]], face.normal, face.offset)
     if contact.kind is Kind.BALL_FACE:
         face, centre = fixed.faces[contact.fixed_feature], [contact.moving[0]]
-        radii = assembly.moving.polyhedron.radii[centre]
-        return rows.balls_above(body[centre], face.normal, face.offset, radii)
+        return rows.balls_above(body[centre], face.normal, face.offset, assembly.moving.polyhedron.radii[centre])
     if contact.kind is Kind.FACE_VERTEX:
         own = assembly.moving.polyhedron.faces[contact.moving_feature]
         return rows.faces_above(own.normal, own.offset, fixed.vertices[[contact.fixed[0]]])

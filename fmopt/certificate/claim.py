@@ -83,10 +83,7 @@ def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
 def claimed(
     assembly: Assembly, steps: Sequence[Stepped], tolerance: Tolerance, choose: Chooser, thorough: bool = True
 ) -> list[Claim]:
-    """Certifies what it can of pieces through which the errors have been carried.
-
-    Args:
-        thorough: whether to compute how far contacts stay inside their facets, too.
+    """Certifies what it can of pieces that carried the errors; if `thorough` also how far contacts stay inside facets.
 
     Raises:
         InfeasibleError: a pair of pieces overlaps nominally.

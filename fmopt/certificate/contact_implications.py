@@ -78,14 +78,10 @@ class Facts:
         return known
 
     def not_below(self, normal: Array, offset: float, vertices: Array, above: Array) -> Mask:
-        """Which body points are on or above a plane, given some points known not to be below it.
+        """Which body points (k, 3) are on or above a plane, given some (m, 3) known not to be below it, in m.
 
         On a line in the wall every point is zero; on a body plane hinged there all points on the side of one that is
         not below are not below; nor are points beyond such a one, seen from a point in the wall.
-
-        Args:
-            vertices: (k, 3), body frame, m.
-            above: (m, 3), body frame, m.
         """
         wall, P = self.level_with(normal, offset), self.assembly.body_points
         if not (wall.points or wall.between or len(above)):

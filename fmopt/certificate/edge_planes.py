@@ -152,7 +152,7 @@ def edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) ->
         behind.append((np.abs((off - c) @ n) <= NEAR) & ((off - c) @ inward >= -NEAR))
     count += 2 * len(behind)
     places = zip(range(always, count, 2), behind, strict=True)
-    onto = tuple(Onto(k, k + 1, _within(mask, len(upper), count)) for k, mask in places)
+    onto = tuple(Onto(k, k + 1, np.pad(mask, (len(upper), count - len(upper) - len(mask)))) for k, mask in places)
     return Counted(stacked(*parts), always, onto, (e_m, e_f))
 
 
@@ -166,18 +166,11 @@ def _level(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> tuple
     return tuple(found)
 
 
-def _within(mask: Mask, at: int, count: int) -> Mask:
-    wide = np.zeros(count, dtype=np.bool_)
-    wide[at : at + len(mask)] = mask
-    return wide
-
-
 def _beside(assembly: Assembly, known: Facts, contact: PrimitiveContact, moving: _Edge, fixed: _Edge) -> bool:
     """Whether a contact is of the fixed edge and an edge beside the moving one, see `beside`."""
     if contact.kind is not Kind.EDGE_EDGE or not fixed.points.issuperset(contact.fixed):
         return False
-    own = assembly.moving.polyhedron.vertices[list(contact.moving)]
-    return beside(known, own, moving.ends, fixed.along)
+    return beside(known, assembly.moving.polyhedron.vertices[list(contact.moving)], moving.ends, fixed.along)
 
 
 def _anchored(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge, known: Facts) -> tuple[bool, bool]:
@@ -225,11 +218,9 @@ def _levelled(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> Ma
 def _turned_onto(
     assembly: Assembly, pair: Pair, rim: tuple[Array, Array], lies: Callable[[Array], bool]
 ) -> Iterator[tuple[Array, Array, float, Array]]:
-    """Vertices in the plane of both edges that are on a wall along the fixed one.
+    """Vertices in the plane of both edges, in which a body point `lies`, that are on a wall along the fixed one.
 
-    Args:
-        rim: a point of the wall's rim and its unit direction (3,), in the plane.
-        lies: whether a body point (3,) is in the plane.
+    The rim of the wall is given by a point of it and its unit direction (3,), in the plane.
 
     Returns:
         (body vertex, direction inward in the wall, how far the rim is along it in m, the wall's normal) of each.

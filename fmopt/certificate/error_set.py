@@ -136,12 +136,7 @@ class Support:
 
     @staticmethod
     def of(generators: Array, errors: ErrorSet, slack: Array | None = None) -> Support:
-        """The support of generators with the ellipsoids of a set, and of slack on top.
-
-        Args:
-            generators: (k, 6), m and rad.
-            slack: columns (6, s) of what comes on top; nothing if None.
-        """
+        """The support of generators (k, 6), m and rad, with a set's ellipsoids, and of slack (6, s) on top."""
         parts = [generators.T, errors.slide_root, errors.swing_root, errors.shape_root]
         first = len(generators)
         second = first + errors.slide_root.shape[1]
@@ -187,11 +182,7 @@ class Linkage(Value, hole=(None, 3), hand=(None, 6), sizes=(4,)):
 
     @staticmethod
     def of(box: Array, framing: Framing) -> tuple[Array, Linkage | None]:
-        """The generators (k, 6) of a box of start errors, and how they move on; None where all stay as they are.
-
-        Args:
-            box: half-widths (6,), m and rad.
-        """
+        """Generators (k, 6) of a box (6,), m and rad, and how they move on; None where all stay as they are."""
         if framing.still:
             return np.diag(box)[box > 0.0], None
         hole, hand, world = framing.parts(box)
@@ -209,21 +200,14 @@ class Linkage(Value, hole=(None, 3), hand=(None, 6), sizes=(4,)):
         return self if self.origin is not None else replace(self, origin=start)
 
     def links(self, start: Array, goal: Array) -> Array:
-        """The sizes of errors in different frames, and the greatest way from the origin of two positions (3,), (5,).
-
-        Args:
-            start, goal: (3,), m, of the reference point.
-        """
+        """Sizes of errors in different frames, and the greatest way from the origin of two positions (3,), m: (5,)."""
         origin = start if self.origin is None else self.origin
         return np.append(self.sizes, max(length(start - origin), length(goal - origin)))
 
     def moves(self, travel: Array, turn: Array, count: int) -> Array:
-        """By how much generators (count, 6) move as the part travels and turns.
+        """By how much generators (count, 6) move as the part travels (3,), m, and turns (3, 3).
 
-        Args:
-            travel: (3,), m.
-            turn: rotation matrix (3, 3).
-            count: of generators; those behind the linked ones do not move.
+        Generators behind the linked ones do not move.
         """
         found = np.zeros((count, 6))
         after = self.turned(turn).hand

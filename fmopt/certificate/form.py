@@ -52,10 +52,8 @@ def under_form(
     """Errors carried through a piece whose contact surfaces are as thick as tolerances of form make them.
 
     Levers depend on where the errors take the part. On each execution they hold where the piece starts, by the errors
-    there, and nothing that follows from them breaks them.
-
-    Args:
-        carry: carries the errors where form adds so much to the thickness of each contact (r,), m.
+    there, and nothing that follows from them breaks them. `carry` is told how much form adds to the thickness of each
+    contact (r,), m.
 
     Raises:
         InfeasibleError: it cannot be done, or a direction tells of a contact that nothing else says how far off it is.

@@ -90,12 +90,7 @@ def _columns(row: Row) -> tuple[Vector, Vector, Vector]:
 
 @part
 def remainder(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], half: tuple[Vector, Vector]) -> float:
-    """What the linear picture of a row leaves over a piece of motion with errors in a box, m.
-
-    Args:
-        twist: Δ and τ of the piece, m and rad.
-        half: half-widths of the box around the errors, m and rad.
-    """
+    """What the linear picture of a row leaves over a twist (Δ, τ) with errors in a box of half-widths, m and rad."""
     # Bilinear rows have products of translation and turn as well, and terms of third order.
     if row["bilinear"]:
         return _bent(row, ends, twist, half)
@@ -187,10 +182,8 @@ def _sloped(
 def unsteady(row: Row, arm: float, motion: tuple[float, float], reach: tuple[float, float]) -> float:
     """How much N·μ differs at most between poses, by lengths alone: of motions in any direction.
 
-    Args:
-        arm: `reach` of it, m.
-        motion: lengths of μ, m and rad.
-        reach: how far the poses are apart at most, m and rad.
+    `arm` is the row's `reach`, m, `motion` the lengths of μ, and `reach` how far the poses are apart at most, m and
+    rad.
     """
     found = reach[1] * motion[1] * arm
     if row["bilinear"]:
@@ -206,12 +199,8 @@ def varying(
 
     With μ = (x, ξ) it changes by u·(ξ × (E − 1)w) + (ξ × (E − 1)β)·y + (ξ × Eβ)·A d + (E − 1)β·A x, E the turn by ε.
     Beyond the first order in ε and d that is ½θ²(|ξ| arm + |x|) and θ|ξ||d| at most. On the nominal path all of it, and
-    its first order, is off its chord by an eighth of its second derivative.
-
-    Args:
-        arm: `reach` of it, m.
-        motion: lengths of μ, m and rad.
-        way: lengths of the piece's twist, m and rad.
+    its first order, is off its chord by an eighth of its second derivative. Given are the row's `reach`, m, and the
+    lengths of μ and of the piece's twist, m and rad.
     """
     (slide, spin), (offset, theta), (move, turn) = motion, errors, way
     swing, chord = spin * arm, 0.0

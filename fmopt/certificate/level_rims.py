@@ -49,10 +49,8 @@ class LevelRim:
     def before(self, points: Array, normal: Array, offset: float) -> Mask:
         """Which fixed points (k, 3) are not behind a body plane, as they are no farther from the rim than it is.
 
-        In the body it lies at least as far behind the face's plane as the points are away from the rim.
-
-        Args:
-            offset: of it, m.
+        In the body it lies at least as far behind the face's plane as the points are away from the rim. The plane's
+        offset is in m.
         """
         if length(normal - self.normal) > NEAR:
             return np.zeros(len(points), dtype=np.bool_)
@@ -116,8 +114,7 @@ def edges_level(assembly: Assembly, moving: Polyhedron, fixed: Polyhedron, rims:
 
 def faced(assembly: Assembly, normal: Array, offset: float) -> bool:
     """Whether a body plane, its normal (3,) out of the part and its offset in m, is of a face and not of a cut."""
-    faces = assembly.moving.polyhedron.faces
-    return any(assembly.agree(face.normal, face.offset, normal, offset) for face in faces)
+    return any(assembly.agree(face.normal, face.offset, normal, offset) for face in assembly.moving.polyhedron.faces)
 
 
 def _runs(ends: Array, way: Array) -> bool:
@@ -152,11 +149,7 @@ def edges_beside(
 
 
 def beside(known: Facts, one: Array, other: Array, along: Array) -> bool:
-    """Whether a second edge of the body is parallel to one, and known to lie along a unit direction (3,) from it.
-
-    Args:
-        one: ends (2, 3) of an edge.
-    """
+    """Whether an edge of the body is parallel to one (2, 3), and known to lie along a unit direction (3,) from it."""
     way = (one[1] - one[0]) / length(one[1] - one[0])
     if not on_line(other, other[0], way).all():
         return False

@@ -15,7 +15,7 @@ from fmopt.certificate.level_rims import edges_beside, level_rims
 from fmopt.certificate.segment_linearisation import Piece
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.spatial.values import Array, remembered
+from fmopt.spatial.values import remembered
 
 BEHIND = 1e-15  # m; how far in front of the fixed piece a free plane is put, against rounding
 _MEMORY = 2048
@@ -124,18 +124,14 @@ def _in_walls(
         points = set(known.level_with(normal, offset).points)
         walls = [wall for wall in off if assembly.agree(wall.normal, wall.offset, normal, offset)]
         points.update(*(wall.points for wall in walls))
-        if points and _shares(moving.vertices, assembly.body_points[sorted(points)]):
+        near = assembly.body_points[sorted(points)]
+        if points and (np.abs(moving.vertices[:, None] - near).max(axis=2) <= NEAR).any():
             return True
     if edges_beside(assembly, moving, fixed, held, opening):
         return True
     rims = level_rims(assembly, held, opening)
     planes = list(zip(moving.normals, moving.offsets, strict=True)) if rims else []
     return any(rim.before(fixed.vertices, *plane).any() for rim in rims for plane in planes)
-
-
-def _shares(points: Array, others: Array) -> bool:
-    """Whether one of some points (n, 3) is one of some others (m, 3)."""
-    return bool((np.abs(points[:, None] - others).max(axis=2) <= NEAR).any())
 
 
 def pairs(assembly: Assembly, piece: Piece) -> tuple[tuple[int, int, Pair], ...]:
@@ -153,10 +149,5 @@ def touching(
 
 
 def free_plane(normal: Sequence[float], offset: float) -> Witness:
-    """The plane of a unit normal (3) just in front of a fixed piece that reaches out to an offset, m.
-
-    Args:
-        normal: unit normal (3), out of the fixed piece.
-        offset: of its farthest point along it, m.
-    """
+    """The plane of a unit normal (3), out of a fixed piece, just in front of its farthest point, at an offset in m."""
     return Witness("plane", (), (), (normal[0], normal[1], normal[2], offset + BEHIND))

@@ -101,12 +101,7 @@ class Curvature:
         return powers(self.bending)
 
     def variation(self, half: Array, motion: Array) -> Array:
-        """Bound (k,) of how much N·v may differ between poses of the piece, errors included.
-
-        Args:
-            half: half-widths (6,) of a box around the errors.
-            motion: v (6,).
-        """
+        """Bound (k,) of how much N·v, v (6,), differs between poses of the piece, errors up to `half` (6,) included."""
         return varied(self.bending, half, motion)
 
     def inside(self, N: Array, motions: Array, half: Array, drift: Array) -> tuple[Array, Array, float, Array]:

@@ -133,10 +133,7 @@ def _left(row: Row, start: End, goal: End, motion: Motion, n: int) -> float:
 
 @compiled
 def over(table: Table, motion: Motion) -> tuple[Array, Array, Array, Array]:
-    """Rows (k) over pieces of motion (n).
-
-    Args:
-        table: rows (k,).
+    """Rows (k) of a table over pieces of motion (n).
 
     Returns:
         at both ends values (2, n, k) and gradients (2, n, k, 6), how far errors reach along these (2, n, k); and the
@@ -211,8 +208,7 @@ def _margin(
 ) -> tuple[float, float]:
     """Margin and clearance of a witness; of one that cannot have the margin asked for, some margin below that.
 
-    Args:
-        asked: what margins are divided by, and the margin asked for, m.
+    `asked` says what margins are divided by, and the margin asked for, m.
     """
     scale, least = asked
     margin, clearance = np.inf, np.inf
@@ -239,13 +235,10 @@ def _widest(rooms: Array) -> int:
 def best(
     table: Table, witnesses: Witnesses, motion: Motion, least: Array, grazing: float
 ) -> tuple[Places, Array, Array]:
-    """The first witness of each pair (m) with the largest margin over pieces of motion (n).
+    """The first witness of each pair (m) with the largest margin, from `least` (n, m) on, over pieces of motion (n).
 
-    No margin exceeds its witness's room: those with less of that than the best so far are left out.
-
-    Args:
-        least: margins (n, m) that are asked for, m.
-        grazing: how far nominal distances may be below zero, m.
+    No margin exceeds its witness's room: those with less of that than the best so far are left out. Nominal distances
+    may be `grazing` below zero, m.
 
     Returns:
         witnesses (n, m), −1 where none is good enough, their margins and their clearances, m.
@@ -315,12 +308,8 @@ def best_sides(
 ) -> tuple[Places, Array, Array]:
     """The first face that keeps each pair (m) apart with the largest margin over pieces of motion (n).
 
-    What `best` does with rows that are listed, for so many faces and pieces that their rows would fill the memory: a
-    face is given up at the first corner that it does not keep off.
-
-    Args:
-        least: margins (n, m) that are asked for, m.
-        grazing: how far nominal distances may be below zero, m.
+    What `best` does with rows that are listed, by the same margins, for so many faces and pieces that their rows would
+    fill the memory: a face is given up at the first corner that it does not keep off.
 
     Returns:
         faces (n, m), −1 where none is good enough, their margins and their clearances, m.

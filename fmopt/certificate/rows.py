@@ -124,13 +124,7 @@ def stacked(*parts: Forms) -> Forms:
 
 
 def points_above(points: Array, normals: Array, offsets: Array | float) -> Forms:
-    """n·(p + R v) − a.
-
-    Args:
-        points: v (k, 3), body frame, m.
-        normals: n (k, 3) or one, unit vectors, axes of B.
-        offsets: a (k,) or one, m.
-    """
+    """n·(p + R v) − a: body points v (k, 3), unit normals n (k, 3) or one in axes of B, offsets a (k,) or one, m."""
     return Forms(records(definitions.vertex_face, v=points, n=normals, c=offsets))
 
 
@@ -140,23 +134,15 @@ def balls_above(points: Array, normals: Array, offsets: Array | float, radii: Ar
 
 
 def directions_along(u: Array, k: Array) -> Forms:
-    """u·(R k): rows that only the rotation moves.
+    """u·(R k): rows that only the rotation moves, u in axes of B and k in those of the body, (r, 3) or one each.
 
-    Args:
-        u: (r, 3) or one, axes of B.
-        k: (r, 3) or one, body axes; |u||k| is the arm on which an angle counts.
+    |u||k| is the arm on which an angle counts.
     """
     return Forms(records(definitions.hinge, k=k, u=u))
 
 
 def faces_above(normals: Array, offsets: Array | float, points: Array) -> Forms:
-    """(R n)·(w − p) − a.
-
-    Args:
-        normals: n (k, 3) or one, unit vectors, body axes.
-        offsets: a (k,) or one, m.
-        points: w (k, 3), in the B-frame, m.
-    """
+    """(R n)·(w − p) − a: unit normals n (k, 3) or one in body axes, offsets a (k,) or one, points w (k, 3) in B, m."""
     return Forms(records(definitions.face_vertex, n=normals, w=points, c=offsets))
 
 
@@ -175,10 +161,7 @@ def edges_apart(e_m: Array, e_f: Array, q: Array, points: Array) -> Forms:
 
 
 def records(definition: Definition, **parameters: Array | float) -> Any:
-    """Records (r,) of rows.
-
-    Args:
-        parameters: its own: vectors (r, 3) or one for all (3,), numbers (r,) or one.
+    """Records (r,) of rows, by their own parameters: vectors (r, 3) or one for all (3,), numbers (r,) or one.
 
     Raises:
         TypeError: the definition is no row of this form.
@@ -233,18 +216,14 @@ class _Affine:
     def _constant(self) -> bool:
         return self.turned is None and self.sign == 0.0 and not self.a.any()
 
-    @property
-    def _turns(self) -> bool:
-        """Whether it is R b alone."""
-        return self.turned is not None and self.sign == 0.0 and not self.a.any() and not self.s.any()
-
     def __add__(self, other: _Affine) -> _Affine:
-        turned = _one(self.turned, other.turned)
+        if self.turned is not None and other.turned is not None:
+            raise TypeError("a sum of two vectors that turn")
+        turned = other.turned if self.turned is None else self.turned
         return _Affine(self.s + other.s, self.sign + other.sign, self.a + other.a, turned)
 
     def __sub__(self, other: _Affine) -> _Affine:
-        turned = None if other.turned is None else -other.turned
-        return self + _Affine(-other.s, -other.sign, -other.a, turned)
+        return self + _Affine(-other.s, -other.sign, -other.a, None if other.turned is None else -other.turned)
 
     def crossed(self, other: _Affine) -> _Affine:
         """e × (σ p + s) of a constant e."""
@@ -262,8 +241,8 @@ class _Affine:
             return _Form(n=n, c=inner, u=self.s, k=other.turned)
         if other._constant:
             return other.dotted(self)
-        if self._turns and other.turned is None:
-            assert self.turned is not None
+        alone = self.sign == 0.0 and not self.a.any() and not self.s.any()
+        if self.turned is not None and alone and other.turned is None:
             # R b against what moves: bilinear, the only product of two moving vectors that rows may have.
             return _Form(b=self.turned, sign=other.sign, a=other.a, s=other.s, bilinear=True)
         raise TypeError("an inner product that is not of the form")
@@ -294,12 +273,6 @@ class _Form:
 
     def __sub__(self, number: Array | float) -> _Form:
         return replace(self, c=self.c + number)
-
-
-def _one(a: Array | None, b: Array | None) -> Array | None:
-    if a is not None and b is not None:
-        raise TypeError("a sum of two vectors that turn")
-    return b if a is None else a
 
 
 Asked = tuple[int, Array, Array, float]

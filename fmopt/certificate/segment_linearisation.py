@@ -135,8 +135,7 @@ def _way(
 ) -> Linearisation:
     """See `linearisation_of`: no error enters it, so that a motion certified under other errors has the same.
 
-    Args:
-        making: the contact being made and the share φ of what is left of its move; None without.
+    The contact being made comes with the share φ of what is left of its move.
     """
     (start, goal), (contacts, twists) = ends, basis
     V = start.local(goal)
@@ -273,8 +272,7 @@ class Compliance:
 class Piece:
     """A piece of a move: nominal poses, contacts held and to be held, the basis, and which fraction of the move it is.
 
-    Args:
-        made: the contact that the move makes, one for all that are made together, or None.
+    Where contacts are made together, `made` is one for all.
     """
 
     start: Pose

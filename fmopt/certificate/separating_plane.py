@@ -121,11 +121,9 @@ class Candidates:
         return Candidates(witnesses, forms.table, listed)
 
     def best(self, course: Course, least: Array, grazing: float) -> tuple[Places, Array, Array]:
-        """For each pair the witness with the largest margin among those whose planes hold nominally.
+        """The witness of each pair with the largest margin, at least `least` (n, m), m, whose plane holds nominally.
 
-        Args:
-            least: margins (n, m) that are asked for, m.
-            grazing: how far nominal distances may be below zero, m.
+        Nominal distances may be `grazing` below zero, m.
 
         Returns:
             numbers (n, m) of the witnesses, −1 where none holds with that margin, their margins and clearances, m.
@@ -163,12 +161,7 @@ def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -
 
 
 def settled(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Mask:
-    """Which vertices (v) of the moving piece contacts keep from crossing a plane of the fixed part.
-
-    Args:
-        normal: unit normal (3,).
-        offset: of the plane, m.
-    """
+    """Which vertices (v) of the moving piece contacts keep from crossing a plane (unit normal (3,), offset in m)."""
     known, walls = facts(assembly, pair.state), coming_off(assembly, pair.state, pair.left)
     above = _above(assembly, pair, walls, normal, offset)
     return np.asarray(known.not_below(normal, offset, pair.moving.vertices, above) & (pair.moving.radii == 0.0))

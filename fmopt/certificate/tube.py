@@ -101,12 +101,7 @@ class Errors(NamedTuple):
 
 @compiled
 def left(bending: Bending, half: Array, coupling: Array) -> Array:
-    """What the linear picture of rows leaves over a piece (k,), m.
-
-    Args:
-        half: half-widths (6,) of a box around the errors, m and rad.
-        coupling: what the linear picture leaves of errors in different frames (2,), m and rad.
-    """
+    """What the linear picture of rows leaves over a piece (k,), m, with errors up to `half` (6,); see `coupled`."""
     table, turned, twist = bending.table, bending.turned, halves(bending.twist)
     found, box = np.empty(len(table)), halves(half)
     for i in range(len(table)):
@@ -160,10 +155,8 @@ def _coupled(links: Array, offset: float, angle: float, turn: float) -> tuple[fl
 def coupled(links: Array, half: Array, turn: float) -> Array:
     """What the linear picture leaves of errors in different frames (2,), m and rad.
 
-    Args:
-        links: sizes of h_p, h, g_p and g_r, and P (5,), m and rad; all zero where errors are fixed in one frame.
-        half: half-widths (6,) of a box around the errors, m and rad.
-        turn: of the piece, rad.
+    The links are sizes of h_p, h, g_p and g_r, and P (5,), m and rad, all zero where errors are fixed in one frame; the
+    half-widths (6,) are of a box around the errors, m and rad, and the turn is that of the piece, rad.
     """
     found = np.zeros(2)
     if links[0] + links[1] + links[2] + links[3] > 0.0:

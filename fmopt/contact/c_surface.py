@@ -52,9 +52,8 @@ _NOTHING = 1e-9  # length of a wrench that is left of a unit one and counts as n
 class Surfaces(Value):
     """The C-surface functions of k contacts.
 
-    Args:
-        order: (k,), sends contacts stacked by kinds back to their own order.
-        tables: for each kind the records of its contacts, in the order of `CONTACTS`.
+    The tables hold the records of the contacts of each kind, in the order of `CONTACTS`; `order` (k,) sends contacts
+    stacked by kinds back to their own order.
     """
 
     contacts: tuple[PrimitiveContact, ...]
@@ -110,8 +109,7 @@ def _surfaces(moving: Polyhedron, fixed: Polyhedron, contacts: tuple[PrimitiveCo
     for kind in sorted(Kind, key=lambda kind: [*CONTACTS.values()].index(definition(kind))):
         group = [n for n, contact in enumerate(contacts) if contact.kind is kind]
         places += group
-        numbers = _numbers(moving, fixed, kind, [contacts[n] for n in group])
-        tables.append(records(definition(kind), numbers))
+        tables.append(records(definition(kind), _numbers(moving, fixed, kind, [contacts[n] for n in group])))
     order = np.argsort(places, kind="stable").astype(np.intp)
     order.setflags(write=False)
     return Surfaces(contacts, order, tuple(tables))

@@ -91,8 +91,7 @@ def _gradient(f: Any, p: Any, turned: list[Any]) -> Any:
 
 def latex(kind: Definition) -> str:
     """The formula of a kind, as LaTeX writes it."""
-    names = {name: Word(name) for name in kind.roles}
-    return str(kind(Word("p"), Word("R"), **names).text)
+    return str(kind(Word("p"), Word("R"), **{name: Word(name) for name in kind.roles}).text)
 
 
 @dataclass(frozen=True)

@@ -105,10 +105,8 @@ def vertices_at_faces(corners: Corners, walls: Walls, T: Array, reach: float, an
 def edges_at_edges(own: Ridges, other: Ridges, T: Array, reach: float, angle: float, sine: float) -> Bits:
     """Which edges (n) of one part can meet which edges (m) of another: (n, m).
 
-    Args:
-        T: (3, 4), rotation and position that carry the first into the frame of the others, m.
-        reach: largest shift, m.
-        angle: largest turn about the origin of the first, rad.
+    Rotation and position T (3, 4) carry the first into the frame of the others, m, up to a shift of `reach`, m, and a
+    turn of `angle`, rad, about its origin.
     """
     near = np.zeros((len(own.ends), len(other.ends)), dtype=np.bool_)
     p = (T[0, 3], T[1, 3], T[2, 3])

@@ -45,9 +45,8 @@ class ContactState(Value, point=(6,)):
 class ContactGraph(Value):
     """Contact states, largest dimension first, and for each the adjacent ones of lower and of higher dimension.
 
-    Attributes:
-        sons: for each state the indices of the states on the boundary of its facet, one dimension lower.
-        fathers: for each state the indices of the states whose facets it bounds, one dimension higher.
+    For each state `sons` has the indices of those on the boundary of its facet, one dimension lower, and `fathers` of
+    those whose facets it bounds, one dimension higher.
     """
 
     space: LocalSpace

@@ -38,10 +38,7 @@ class Settled:
 
 
 def execute(what: Plan, trials: Trials, settled: Settled, caution: str = "") -> dict[str, Any]:
-    """Runs trials of a plan and writes `trials.jsonl` and `summary.json`.
-
-    Returns:
-        The summary.
+    """Runs trials of a plan, writes `trials.jsonl` and `summary.json`, and gives the summary.
 
     Raises:
         FmoptError: the plan cannot be run, the extra is missing, or the results cannot be written.

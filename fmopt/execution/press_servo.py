@@ -93,9 +93,7 @@ class Ends(NamedTuple):
 class Sensors(NamedTuple):
     """What is measured: the last poses and filtered wrenches, (periods, n, 13), and samples (k, n, 6) of displacements.
 
-    Attributes:
-        noise: standard deviations (12,) of force, torque, position and angle.
-        measured: (n, 13), late and noisy.
+    Noise is standard deviations (12,) of force, torque, position and angle; `measured` (n, 13) is late and noisy.
     """
 
     late: Array
@@ -211,14 +209,9 @@ def sensed(
 def ended(
     bodies: Bodies, ends: Ends, sensors: Sensors, active: Ints, arm: float, sample: int, follows: Ints
 ) -> bool:  # fmt: skip
-    """What follows for each body whose press, rest or way back has ended, −1 for others, into `follows`.
+    """Whether a press, rest or way back has ended; what follows for each such body goes into `follows`, else −1.
 
-    Args:
-        arm: m, that turns are told as displacements by.
-        sample: number of the sample that is due; −1 for none.
-
-    Returns:
-        Whether any has ended.
+    Turns are told as displacements by an arm, m; the number of the sample that is due is −1 for none.
     """
     some, shift = False, np.zeros(6)
     for k in active:

@@ -39,18 +39,15 @@ _NOISE = 0x6E6F6973  # sets the streams of noise apart from those of errors
 def fit_of(seat: Seat) -> Fit:
     """The fit that success is measured by."""
     free = (0.0, 0.0, 0.0, 0.0, 0.0, math.pi if seat.free_turn else 0.0)
-    goal = Pose.from_vector(seat.goal)
-    return Fit(seat.clearance, seat.depth, seat.rho, goal, seat.loose, free, seat.symmetry)
+    return Fit(seat.clearance, seat.depth, seat.rho, Pose.from_vector(seat.goal), seat.loose, free, seat.symmetry)
 
 
 def drawn_errors(
     conditions: Conditions, presses: int, seed: int, numbers: Sequence[int], corners: float = 0.0
 ) -> Errors:
-    """Errors of trials, each from its own stream.
+    """Errors of numbered trials, each from its own stream of the seed.
 
-    Args:
-        seed, numbers: of the stream, and of the trials in it.
-        corners: share of the trials in which all but drift is at ends of its intervals, for choosing among plans.
+    In a share `corners` of the trials all but drift is at ends of its intervals, for choosing among plans.
     """
     rows = [_drawn(conditions, presses, np.random.default_rng([seed, number]), corners) for number in numbers]
     return Errors(*(np.array(column) for column in zip(*rows, strict=True)))
@@ -103,10 +100,8 @@ def carry_out(
 ) -> list[TrialOutcome]:
     """Carries a plan out, once for each row of errors.
 
-    Args:
-        seed, numbers: of the streams of noise.
-        courses: for each trial its attempts in order, by number; all of them if not given.
-        time_step: of the physics, s; None for what the clearance asks for.
+    Streams of noise are numbered under the seed. Courses are for each trial its attempts in order, by number, else all
+    of them. The time step of the physics (s) is, if None, what the clearance asks for.
     """
     friction = errors.friction if np.ptp(errors.friction) > 0.0 else float(errors.friction[0])
     put = ENGINES[engine].scene(Setup(bodies, SOFT * plan.seat.clearance, plan.robot, friction, time_step, threads))
@@ -114,8 +109,7 @@ def carry_out(
     start = np.array([plan.attempts[course[0]].start for course in courses])
     starts = start[:, :3] + errors.start[:, :3], turned(quaternions(errors.start[:, 3:]), quaternions(start[:, 3:]))
     noise = Noise(seed ^ _NOISE, numbers, width=12)
-    fit = fit_of(plan.seat)
-    return PressRig(put(starts), plan, courses, errors, fit, bodies.penetration, noise, look).run()
+    return PressRig(put(starts), plan, courses, errors, fit_of(plan.seat), bodies.penetration, noise, look).run()
 
 
 def count_presses(plan: PressPlan) -> int:
@@ -128,9 +122,8 @@ def press_records(
 ) -> list[dict[str, Any]]:
     """Carries a plan of presses out, one record a trial.
 
-    Args:
-        bodies: both parts, which need not be the plan's.
-        trials: how they are drawn; with the seed of the plan's evidence as its draws, then its vertices.
+    The bodies, both parts, need not be the plan's. Trials with the seed of the plan's evidence are its draws, then its
+    vertices.
 
     Raises:
         PlanFormatError: the plan does not say what its errors are.

@@ -74,9 +74,8 @@ class Step(Value, position=(6, 6), twist=(6,), hold=(2, 6), rubbing=(6,), gain=(
 class Program(Value):
     """Steps, from the first on.
 
-    Args:
-        speed: m/s, to which the shares of the velocity error refer.
-        limits: greatest force (N) and torque (N·m) of the servo.
+    To the speed (m/s) the shares of the velocity error refer; the limits are the servo's greatest force (N) and torque
+    (N·m).
     """
 
     name: str

@@ -25,10 +25,7 @@ AWAY = 3.8  # distance of the camera, in sizes of the moving part
 
 
 def replay(planned: Plan, trials: Trials, number: int, file: Path) -> dict[str, Any]:
-    """Runs one trial again and writes it as a GIF.
-
-    Returns:
-        The trial's record, the same as when it ran among others.
+    """Runs one trial again, writes it as a GIF, and gives its record, the same as when it ran among others.
 
     Raises:
         ResourceError: the extra or a way to draw is missing, or the file cannot be written.

@@ -119,7 +119,9 @@ class Rig:
             wrench[led] = self._led(self.back)[led]
         self.engine.advance(wrench, self.robot.period)
         self.time += self.robot.period
-        self._sense()
+        self.reaction = self.engine.reaction
+        raw = self.reaction + self.noise() * np.repeat(self.robot.noise, 3)
+        self.state.filtered += self.robot.smoothing * (raw - self.state.filtered)
         self.moved = np.hstack([self.qpos[:, :3] - before[:, :3], between(self.qpos[:, 3:], before[:, 3:])])
         events = self._decide(here, self._gone(here))
         if self.back is not None:
@@ -252,11 +254,6 @@ class Rig:
         state.p = self.qpos[:, :3] + back[:, :3]
         state.q = product(quaternions(back[:, 3:]), self.qpos[:, 3:])
 
-    def _sense(self) -> None:
-        self.reaction = self.engine.reaction
-        raw = self.reaction + self.noise() * np.repeat(self.robot.noise, 3)
-        self.state.filtered += self.robot.smoothing * (raw - self.state.filtered)
-
     def _decide(self, here: Ints, way: Array) -> list[Event]:
         """Felt, deep or late: bodies that leave their step, and where they go."""
         state, numbers = self.state, self.table.numbers[here]
@@ -365,11 +362,8 @@ def contact_told(signal: Signal, force: Array, sure: Array, robot: Robot) -> NDA
     A force that friction could not bring about does, if it slows the part or lasts: faces that rub rattle, which is as
     strong but over in some milliseconds, and a part that pivots about its new contact is hardly slowed. So does a
     smaller one that brakes the part, and a smaller one yet at which the part stands although the push has grown: a
-    larger push would pry it off what it holds.
-
-    Args:
-        force: (n,) from which on a force on a part that is braked counts, N.
-        sure: (n,) more than all friction brings about, N.
+    larger push would pry it off what it holds. A force on a part that is braked counts from `force` (n,) on, N; all
+    friction brings about less than `sure` (n,), N.
     """
     slowed = (signal.brisk <= robot.braked[0]) & (signal.sensed >= sure)
     lasting = signal.slowly >= robot.lasting * sure

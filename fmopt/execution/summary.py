@@ -272,10 +272,8 @@ def watch(logs: Sequence[Log], rig: Rig, left: Container[int] = ()) -> None:
 def reasons_at_rest(fit: Fit, q: Array, v: Array, lowest: float, depth: float) -> tuple[list[str], Array, Array]:
     """What speaks against a part being seated, in words, with how far it is from the goal: (3,), m, and (3,), rad.
 
-    Args:
-        q, v: pose (7,) and velocity (6,) of the part, as an engine has them.
-        lowest: z of its reference point at its lowest, m.
-        depth: greatest penetration, m.
+    Pose q (7,) and velocity v (6,) are as an engine has them; `lowest` is the z of the reference point at its lowest,
+    and `depth` the greatest penetration, m.
     """
     off = q[:3] - fit.goal.p
     turned = between(q[3:], quaternions(fit.goal.vector()[3:]))

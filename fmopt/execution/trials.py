@@ -175,10 +175,7 @@ def run(
     robot: Robot | None = None,
     look: Callable[[Any], None] | None = None,
 ) -> list[Any]:
-    """Runs some trials together.
-
-    Returns:
-        One record a trial, as in the file of trials.
+    """Runs some trials together, and gives one record a trial, as in the file of trials.
 
     Raises:
         PlanFormatError: the plan cannot be run.
@@ -211,8 +208,7 @@ def run(
         noise = Noise(trials.seed, [numbers[k] for k in which], attempt)
         return Rig(put(starts), program, robot, np.stack([draws[k].drift for k in which], axis=1), noise)
 
-    logs = carried_out(course, rig, _starts(program, draws))
-    return [record(body, log) for body, log in enumerate(logs)]
+    return [record(body, log) for body, log in enumerate(carried_out(course, rig, _starts(program, draws)))]
 
 
 def _starts(program: Program, draws: Sequence[Draw]) -> tuple[Array, Array]:
@@ -225,10 +221,8 @@ def _starts(program: Program, draws: Sequence[Draw]) -> tuple[Array, Array]:
 def grown(plan: Plan, growth: float) -> Plan:
     """A plan whose moving part is thicker on each side: faces that look sideways move out, balls grow.
 
-    Only what the scene is built from changes; moves and contacts stay as they are.
-
-    Args:
-        growth: m, of either sign; the plan itself where there is none.
+    Only what the scene is built from changes; moves and contacts stay as they are. The growth, m, has either sign;
+    without any it is the plan itself.
     """
     if growth == 0.0:
         return plan

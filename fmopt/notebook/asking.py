@@ -93,8 +93,7 @@ class Asked:
         """
         for part in self.files:
             _require_file(part)
-        text = self.text(file.parent)
-        output.save(text.encode(), file)
+        output.save(self.text(file.parent).encode(), file)
         return load(file)
 
 
@@ -130,12 +129,8 @@ def _table(keys: Mapping[str, Any]) -> str:
 def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, unit: str | None = None) -> Asked:
     """The question that an assembly asks: one of its bodies into another, as they stand there.
 
-    Of two bodies the one that goes into the other is found where neither is named: the one with the peg; of two that
-    could, the smaller one moves.
-
-    Args:
-        moving, fixed: names or numbers of bodies; None to have one found.
-        unit: of the numbers of an OBJ file; mm if not given.
+    Bodies are named, or numbered. Where neither of two is named, the one that goes into the other is found: the one
+    with the peg; where both could, the smaller one moves. The unit is that of an OBJ file's numbers; mm if not given.
 
     Raises:
         InputError: there are too few or too many bodies to choose from, or one does not exist.

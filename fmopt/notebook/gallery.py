@@ -51,8 +51,7 @@ def gallery(file: Path) -> Mapping[str, Drawing]:
         pairs = zip(said, bodies, strict=True)
         found = {f"{body}-{name}": drawing for body, part in pairs for name, drawing in drawings(part).items()}
         return {name: replace(drawing, name=name) for name, drawing in found.items()}
-    source = read(file)
-    if {"objects", "tasks"} & set(source.data):
+    if {"objects", "tasks"} & set(read(file).data):
         return _tasks(file)
     from fmopt.notebook.problem import load
 

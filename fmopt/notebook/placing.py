@@ -84,8 +84,7 @@ def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placin
 
     # Solvers want unknowns of one size: y are theirs, x those of the program, in m and rad.
     x = cvxpy.multiply(program.units, y)
-    count = len(now.placed.moves) + 1
-    return Placing(found, cvxpy.reshape(x[:-1], (count, 6), order="C"), x[-1], now, aim)
+    return Placing(found, cvxpy.reshape(x[:-1], (len(now.placed.moves) + 1, 6), order="C"), x[-1], now, aim)
 
 
 def motion_of(plan: Plan, problem: Problem) -> CertifiedMotion:

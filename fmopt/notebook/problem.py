@@ -203,8 +203,7 @@ def _play(problem: Problem) -> Array:
 
 def _dimensions(problem: Problem, side: str) -> dict[str, float]:
     """The lengths among the parameters of a part's model, m, as the problem has them."""
-    reading = Reading.of(problem.source.data)
-    given, _ = overrides_of(problem.source, reading, (side, "parameters"))
+    given, _ = overrides_of(problem.source, Reading.of(problem.source.data), (side, "parameters"))
     values = dict(parameter_values(Base.read(problem.path).models[side])) | {n: o.value for n, o in given.items()}
     return {name: value.value for name, value in values.items() if value.dimension == LENGTH}
 

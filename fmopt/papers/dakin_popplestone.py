@@ -35,8 +35,7 @@ def as_in_the_paper(
 ) -> tuple[Claim, ...]:
     """The same pieces and planes with the paper's error sets, and the margins that it would see.
 
-    Args:
-        start: error set at its start; the paper knows its ellipsoid alone.
+    The paper knows the ellipsoid alone of the error set at the start.
     """
     errors = ErrorSet.from_ellipsoid(start.shape)
     found = []
@@ -72,8 +71,7 @@ def _judged(assembly: Assembly, claim: Claim, errors: ErrorSet, tolerance: Toler
     # No extent and no slack: the paper's claims leave out what is of second order.
     flat = Extent(np.zeros(6), np.zeros(6))
     ends = replace(step.ends, start_set=start, goal_set=goal, extent=flat, slack=np.zeros((6, 0)), core=None)
-    listed = pairs(assembly, piece)
-    both = zip(claim.separations, listed, strict=True)
+    both = zip(claim.separations, pairs(assembly, piece), strict=True)
     separations = tuple((i, j, separation(assembly, pair, one.witness, ends)) for (i, j, one), (*_, pair) in both)
     margin, binding = min((s.margin, f"pieces {i}/{j}") for i, j, s in separations)
     return replace(
@@ -84,12 +82,8 @@ def _judged(assembly: Assembly, claim: Claim, errors: ErrorSet, tolerance: Toler
 def section(Q: Array, V: Array) -> Array:
     """Shape matrix Q − (QV)(QV)ᵀ/(VᵀQV) of the section of the ellipsoid by the hyperplane V⊥ through its centre.
 
-    The ellipsoid through the surface points λ_U U of [DakinPopplestone1993] eq. 9 and 28, in closed form and in
-    the coordinates of Q.
-
-    Args:
-        Q: shape matrix (n, n).
-        V: direction (n,).
+    The ellipsoid through the surface points λ_U U of [DakinPopplestone1993] eq. 9 and 28, in closed form and in the
+    coordinates of Q. Q is (n, n) and V, the direction, (n,).
     """
     QV = Q @ V
     reach = float(V @ QV)

@@ -56,9 +56,7 @@ _ROUNDING = 1e-13  # m: what floating point may leave of a margin
 class Plan(proof.Plan):
     """A plan: the part that the check judges, and the description.
 
-    Attributes:
-        description: how the motion was found, and what surrounds it.
-        press_plan, trials: presses and their evidence in full, of a plan that has them.
+    The description says how the motion was found, and what surrounds it; presses come with their evidence in full.
     """
 
     description: Description = field(kw_only=True)

@@ -77,9 +77,8 @@ class Graph:
 class Visit:
     """A contact state that the motion comes to.
 
-    Attributes:
-        segment: with which it begins, −1 for the start.
-        held_in: critical points, by index, and the name of the state in the graph of each.
+    It begins with a segment, −1 for the start; `held_in` has critical points, by index, and the name of each one's
+    state in the graph.
     """
 
     contacts: Many[Label]

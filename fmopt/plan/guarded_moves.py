@@ -156,15 +156,21 @@ def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, 
     position_axes, force_axes = (np.array(rows, dtype=np.float64).reshape(-1, 6) for rows in axes)
     held = from_frame(frame, force_axes, goal.p)
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
+    # Force axes of a plan are independent: the columns span them, and nothing else.
+    basis, _ = np.linalg.qr((held / scale).T)
     hold = frozen(hybrid.bias, 6)
     if hybrid.push > 0.0:
-        free = _free(held, V, rho)
+        # V′: the part of the twist on which the held wrenches have no power.
+        free = (V * scale - basis @ (basis.T @ (V * scale))) / scale
         size = float(np.linalg.norm(free * scale))
         if not size > 0.0:
             raise ValueError("it pushes along a motion that its held contacts stop")
         # The servo pushes along the motion by itself. Scaled, a twist is its wrench; unscaled that has ρ² on turns.
         hold = hold - (hybrid.push / size) * free * scale**2
-    _refuse_unheld(index, hold, held, rho)
+    rest = float(np.linalg.norm(hold / scale - basis @ (basis.T @ (hold / scale))))
+    if rest > _HELD:
+        message = f"segment {index}: {rest:.3g} N of its bias press where its force axes hold nothing"
+        raise PlanFormatError(message, "solve the problem with this version")
     forces = [(known[contact], force) for contact, force in hybrid.pressed]
     change = _pressing(_shifted(forces, start), start) - _pressing(forces, goal)
     far = length(start, goal, rho)
@@ -205,23 +211,6 @@ def _shifted(forces: Sequence[tuple[Contact, float]], pose: Pose) -> list[tuple[
         for k in mates if not touching[i] else ():
             shifted[k] += force / len(mates)
     return [(contact, force) for (contact, _), force in zip(forces, shifted, strict=True)]
-
-
-def _free(held: Array, V: Array, rho: float) -> Array:
-    """V′: the part (6,) of the twist on which the held wrenches (r, 6) have no power."""
-    scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
-    # Force axes of a plan are independent: the columns span them, and nothing else.
-    basis, _ = np.linalg.qr((held / scale).T)
-    return np.asarray((V * scale - basis @ (basis.T @ (V * scale))) / scale)
-
-
-def _refuse_unheld(index: int, hold: Array, held: Array, rho: float) -> None:
-    scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
-    basis, _ = np.linalg.qr((held / scale).T)
-    rest = float(np.linalg.norm(hold / scale - basis @ (basis.T @ (hold / scale))))
-    if rest > _HELD:
-        message = f"segment {index}: {rest:.3g} N of its bias press where its force axes hold nothing"
-        raise PlanFormatError(message, "solve the problem with this version")
 
 
 def _stop(hybrid: Hybrid, move: Held, V: Array, budget: Budget) -> Stop | None:

@@ -73,24 +73,19 @@ class Decomposition:
 
 def gamma(s: Sequence[int], P: ArrayLike) -> Array:
     """Γ(S, P): the artificial position constraints Pₐ (6,), P (m and rad) where s = 0 and 0 elsewhere; P − Pₐ is Pₙ."""
-    free = Decomposition(tuple(s)).artificial
-    return np.where(np.isin(np.arange(6), free), np.asarray(P, dtype=np.float64), 0.0)
+    return np.where(np.isin(np.arange(6), Decomposition(tuple(s)).artificial), np.asarray(P, dtype=np.float64), 0.0)
 
 
 def natural_constraints(s: Sequence[int], P: ArrayLike) -> Array:
     """Pₙ (6,), the part of P in C_np, with P = Pₐ + Pₙ: what contact holds and position servoing leaves alone."""
-    held = Decomposition(tuple(s)).natural
-    return np.where(np.isin(np.arange(6), held), np.asarray(P, dtype=np.float64), 0.0)
+    return np.where(np.isin(np.arange(6), Decomposition(tuple(s)).natural), np.asarray(P, dtype=np.float64), 0.0)
 
 
 def omega(s: Sequence[int], f: ArrayLike) -> Array:
     """Ω(S): the reaction Fₐ (6,) on the moving part, −f where s = 1, +f where s = −1, 0 where s = 0.
 
-    Where s = 2 the paper's ±f stands as +f; `Decomposition.either_sign` names these degrees.
-
-    Args:
-        s: S.
-        f: wanted contact forces and torques (6,), not negative, N and N·m.
+    Where s = 2 the paper's ±f stands as +f; `Decomposition.either_sign` names these degrees. Wanted contact forces and
+    torques f (6,) are not negative, N and N·m.
     """
     signs = np.array([_REACTION[value] for value in Decomposition(tuple(s)).s])
     return np.asarray(signs * np.asarray(f, dtype=np.float64) + 0.0)  # no minus zero

@@ -193,9 +193,8 @@ class Seat:
 class PressPlan:
     """Attempts in order, what carries them out, and what the part is that they are tried with.
 
-    Attributes:
-        clear: height in B to which the part is lifted between two attempts, m.
-        filled: whether the part is tried with its hollows filled, as nothing comes into them.
+    Between two attempts the part is lifted to a height in B, m. It is tried with its hollows filled where nothing comes
+    into them.
     """
 
     robot: PressRobot

@@ -80,8 +80,7 @@ class Synthesis:
         chunks = [range(k, draws, workers) for k in range(min(workers, draws))]
         spread(partial(run, self.plan, Trials(draws, seed=settings.seed)), chunks, workers, records.extend)
         seated = sum(record["success"] for record in records)
-        bound = lower_bound(seated, draws)
-        found = CarriedOut(draws, seated, bound, settings.min_rate, settings.seed, version())
+        found = CarriedOut(draws, seated, lower_bound(seated, draws), settings.min_rate, settings.seed, version())
         described = replace(Description.parsed(self.document["description"]), carried_out=found)
         document = plan.sealed(plan.clean({**self.document, "description": described.record()}))
         return replace(self, document=document)
@@ -313,8 +312,7 @@ def _nominal_motion(problem: Problem, found: Answer, errors: ErrorSet, rho: floa
     made = answered(found, box, rho)
     reach = float(np.linalg.norm(box[:3]) + 2.0 * rho * np.linalg.norm(box[3:]))
     critical = critical_poses(problem.moving, problem.fixed, made.path, max(reach, 1e-3))
-    freedoms = freedom(problem.moving, problem.fixed, made.path, box)
-    return Nominal(made.path, critical, freedoms, found, made)
+    return Nominal(made.path, critical, freedom(problem.moving, problem.fixed, made.path, box), found, made)
 
 
 def _contact_states(motion: CertifiedMotion, nominal: Nominal | None) -> Visited:

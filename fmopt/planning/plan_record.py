@@ -175,7 +175,8 @@ def _diagnostics(
     problem: Problem, told: Described, motion: ControlledMotion, segments: list[dict[str, Any]]
 ) -> Diagnostics:
     nominal, states, done = told.nominal, told.states, motion.motion
-    x, y = map(_side, done.clearance.play)
+    # None where nothing stops the part.
+    x, y = (0.5 * play if math.isfinite(play) else None for play in done.clearance.play)
     return Diagnostics(
         graphs=() if states is None else states.graphs(),
         sequence=() if states is None else states.sequence(),
@@ -191,11 +192,6 @@ def _diagnostics(
         tolerated=told.measured,
         planar=None if nominal is None else _in_the_plane(problem, nominal, done.claims),
     )
-
-
-def _side(play: float) -> float | None:
-    """The clearance on each of two sides with so much play between them, m; None where nothing stops the part."""
-    return 0.5 * play if math.isfinite(play) else None
 
 
 def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...]) -> Planar | None:

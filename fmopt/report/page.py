@@ -25,11 +25,12 @@ from fmopt.report.views.budget_view import budget_table
 def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
     """The report: verdict first, then the motion, why it holds, what it tolerates, with its figures (SVG by name).
 
-    Returns:
-        A page without any reference to something outside it; everything from the plan is escaped.
+    The page has no reference to something outside it; everything from the plan is escaped.
     """
     found = verdict(plan)
-    shown = _shown(plan, figures)
+    # In the order of the catalogue, whatever that of `figures`; nothing is painted for it.
+    drawn = {name: drawing for name, drawing in catalogue(plan).items() if name in figures}
+    shown = {name: figure(figures[name], d.alt, d.title, d.size) for name, d in drawn.items()}
     title = plan.title or "insertion"
     # A chapter that the plan has nothing for is empty here, and `chaptered` leaves it out.
     own = _press_chapters(plan, shown) if plan.press_plan is not None else _guarded_chapters(plan, shown)
@@ -85,13 +86,6 @@ def _verdict_box(plan: Plan, found: Verdict) -> str:
     text += "" if plan.press_plan is not None else f"<p>{escape(sections.worst_move(plan))}</p>\n"
     text += f'<p>{escape(sections.asked_words(plan))} More under <a href="#asked">what was asked</a>.</p>\n'
     return text + "</div>"
-
-
-def _shown(plan: Plan, figures: Mapping[str, str]) -> dict[str, str]:
-    """The figures as pictures with what they show in words."""
-    # In the order of the catalogue, whatever that of `figures`; nothing is painted for it.
-    drawn = {name: drawing for name, drawing in catalogue(plan).items() if name in figures}
-    return {name: figure(figures[name], d.alt, d.title, d.size) for name, d in drawn.items()}
 
 
 def possible_contacts(plan: Plan) -> str:

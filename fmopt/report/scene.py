@@ -126,8 +126,7 @@ def scene_data(plan: Plan) -> dict[str, Any]:
 
 def _press_data(plan: Plan) -> dict[str, Any]:
     """What the viewer shows of presses: the way of a trial without errors, press by press."""
-    trace = plan.description.trace
-    legs = [Leg(one.press, one.pose, other.pose) for one, other in pairwise(trace)]
+    legs = [Leg(one.press, one.pose, other.pose) for one, other in pairwise(plan.description.trace)]
     first = presses_of(plan).attempts[0]
     captions = [
         {
@@ -137,8 +136,7 @@ def _press_data(plan: Plan) -> dict[str, Any]:
         }
         for press, row in zip(first.presses, press_rows(first), strict=True)
     ]
-    still = [Leg(0, start_of(plan), start_of(plan))]
-    return {**_data(plan.moving, plan.fixed, legs or still), "moves": captions}
+    return {**_data(plan.moving, plan.fixed, legs or [Leg(0, start_of(plan), start_of(plan))]), "moves": captions}
 
 
 def _data(moving: Part, fixed: Part, legs: Sequence[Leg]) -> dict[str, Any]:

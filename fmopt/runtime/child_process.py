@@ -80,9 +80,8 @@ class Child:
 def main(arguments: list[str]) -> None:
     """The inside of a child.
 
-    Args:
-        arguments: descriptors of the connection and of the pipe that says whether the parent lives, the parent's
-            process, what to run, and what else that is given.
+    Its arguments are descriptors of the connection and of the pipe that says whether the parent lives, the parent's
+    process, what to run, and what else that is given.
     """
     line, life, parent, entry, *given = arguments
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent to answer

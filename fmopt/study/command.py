@@ -32,9 +32,8 @@ _ALLOCATION = "allocation.json"
 class Asked:
     """What the command line says of a study.
 
-    Args:
-        jobs: processes, or batches under way on a cluster; None for as many as there are processors.
-        cluster: address of a Dask scheduler, None for this machine.
+    `jobs` are processes, or batches under way on a cluster, None for as many as there are processors; `cluster` is the
+    address of a Dask scheduler, None for this machine.
     """
 
     jobs: int | None = None

@@ -219,8 +219,7 @@ def _execution(solved: Solved) -> dict[str, Scalar]:
     from fmopt.execution.trials import Trials, run
     from fmopt.study.results.shares import share
 
-    records = run(solved.plan, Trials(TRIALS), range(TRIALS))
-    successes = sum(bool(record["success"]) for record in records)
+    successes = sum(bool(record["success"]) for record in run(solved.plan, Trials(TRIALS), range(TRIALS)))
     found = share(successes, TRIALS)
     return {
         "verdict": solved.plan.verdict,

@@ -49,17 +49,15 @@ def verify(
 ) -> Verdict:
     """Checks a plan from its own geometry, poses, bases and witnesses.
 
-    Everything else that the plan states is derived again, in exact arithmetic with stated rounding, and compared.
+    Everything else that the plan states is derived again, in exact arithmetic with stated rounding, and compared. A
+    plan of another problem than that of `expected_sha256`, where given, is not proved, nor is one that was not checked
+    to its end as it was `overdue`.
 
-    Executions. The controller follows the commanded pieces of a move one after the other, off by the start error and
-    a velocity error in the stated bounds, while held contacts are kept by giving way along the compliant directions.
-    It stops as the contact that the move makes is touched: the piece in which that happens is cut short, and only the
-    last piece is ever lengthened. The error sets stretch all pieces of a move alike instead; `chain` demands that
-    the two agree, to first order and up to the small amounts that the verdict's text states as not covered.
-
-    Args:
-        expected_sha256: digest of the problem that the plan should belong to; not compared when None.
-        overdue: whether there is no time for another segment; a plan that was not checked to its end is not proved.
+    Executions. The controller follows the commanded pieces of a move one after the other, off by the start error and a
+    velocity error in the stated bounds, while held contacts are kept by giving way along the compliant directions. It
+    stops as the contact that the move makes is touched: the piece in which that happens is cut short, and only the last
+    piece is ever lengthened. The error sets stretch all pieces of a move alike instead; `chain` demands that the two
+    agree, to first order and up to the small amounts that the verdict's text states as not covered.
 
     Raises:
         PlanError: the document is no plan.

@@ -23,9 +23,7 @@ _OTHER_SIDE = 1e-16  # m: rounding allowed to numbers that nothing rests on
 class Finding:
     """One thing that keeps a plan from being certified.
 
-    Args:
-        segment: index of the segment, None for the plan as a whole.
-        shortfall: by how much it is short, m (0 where that has no meaning).
+    Its segment is None for the plan as a whole, its shortfall (m) 0 where that has no meaning.
     """
 
     segment: int | None
@@ -59,9 +57,8 @@ class Witness:
 class Verdict:
     """The outcome of a check.
 
-    Args:
-        margin: least re-derived margin of all segments, m; None where one could not be re-derived.
-        stated: the plan's own verdict.
+    The margin is the least re-derived one of all segments, m; None where one could not be re-derived. The stated
+    verdict is the plan's own.
     """
 
     verdict: str

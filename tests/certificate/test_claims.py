@@ -132,8 +132,7 @@ def test_the_margin_is_the_least_of_all() -> None:
 
 def test_row_bounds_are_what_the_separation_is_made_of() -> None:
     c = next(c for c in claims() if c.piece.made is not None and c.piece.last)
-    listed = pairs(peg().assembly, c.piece)
-    for (_, _, found), (_, _, pair) in zip(c.separations, listed, strict=True):
+    for (_, _, found), (_, _, pair) in zip(c.separations, pairs(peg().assembly, c.piece), strict=True):
         rows = row_bounds(peg().assembly, pair, found.witness, c.advance.ends)
         assert rows.lower.min() / rows.scale == pytest.approx(found.margin, rel=1e-12)
         again = separation(peg().assembly, pair, found.witness, c.advance.ends)
@@ -191,21 +190,17 @@ def test_the_chosen_plane_is_as_good_as_any_face() -> None:
 def test_contact_bounds_are_nominal_distances_without_errors() -> None:
     """With exact rows, the vertex keeps its distances to the convex rims, the edge those to its ends and sides."""
     way = moves()[3]
-    names = ("left edge", "left corner")
-    held = tuple(peg().contacts[name] for name in names)
+    held = tuple(peg().contacts[name] for name in ("left edge", "left corner"))
     table = bounds(peg().assembly, held, held)
-    f = table.forms.at(way.start).f
-    edge, corner = table.margins(f)
-    own = way.start.apply(peg().corner)
-    depth = -float(own[2])
+    edge, corner = table.margins(table.forms.at(way.start).f)
+    depth = -float(way.start.apply(peg().corner)[2])
     assert corner == pytest.approx(depth, rel=1e-9)
     assert 0.0 < edge <= depth + 1e-12
 
 
 def test_a_rim_with_a_wall_behind_it_does_not_bound() -> None:
     seated = moves()[-1]
-    corners = tuple(peg().contacts[f"floor {n}"] for n in range(4))
-    table = bounds(peg().assembly, corners, seated.after)
+    table = bounds(peg().assembly, tuple(peg().contacts[f"floor {n}"] for n in range(4)), seated.after)
     # All rims of the floor are re-entrant: the walls keep the corners in, however near they are.
     assert table.margins(table.forms.at(seated.goal).f) == [UNBOUNDED] * 4
     assert table.margins(table.forms.at(seated.goal).f - 1e-3) == [UNBOUNDED] * 4
@@ -219,8 +214,7 @@ def test_a_vertex_and_an_edge_take_turns_at_a_rim() -> None:
     # The other corner is above the rim, the leading one well below it.
     level = Pose(np.array([HALF - CLEAR, 0.0, 0.0]), np.eye(3))
     tilted = settled(level.moved([0, 0, -1e-3, 0.15, 0, 0]), [], np.zeros((0, 6)), [])
-    f = table.forms.at(tilted).f
-    first, second, edge = table.margins(f)
+    first, second, edge = table.margins(table.forms.at(tilted).f)
     heights = [float(tilted.apply(peg().assembly.moving.polyhedron.vertices[k.moving[0]])[2]) for k in pair[:2]]
     assert heights[0] < 0.0 < heights[1]
     assert first > 0.0

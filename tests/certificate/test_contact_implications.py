@@ -195,8 +195,7 @@ def test_edges_turned_onto_a_wall_excuse_it_only_from_inside() -> None:
 
 
 def test_the_floor_is_reached_by_all_corners_at_once() -> None:
-    way = moves()[-1]
-    known = facts(peg().assembly, way.held)
+    known = facts(peg().assembly, moves()[-1].held)
     body = peg().assembly.moving.polyhedron.vertices
     done = known.not_below(np.array([0.0, 0.0, 1.0]), -DEPTH, body, peg().corner[None])
     assert {tuple(np.round(v / HALF, 6)) for v in body[done]} == {(x, y, 0.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)}

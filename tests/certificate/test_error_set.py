@@ -69,8 +69,7 @@ def test_error_sets_stay_read_only_and_refuse_bad_arrays() -> None:
 
 def test_section_is_the_ellipse_through_the_published_points() -> None:
     turn = np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
-    Q = turn @ np.diag([1.0, 0.01]) @ turn.T
-    radius = float(np.sqrt(section(Q, np.array([1.0, 0.0]))[1, 1]))
+    radius = float(np.sqrt(section(turn @ np.diag([1.0, 0.01]) @ turn.T, np.array([1.0, 0.0]))[1, 1]))
     assert radius == pytest.approx(1.0 / np.sqrt(50.5), rel=1e-12)
     assert round(radius, 2) == 0.14
     rng = np.random.default_rng(8)

@@ -38,8 +38,7 @@ def test_what_the_linear_picture_leaves_is_bounded(seed: int) -> None:
     world = world + rng.uniform(-1.0, 1.0, 6) * np.array([1e-3] * 3 + [0.01] * 3)
     held = np.concatenate([R0.T @ hand[:3], R0.T @ hand[3:]])
     error = real_error(start, p, R, hole, held, world)
-    grasped = np.concatenate([R @ held[:3], R @ held[3:]])
-    linear = hole + world + grasped
+    linear = hole + world + np.concatenate([R @ held[:3], R @ held[3:]])
     linear[:3] += np.cross(hole[3:], p - start)
     left = coupled(linkage.begun(start).links(p, p), np.abs(error), 0.0)
     assert np.linalg.norm((error - linear)[:3]) <= left[0] * (1.0 + 1e-9) + 1e-15

@@ -112,8 +112,7 @@ def test_the_plane_through_an_edge_is_at_least_as_good_as_those_tried_first() ->
                 own = course.piece(n).over(points_above(moving.vertices, normal, offset))
                 assert planes.margins[n, m] == pytest.approx(own.lower.min(), abs=1e-14)
                 assert planes.clearances[n, m] == pytest.approx(own.f.min(), abs=1e-14)
-                tried = np.unique(table.edges.which[first:last])
-                for q in tried[:: SHARES // 3]:
+                for q in np.unique(table.edges.which[first:last])[:: SHARES // 3]:
                     other = course.piece(n).over(points_above(moving.vertices, shared[q], heights[q]))
                     assert other.lower.min() <= planes.margins[n, m] + 1e-14
                     seen += 1

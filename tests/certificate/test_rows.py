@@ -19,8 +19,7 @@ SAMPLES = 120
 def test_many_poses_at_once_and_kinds_mixed_are_what_each_is_alone() -> None:
     rng = np.random.default_rng(7)
     parts, poses = [forms(kind, rng) for kind in KINDS], [pose(rng) for _ in range(5)]
-    mixed = stacked(*parts)
-    rows = mixed.rows(np.array([X.p for X in poses]), np.array([X.R for X in poses]))
+    rows = stacked(*parts).rows(np.array([X.p for X in poses]), np.array([X.R for X in poses]))
     f, N = rows.f, rows.N
     assert turns(np.array([[0.1, 0.2, 0.3], [0.0, 0.0, 0.0]])) == pytest.approx(
         np.array([exp([0.1, 0.2, 0.3]), np.eye(3)]), abs=1e-15

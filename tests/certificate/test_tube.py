@@ -56,8 +56,7 @@ def rows_of(made: Segment, rng: np.random.Generator) -> Array:
 def extreme_inputs(made: Segment, rows: Array) -> tuple[Array, Array]:
     """Start errors and drifts (6, m) that reach farthest at the goal along rows (k, 6), or stop latest on the way."""
     own = contact_rows(made.assembly, made.contacts, made.contacts, made.piece.goal).N
-    V = made.piece.start.local(made.piece.goal)
-    columns = np.column_stack([made.directions, V])
+    columns = np.column_stack([made.directions, made.piece.start.local(made.piece.goal)])
     onto = np.eye(6) - columns @ np.linalg.inv(own @ columns) @ own
     pull, late = rows @ onto, np.tile(own[-1], (len(rows), 1))
     starts = [_outermost(made, along) for along in (pull, late)]

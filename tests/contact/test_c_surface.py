@@ -186,8 +186,7 @@ def test_bounds_of_a_wall_are_its_mouth_only() -> None:
 
 
 def test_bounds_of_a_face_with_a_hole_offer_a_choice() -> None:
-    contact = vertex_face(BLOCK, 2, 1)
-    table = BoundTable.of([contact], PEG, BLOCK, MID_DEPTH)
+    table = BoundTable.of([vertex_face(BLOCK, 2, 1)], PEG, BLOCK, MID_DEPTH)
     assert sorted(len(clause) for clause in table.clauses[0]) == [1, 1, 1, 1, 4]
     for shift, inside in (((0.0, 0.0), -1e-4), ((3e-4, 0.0), 2e-4), ((2e-4, 3e-4), 2e-4), ((0.03, 0.0), -0.01)):
         found = table.insides(Pose(np.array([*shift, 0.0]), np.eye(3)))[0]
@@ -198,8 +197,7 @@ def test_bounds_of_a_face_with_a_hole_offer_a_choice() -> None:
 def test_edges_cross_at_the_angle_between_them(
     fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
 ) -> None:
-    sines = Surfaces.of(contacts, PEG, fixed).sines(pose)
-    for contact, sine in zip(contacts, sines, strict=True):
+    for contact, sine in zip(contacts, Surfaces.of(contacts, PEG, fixed).sines(pose), strict=True):
         if contact.kind is not Kind.EDGE_EDGE:
             assert sine == 1.0
             continue

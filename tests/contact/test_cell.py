@@ -43,8 +43,7 @@ def test_a_forgotten_contact_is_noticed() -> None:
     graph = contact_graph(space := local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014)), faces(space))
     for forgotten in contacts:
         surfaces = Surfaces.of([c for c in contacts if c is not forgotten], PEG, BLOCK)
-        facet = graph.states[graph.index(frozenset({forgotten.id})) or 0]
-        moved = pose.moved(1.2 * facet.point)
+        moved = pose.moved(1.2 * graph.states[graph.index(frozenset({forgotten.id})) or 0].point)
         assert gap(moved) < 0.0 < np.min(surfaces.values(moved))
 
 
@@ -92,8 +91,7 @@ def test_a_key_in_its_keyway_is_not_on_the_top_beside_it() -> None:
     problem = load(PROBLEMS / "keyed_shaft.toml")
     shaft, hub = problem.moving.polyhedron, problem.fixed.polyhedron
     pose = Pose(np.array([0.0, 0.0, -1e-3]), np.eye(3))
-    near = near_contacts(shaft, hub, pose, 2e-3, 0.05)
-    kept, limits = cell(near, shaft, hub, pose, within=2e-3)
+    kept, limits = cell(near_contacts(shaft, hub, pose, 2e-3, 0.05), shaft, hub, pose, within=2e-3)
     assert np.min(Surfaces.of(kept, shaft, hub).values(pose)) > 0.0
     faces(local_space(kept, shaft, hub, pose, Scale(1e-4, 0.014), Cell(limits, 1e-4, 0.002)))
 

@@ -87,8 +87,7 @@ def test_distances_from_faces_agree_with_shapely(face: int) -> None:
     polygon = Polygon(outer, holes)
     middle = solid.vertices[list(plane.vertices)].mean(axis=0)
     for x in middle + 0.03 * rng.normal(size=(100, 3)):
-        aside = polygon.distance(Point(*(axes @ x)))
-        expected = np.hypot(plane.normal @ x - plane.offset, aside)
+        expected = np.hypot(plane.normal @ x - plane.offset, polygon.distance(Point(*(axes @ x))))
         assert face_distance(walls, face, vector(x)) == pytest.approx(expected, abs=1e-12)
 
 

@@ -124,8 +124,7 @@ def test_refuted_states_are_not_found_from_anywhere(
     refuted = [s for s, c in zip(graph.states, found, strict=True) if c.verdict is not Verdict.CONFIRMED][::4]
     starts = rng.uniform(-1.0, 1.0, (8 * len(refuted), 6)) * np.repeat([CLEARANCE, 0.05], 3)
     on = np.repeat([np.isin(names, s.contacts) for s in refuted], 8, axis=0)
-    met = meet(near, on, Poses.around(graph.space.pose, starts), 0.01)
-    at = near.measured(on, met.poses)
+    at = near.measured(on, meet(near, on, Poses.around(graph.space.pose, starts), 0.01).poses)
     assert not ((at.residual <= RESIDUAL) & (at.slack > APART) & (at.limits.min(axis=1) > 0.0)).any()
 
 

@@ -78,8 +78,7 @@ def rows(errors: Errors, which: list[int]) -> list[Array]:
 
 
 def test_a_draw_is_of_its_number_alone_and_within_its_intervals() -> None:
-    numbers = [*range(2000)]
-    errors = drawn_errors(CONDITIONS, 4, 7, numbers)
+    errors = drawn_errors(CONDITIONS, 4, 7, [*range(2000)])
     for found, alone in zip(rows(errors, [5, 3]), rows(drawn_errors(CONDITIONS, 4, 7, [5, 3]), [0, 1]), strict=True):
         assert np.array_equal(found, alone)
     assert not np.array_equal(drawn_errors(CONDITIONS, 4, 8, [5]).start, errors.start[5:6])

@@ -35,8 +35,7 @@ def solved(off: float, wider: float = 0.0) -> dict[str, Any]:
     """The plan of parts whose files are off by so much, for start errors wider by so much, m."""
     problem = exact()
     parts = {side: replace(getattr(problem, side), off=off) for side in SIDES}
-    box = problem.start_box + np.repeat([wider, 0.0], 3)
-    problem = replace(problem, **parts, start_box=box)
+    problem = replace(problem, **parts, start_box=problem.start_box + np.repeat([wider, 0.0], 3))
     document, verdict = proved(problem, certified_motion(problem))
     assert verdict.findings == ()
     return document

@@ -117,8 +117,7 @@ def test_a_press_that_meets_nothing_ends_by_its_reach_and_the_next_attempt_seats
     assert not alone.seated
     assert (alone.attempt, alone.reasons[0]) == (0, "stopped on the way")
     start = [(0.0005, -0.0003, 0.0, 0.0, 0.0, 0.01)]
-    errors = errors_of(1, start=start)
-    (one,), way = run([WALL], [away, there], errors, goal=(0.003, 0.004))
+    (one,), way = run([WALL], [away, there], errors_of(1, start=start), goal=(0.003, 0.004))
     assert one.seated, one.reasons
     assert one.attempt == 1
     mode, step, q = way["mode"][:, 0], way["step"][:, 0], way["q"][:, 0]
@@ -144,8 +143,7 @@ def test_a_press_that_meets_nothing_ends_by_its_reach_and_the_next_attempt_seats
 def test_a_held_attitude_goes_on_from_where_it_is_measured_or_commanded(keeps: bool) -> None:
     """An edge stands on the floor: each press turns the part by the torque over the stiffness, from where it begins."""
     down = replace(press("x y z", (0.0, 0.0, -10.0, 0.0, 0.0, 0.0), Time(0.4)), keeps=keeps)
-    start = (0.0, 0.0, 0.0055, 0.0, 0.1, 0.0)
-    _, way = run([FLOOR], [Attempt(start, (down,) * 5)], goal=(0.0, 0.0))
+    _, way = run([FLOOR], [Attempt((0.0, 0.0, 0.0055, 0.0, 0.1, 0.0), (down,) * 5)], goal=(0.0, 0.0))
     ends = np.flatnonzero(np.diff(way["step"][:, 0]))
     turned = 0.1 - np.array([between(way["q"][k, :, 3:], np.array([[1.0, 0.0, 0.0, 0.0]]))[0, 1] for k in ends])
     each = 10.0 * 0.005 / ROBOT.stiffness[1]
@@ -212,8 +210,7 @@ def test_damping_lets_a_wrench_move_no_faster_than_its_limit() -> None:
     admittance = (1.0 / 3.0, 1.0, 3.0)
     wrenches = ((0.0, 0.0, 8.0, 0.0, 0.0, 0.08), (0.0, 0.0, 1.0, 0.0, 0.0, 0.02))
     attempts = [at(0.0, 0.0, press("z rz", wrench, Time(1.5), speed=0.005)) for wrench in wrenches]
-    errors = errors_of(6, admittance=admittance * 2)
-    _, way = run([FAR], attempts, errors, courses=[(0,)] * 3 + [(1,)] * 3)
+    _, way = run([FAR], attempts, errors_of(6, admittance=admittance * 2), courses=[(0,)] * 3 + [(1,)] * 3)
     last = int(np.argmax(way["mode"][:, 0] != RUNNING)) - 1
     q = way["q"][[last - 10, last]]
     speeds = (q[1, :, 2] - q[0, :, 2]) / (10 * ROBOT.period)
@@ -245,8 +242,7 @@ def test_interference_and_starts_outside_the_mouth_do_not_seat() -> None:
     errors = drawn_errors(choosing.conditions, 40, 5, range(n))
     clearance, once = plan.seat.clearance, [(0,)] * n
     behind = np.array([-0.006, -0.006, 0.0, 0.0, 0.0, 0.0])  # the corner that the part is pressed into
-    beside = replace(errors, start=errors.start + behind)
-    both = errors.followed_by(beside)
+    both = errors.followed_by(replace(errors, start=errors.start + behind))
     seated = [one.seated for one in carry_out(choosing.bodies, plan, both, 5, range(2 * n), once * 2)]
     assert seated == [True] * n + [False] * n
     wider = 1.0 + (clearance + 5e-6) / 0.01  # an interference of 10 µm over the width of 20 mm

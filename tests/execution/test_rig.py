@@ -134,8 +134,7 @@ def _drifted(plan: dict[str, Any], program: Program, robot: Robot, pace: float, 
     rig = Rig(MujocoEngine(model, (p, q)), alone, robot, error[None, None], lambda: np.zeros((1, 6)))
     while rig.running.any():
         rig.tick()
-    moved = rig.qpos[0, :3] - p[0]
-    return moved * np.array([1.0, 1.0, 0.0]), between(rig.qpos[:, 3:], q)[0]
+    return (rig.qpos[0, :3] - p[0]) * np.array([1.0, 1.0, 0.0]), between(rig.qpos[:, 3:], q)[0]
 
 
 def _deepest(plan: Plan, p: Array, q: Array) -> Array:

@@ -67,8 +67,7 @@ def test_every_public_name_has_a_docstring() -> None:
 def test_names_in_docstrings_exist() -> None:
     dead = []
     for file in FILES:
-        tree = ast.parse((PACKAGE / file).read_text(encoding="utf-8"))
-        for node in ast.walk(tree):
+        for node in ast.walk(ast.parse((PACKAGE / file).read_text(encoding="utf-8"))):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
                 names = re.findall(r"`(fmopt(?:\.\w+)+)", ast.get_docstring(node) or "")
                 dead += [f"{file}: {name}" for name in names if not resolved(name)]
@@ -154,8 +153,7 @@ def test_every_name_in_backticks_leads_somewhere() -> None:
 def test_pages_of_the_manual_name_what_there_is() -> None:
     manual = PACKAGE / "manual"
     everywhere = defined({file: ast.parse((PACKAGE / file).read_text(encoding="utf-8")) for file in FILES})
-    page = (manual / "design.md").read_text(encoding="utf-8")
-    names = set(re.findall(r"`([A-Za-z_][\w.]*\w)`", page))
+    names = set(re.findall(r"`([A-Za-z_][\w.]*\w)`", (manual / "design.md").read_text(encoding="utf-8")))
     assert {name for name in names if leads_nowhere(name, set(), everywhere)} == set()
     run = [name.removeprefix("fmopt.") for name in sorted(names) if name.startswith("fmopt.")]
     assert len(run) > 20

@@ -35,8 +35,7 @@ def commands() -> Iterator[tuple[str, Any]]:
     waiting = [("fmopt", whole)]
     while waiting:
         said, command = waiting.pop()
-        inner = getattr(command, "commands", {})
-        waiting += [(f"{said} {name}", one) for name, one in inner.items()]
+        waiting += [(f"{said} {name}", one) for name, one in getattr(command, "commands", {}).items()]
         if said != "fmopt":
             yield said, command
 

@@ -308,8 +308,7 @@ def test_the_springs_are_let_go_before_a_touch_is_left(square_peg_plan: dict[str
 
 
 def test_contacts_that_are_felt_lead_to_the_end(square_peg_plan: dict[str, Any]) -> None:
-    first = moves(read(square_peg_plan))[0]
-    robot = Robot(list(BASE.compose(first.start).vector()))
+    robot = Robot(list(BASE.compose(moves(read(square_peg_plan))[0].start).vector()))
     functions = robot.built_in()
     functions["get_tcp_force"] = lambda: feeling if interpreter.globals["moving"] > 0.1 else [0.0] * 6
     feeling = [0.0] * 6

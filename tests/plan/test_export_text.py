@@ -84,8 +84,7 @@ def plan(square_peg_plan: dict[str, Any]) -> Plan:
 
 def written(plan: Plan, to: str, folder: Path) -> dict[str, str]:
     """The texts that an export writes, by file."""
-    form = Form(to, BASE, 1.0, admitted(plan, unverified=True))
-    exported(plan, form, folder / to)
+    exported(plan, Form(to, BASE, 1.0, admitted(plan, unverified=True)), folder / to)
     return {name: (folder / to / name if name else folder / to).read_bytes().decode() for name in FILES[to]}
 
 

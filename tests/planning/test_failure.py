@@ -57,8 +57,7 @@ def test_the_advice_works(failed: tuple[Problem, SearchError]) -> None:
     near = error.failure.nearest
     assert near is not None
     assert 0.0 < near.share < 1.0
-    lower = replace(problem, start_box=np.array(near.box))
-    plan = fmopt.solve(lower)
+    plan = fmopt.solve(replace(problem, start_box=np.array(near.box)))
     assert plan.proved
     assert plan.margin >= 0.5 * near.margin  # there is more time for it than there was for the share
     assert any(f"{100.0 * near.share:.3g} %" in words for words in error.failure.advice)

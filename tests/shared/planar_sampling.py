@@ -41,8 +41,7 @@ class Instance:
         c, s = np.cos(turn), np.sin(turn)
         grasped = np.broadcast_to(grasped, (*turn.shape, 2))
         x, y = grasped[..., 0], grasped[..., 1]
-        swung = np.stack([c * x - s * y, s * x + c * y], axis=-1)
-        return static + static_shift - swung - shift
+        return static + static_shift - np.stack([c * x - s * y, s * x + c * y], axis=-1) - shift
 
 
 def disc(direction: np.ndarray, size: np.ndarray) -> np.ndarray:

@@ -46,12 +46,7 @@ class Calls:
 def called(plan: Path, folder: Path, calls: int, seed: int, patience: float = 0.0) -> Calls:
     """Calls commands again and again: half of them with a broken stream, half of them with a signal.
 
-    Args:
-        plan: a certified plan.
-        folder: an empty one.
-        calls: how many.
-        seed: of commands, streams, signals and times.
-        patience: s that one signal in four waits for something to be kept first.
+    The plan is certified, the folder empty. One signal in four waits for something to be kept first, `patience` s.
     """
     chance, found = random.Random(seed), Calls()
     for number in range(calls):

@@ -49,8 +49,7 @@ def motion_from(problem: Problem, entry: Entry) -> CertifiedMotion:
     """What a problem's search and certificate make of an entry."""
     task = task_of(problem)
     found = search(task, [entry])
-    start = Reached(task.start, (), ())
-    placed = certified(task.assembly, found.moves, start, task.tolerance, FINE)
+    placed = certified(task.assembly, found.moves, Reached(task.start, (), ()), task.tolerance, FINE)
     return CertifiedMotion(
         task.assembly, measured_clearance(problem), task.start, task.tolerance, found.searched, placed
     )

@@ -171,8 +171,7 @@ def test_sampled_points_keep_to_their_ranges_and_to_their_seed(written: Writer, 
 
 
 def test_a_latin_hypercube_has_one_point_in_every_slice() -> None:
-    points = cube("latin-hypercube", 3, 50, 1)
-    for column in points.T:
+    for column in cube("latin-hypercube", 3, 50, 1).T:
         assert sorted((50 * column).astype(int).tolist()) == list(range(50))
 
 

@@ -22,8 +22,7 @@ def test_a_run_says_how_often_its_plan_succeeds(tmp_path: Path, monkeypatch: pyt
     straight(tmp_path)
     row = evaluation.evaluate(Run("key", (), Question("base.toml", ("plan", "execution"), ("plan",))), tmp_path)
     assert row.outcome == "done"
-    document = json.loads(zlib.decompress(row.kept))
-    seen = trials.run(parsed(document), trials.Trials(4), range(4))
+    seen = trials.run(parsed(json.loads(zlib.decompress(row.kept))), trials.Trials(4), range(4))
     successes = sum(record["success"] for record in seen)
     found = share(successes, 4)
     answers = {name: row.answers[name] for name in ("trials", "successes", "success", "success_low", "success_high")}

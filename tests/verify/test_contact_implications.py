@@ -104,8 +104,7 @@ def test_three_points_make_a_flush(assembly: Assembly, third: Touch) -> None:
 
 
 def test_an_edge_that_slips_over_the_rim_gives_no_crossing(assembly: Assembly) -> None:
-    bottom = edge_on(V0, V3, RIM_LEFT, LEFT)
-    known = facts(assembly, V0_LEFT, A, V3_LEFT, bottom)
+    known = facts(assembly, V0_LEFT, A, V3_LEFT, edge_on(V0, V3, RIM_LEFT, LEFT))
     assert known.on(TOP).between == [A.moving]
 
 

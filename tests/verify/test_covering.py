@@ -247,8 +247,7 @@ def test_solids_of_cubes_are_judged_as_their_cubes_are() -> None:
         cubes: set[Cube] = {c for c in product(range(3), repeat=3) if rng.random() < density}
         if not cubes:
             continue
-        part = of_cubes(cubes)
-        surface = Surface(part, Work(PLENTY))
+        surface = Surface(of_cubes(cubes), Work(PLENTY))
         plain = is_surface(cubes)
         told[plain] += 1
         assert (not surface.flaws) == plain
@@ -277,8 +276,7 @@ def test_blocks_of_cubes_cover_what_their_cubes_cover() -> None:
             cubes = (cubes | {(rng.randrange(3), rng.randrange(3), rng.randrange(3))}) - {rng.choice(sorted(cubes))}
         if not cubes or not is_surface(cubes):
             continue
-        parts = [block_of_cubes(*block) for block in blocks]
-        told = found(of_cubes(cubes), parts)
+        told = found(of_cubes(cubes), [block_of_cubes(*block) for block in blocks])
         assert (told == "") == (set().union(*filled) == cubes)
         for n, own in enumerate(filled):
             assert (f"piece {n} sticks out" in told) == (not own <= cubes)

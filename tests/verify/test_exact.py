@@ -130,8 +130,7 @@ def test_equal_roots_take_each_other_away(a: int, b: int, n: int) -> None:
 @given(DIRECTIONS, DIRECTIONS, DIRECTIONS, DIRECTIONS)
 def test_directions_cancel_when_the_turned_one_is_level(n1: Vector, n2: Vector, normal: Vector, d: Vector) -> None:
     """Under the identity what is across a normal is so exactly, and nothing else is."""
-    axis = outer(n1, n2)
-    assume(any(axis))
+    assume(any(outer(n1, n2)))
     one, two = (Turn(unit_of(n), unit_of(n), n, n, None) for n in (n1, n2))
     level_with = outer(normal, d)
     assert cancel(one, two, normal, level_with)

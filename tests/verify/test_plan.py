@@ -38,8 +38,7 @@ def test_the_untouched_plan_is_certified(plan: Plan) -> None:
 
 def test_error_sets_are_those_of_the_other_derivation() -> None:
     plan, sets = table_plan_with_sets()
-    found = parsed(plan).error_sets
-    for one, other in zip(found, sets, strict=True):
+    for one, other in zip(parsed(plan).error_sets, sets, strict=True):
         generators = np.array([[float(x) for x in g] for g in (*other.core, *other.thick)])
         np.testing.assert_allclose(one.generators, generators, rtol=1e-10, atol=1e-15)
         for Q, P in ((one.shape, other.shape), (one.slide, other.slide), (one.swing, other.swing)):

@@ -56,8 +56,7 @@ def test_no_execution_differs_from_stretched_pieces_by_more_than_the_bound(seed:
                 stretch = o * (kind or dice.uniform(-1.0, 1.0))
                 lag += stretch * d
                 model = [x + v * d * (1.0 + stretch) for x, v in zip(model, rate, strict=True)]
-                real = commanded(rates, ends, end + lag)
-                off = [x - y for x, y in zip(real, model, strict=True)]
+                off = [x - y for x, y in zip(commanded(rates, ends, end + lag), model, strict=True)]
                 assert math.hypot(*off[:3]) <= translation + 1e-12
                 assert math.hypot(*off[3:]) <= rotation + 1e-12
 

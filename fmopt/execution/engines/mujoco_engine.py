@@ -121,8 +121,7 @@ def _deepest(sensor: Array) -> Array:
 
 def _put(setup: Setup) -> Put:
     physics, robot = Physics.of_fit(setup.clearance, setup.robot.period, setup.time_step), setup.robot
-    least = float(np.min(setup.friction))
-    model = compiled(scene(setup.bodies, physics, robot.mass, robot.inertia, least))
+    model = compiled(scene(setup.bodies, physics, robot.mass, robot.inertia, float(np.min(setup.friction))))
     friction = None if isinstance(setup.friction, float) else setup.friction
     return partial(MujocoEngine, model, friction=friction, threads=setup.threads)
 

@@ -44,10 +44,8 @@ class Physics:
     def of_fit(clearance: float, period: float, time_step: float | None = None) -> Physics:
         """What keeps the penetration under a fifth of a clearance, m, at the speeds of insertion.
 
-        Args:
-            clearance: a side, m; contacts are as hard as this asks for, whatever the time step.
-            period: of the controller, s, a multiple of the time step.
-            time_step: s; none for half the time constant of the contacts, or less.
+        Contacts are as hard as the clearance of a side, m, asks for, whatever the time step (s). The time step is half
+        the time constant of the contacts, or less, if not given; the controller's period (s) is a multiple of it.
         """
         hard = min(HARD, SLOWEST * clearance)
         # A whole number in a period; what is taken off keeps rounding from making it one more.

@@ -102,8 +102,7 @@ def compiled(text: str) -> Any:
 
 
 def _mesh(name: str, vertices: Array) -> str:
-    flat = _numbers(vertices.ravel().tolist())
-    return f'    <mesh name="{name}" inertia="exact" vertex="{flat}"/>'
+    return f'    <mesh name="{name}" inertia="exact" vertex="{_numbers(vertices.ravel().tolist())}"/>'
 
 
 def _geoms(side: str, count: int, colour: str) -> str:
@@ -112,10 +111,9 @@ def _geoms(side: str, count: int, colour: str) -> str:
 
 def _spheres(balls: Iterable[tuple[Array, float]]) -> str:
     """The balls of the moving part, which the engine collides as they are."""
-    listed = enumerate(balls)
     return "".join(
         f'\n      <geom name="ball{i}" type="sphere" size="{radius!r}" pos="{_numbers(at.tolist())}" rgba="{_COLOUR}"/>'
-        for i, (at, radius) in listed
+        for i, (at, radius) in enumerate(balls)
     )
 
 

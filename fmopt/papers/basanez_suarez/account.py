@@ -81,19 +81,15 @@ def in_plane(poses: ArrayLike) -> Array:
 
 
 def account(moving: ArrayLike, fixed: Sequence[ArrayLike], nominal: Nominal, run: Sequence[Stretch]) -> Planar:
-    """The planar part of a plan's diagnostics.
+    """The planar part of a plan's diagnostics, of the motion in order.
 
-    Args:
-        moving: corners (n, 2) of the moving profile about its reference point, m.
-        fixed: loops (k, 2) of the fixed one, m.
-        run: the motion, in order.
+    Corners (n, 2) of the moving profile are about its reference point, loops (k, 2) those of the fixed one, m.
     """
     grasped, static = Profile.of(moving), Profile.of(*fixed)
     first = run[0]
     start = _deviations(static, first)
     phases = classify(nominal.path, static, grasped, start, _TOLERANCE)
-    possible = PossibleContacts.between(grasped, static, start)
-    shown = _shown(possible, run)
+    shown = _shown(PossibleContacts.between(grasped, static, start), run)
     aside = _SIDEWAYS * first.position
     return Planar(
         position=first.position,
@@ -200,11 +196,7 @@ def reach_of(half_widths: ArrayLike) -> tuple[float, float]:
 
 
 def boundary(found: PlanarSet, name: str, nominal: ArrayLike = ()) -> Boundary:
-    """A set with its name, its boundary, and what it shrinks to.
-
-    Args:
-        nominal: polyline (k, 2) that the set shrinks to without deviations, m; empty if nothing does.
-    """
+    """A set with its name, its boundary, and the polyline (k, 2), m, that it shrinks to without deviations, if any."""
     return Boundary(name, tuple(_loop(loop) for loop in found.boundary()), polyline(nominal))
 
 
@@ -224,10 +216,8 @@ def _loop(loop: Loop) -> tuple[Curve, ...]:
 def contact_sets(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[Boundary]:
     """The sets of one contact at an orientation φ (rad): where the feature may be, and what reference points touch.
 
-    Type 1: Uv, CUv of the middle of the edge, CUl. Type 2: Ul with its case, CUl.
-
-    Args:
-        pose: reference point (2,) at which Uv and Ul are drawn, m.
+    Type 1: Uv, CUv of the middle of the edge, CUl. Type 2: Ul with its case, CUl. Uv and Ul are drawn at the reference
+    point (2,) of `pose`, m.
     """
     reference = np.asarray(pose, dtype=np.float64)[:2]
     core = _core(cu, phi)

@@ -74,12 +74,8 @@ def moved(loops: tuple[Loop, ...], by: Array) -> tuple[Loop, ...]:
 def outline(candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: float, size: float) -> tuple[Loop, ...]:
     """The boundary of {x : gap(x) ≤ radius} as closed loops, the set on their left.
 
-    A set without interior is run round along both its sides. A single point has no boundary curve, hence no loop.
-
-    Args:
-        gap: distance (k,) of points (k, 2) from the core of the set, m.
-        radius: r, m.
-        size: of the set, m; tolerances are relative to it.
+    A set without interior is run round along both its sides. A single point has no boundary curve, hence no loop. `gap`
+    is the distance (k,) of points (k, 2) from the core of the set, m; tolerances are relative to the set's size, m.
 
     Raises:
         GeometryError: the curves do not close, because features are closer than the tolerance without being one.

@@ -48,24 +48,14 @@ class Table(Value):
         return one, other
 
     def gaps(self, poses: Array, one: NDArray[np.intp], other: NDArray[np.intp]) -> Array:
-        """Distance (m) of poses from the CU of contacts, pair by pair; see `CU.gap`.
-
-        Args:
-            poses: (n, 3), x and y in m, φ in rad.
-            one: (k,), indices of poses.
-            other: (k,), rows of the table.
-        """
+        """Distance (k,), m, of numbered poses (n, 3), m and rad, from the CU of numbered contacts; see `CU.gap`."""
         core = core_gap(self.kind, self.edge[other], self.vertex[other], self.spread[other], poses[one])
         return np.asarray(core - self.radius[other])
 
 
 @dataclass(frozen=True, eq=False)
 class PossibleContacts(Value):
-    """Cc of a grasped and a static object, eq. (13), (14) over all basic contacts and all deviations.
-
-    Args:
-        sets: CU of each basic contact, those of type 1 first.
-    """
+    """Cc of a grasped and a static object, eq. (13), (14) over all deviations: CU of basic contacts, type 1 first."""
 
     sets: tuple[CU, ...]
     tables: tuple[Table, Table]
@@ -104,12 +94,7 @@ class PossibleContacts(Value):
         return np.hstack(found)
 
     def pair_gaps(self, poses: Array, contact: NDArray[np.intp]) -> Array:
-        """Distance (k,) in m of poses from the CU of one contact each, whatever its range.
-
-        Args:
-            poses: (k, 3), x and y in m, φ in rad.
-            contact: (k,), indices in `sets`.
-        """
+        """Distance (k,) in m of poses (k, 3), m and rad, from the CU of one contact each, whatever its range."""
         # Each pose has its own contact: the two tables are asked for theirs alone.
         one = np.arange(len(poses))
         first = len(self.tables[0].low)
@@ -133,11 +118,7 @@ class PossibleContacts(Value):
         return tuple(cu for cu, yes in zip(self.sets, inside, strict=True) if yes)
 
     def polygons(self, phi: ArrayLike, tolerance: float) -> list[MultiPolygon]:
-        """For each φ a polygon (m) that contains Cc there and is nowhere farther from it than `tolerance`.
-
-        Args:
-            phi: (k,), rad.
-            tolerance: m.
+        """For each φ (k,), rad, a polygon that contains Cc there and is nowhere farther from it than `tolerance`, m.
 
         Raises:
             GeometryError: the tolerance is not positive.

@@ -167,11 +167,8 @@ def basic_contacts(moving: Profile, static: Profile, deviations: Deviations) -> 
     of φ by ε_φrφg and by the turns of the edge and of the vertex's edge that comes to lie on it: in type 1 the second
     one at the range's lower end, the first one at the upper; in type 2 the other way round. Eq. (34) has them
     exchanged, and both its ends at the maximum; eq. (45) leaves ε_φr out and counts both at either end. Edges of the
-    grasped object turn with its ε_v alone. A reflex vertex counts when deviations may make it convex.
-
-    Args:
-        moving: the grasped object, in the gripper's frame.
-        static: the other, in the frame of the plane.
+    grasped object turn with its ε_v alone. A reflex vertex counts when deviations may make it convex. The grasped one
+    is in the gripper's frame, the other in that of the plane.
     """
     own = moving.edge_turns(deviations.shape)
     other = static.edge_turns(np.broadcast_to(deviations.static, len(static.vertices)))

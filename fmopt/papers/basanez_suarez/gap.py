@@ -32,7 +32,9 @@ def segment_arc_gap(start: Array, end: Array, h: Any, angle: Any, spread: Any) -
     for side in (-1.0, 1.0):
         end_angle = angle + side * spread
         tip = np.asarray(h)[..., None] * np.stack([np.cos(end_angle), np.sin(end_angle)], axis=-1)
-        best = np.minimum(best, _point_segment(tip, start, e, safe))
+        share = np.clip(np.sum((tip - start) * e, axis=-1) / safe, 0.0, 1.0)
+        apart = start + share[..., None] * e - tip
+        best = np.minimum(best, np.hypot(apart[..., 0], apart[..., 1]))
     t_foot = -np.sum(start * e, axis=-1) / safe
     foot = start + t_foot[..., None] * e
     d = np.hypot(foot[..., 0], foot[..., 1])
@@ -73,9 +75,3 @@ def wrapped(angle: Any) -> Any:
 
 def _within(theta: Array, angle: Any, spread: Any) -> NDArray[np.bool_]:
     return np.asarray(np.abs(wrapped(theta - angle)) <= spread)
-
-
-def _point_segment(point: Array, start: Array, e: Array, square: Array) -> Array:
-    t = np.clip(np.sum((point - start) * e, axis=-1) / square, 0.0, 1.0)
-    apart = start + t[..., None] * e - point
-    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))

@@ -63,10 +63,9 @@ def classify(
 ) -> tuple[Phase, ...]:
     """The phases of a motion, in order, with the basic contacts that are possible in each.
 
-    Args:
-        path: waypoints (k, 3), x and y in m and φ in rad, straight in between; φ is not taken modulo 2π.
-        moving: the grasped object in the frame of the gripper's reference point.
-        tolerance: m; a contact is listed where it is possible and at most where a CU is nearer than this.
+    The path is waypoints (k, 3), x and y in m and φ in rad, not taken modulo 2π, straight in between, of the grasped
+    object in the frame of the gripper's reference point. A contact is listed where it is possible and at most where a
+    CU is nearer than the tolerance, m.
 
     Raises:
         GeometryError: fewer than two waypoints, or a tolerance that is not positive.
@@ -96,10 +95,8 @@ def possible_spans(
 
     The distance from a CU changes by at most |Δp| + reach |Δφ| along a part of the path. A span that this proves free
     is dropped, one that it proves inside is kept, any other is halved until the change over it is below the tolerance.
-
-    Args:
-        path: (n, 3), x and y in m, φ in rad, straight from row to row.
-        tolerance: m; what is nearer than this to a CU counts as on it.
+    The path is straight from row to row, x and y in m, φ in rad; what is nearer to a CU than the tolerance, m, counts
+    as on it.
     """
     points = _waypoints(path, tolerance)
     spans, found = _starting_spans(possible, points), []
@@ -118,11 +115,8 @@ def clearance(possible: PossibleContacts, path: ArrayLike, tolerance: float) -> 
 
     Positive for a gross motion, and for one that overlaps throughout; ∞ when no contact is possible at its
     orientations. Inside a CU it is the distance from the core less the radius, no measure of depth. The work grows with
-    the length of path at about the least distance, over the tolerance.
-
-    Args:
-        path: (n, 3), x and y in m, φ in rad, straight from row to row.
-        tolerance: m, by how much the bound may be too low.
+    the length of path at about the least distance, over the tolerance. The path (n, 3) is straight from row to row, x
+    and y in m, φ in rad. The tolerance is in m.
     """
     points = _waypoints(path, tolerance)
     spans, least = _starting_spans(possible, points), math.inf
@@ -188,8 +182,7 @@ def _starting_spans(possible: PossibleContacts, points: Array) -> _Spans:
     rows = []
     for part, (one, other) in enumerate(pairwise(points[:, 2])):
         for contact, cu in enumerate(possible.sets):
-            spans = _turn_spans(float(one), float(other), cu.range)
-            rows += [(contact, part, *span) for span in spans]
+            rows += [(contact, part, *span) for span in _turn_spans(float(one), float(other), cu.range)]
     table = np.array(rows, dtype=np.float64).reshape(-1, 4)
     return _Spans(table[:, 0].astype(np.intp), table[:, 1].astype(np.intp), table[:, 2], table[:, 3])
 

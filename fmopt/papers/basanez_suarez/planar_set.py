@@ -88,14 +88,11 @@ class PlanarSet(Value, ABC):
         return max(float(sum(piece.curve.moment() for loop in self.boundary() for piece in loop)), 0.0)
 
     def polygon(self, tolerance: float, side: Side) -> MultiPolygon:
-        """A polygon that contains the set, or lies in it, each arc replaced within `tolerance`.
+        """A polygon that contains the set, or lies in it, each arc replaced within `tolerance`, m.
 
         No point of the outer one is farther from the set than that. Where the set, or a gap in it, is thinner, the
         polygon is cut off or closed. A set without interior is first widened by half the tolerance when it is to be
         contained.
-
-        Args:
-            tolerance: m.
 
         Raises:
             GeometryError: the tolerance is not positive.

@@ -48,8 +48,7 @@ class Profile(Value):
         arrays = [frozen(loop, None, 2, name="loop of vertices") for loop in loops]
         if not arrays or any(len(loop) < 3 for loop in arrays):
             raise GeometryError("a polygonal object with a loop of fewer than three vertices", "give at least three")
-        first = np.cumsum([0, *(len(loop) for loop in arrays)])
-        rows = [np.arange(a, b) for a, b in pairwise(first)]
+        rows = [np.arange(a, b) for a, b in pairwise(np.cumsum([0, *(len(loop) for loop in arrays)]))]
         after = np.concatenate([np.roll(row, -1) for row in rows]).astype(np.intp)
         before = np.concatenate([np.roll(row, 1) for row in rows]).astype(np.intp)
         for indices in (after, before):

@@ -13,11 +13,9 @@ from fmopt.spatial.values import Array, frozen
 
 @dataclass(frozen=True)
 class Reach:
-    """A point of the grasped object in polar form about the reference point of the gripper.
+    """A point of the grasped object in polar form about the reference point of the gripper: h in m, γ at φ = 0 in rad.
 
-    Args:
-        h: distance from the reference point, m.
-        gamma: γ, direction at φ = 0, rad in (−π, π]; 0 when h = 0, where there is no direction.
+    γ is in (−π, π], and 0 when h = 0, where there is no direction.
     """
 
     h: float
@@ -31,15 +29,10 @@ class Reach:
 
     @staticmethod
     def from_grasp(p_g: float, v: float, angle: float) -> Reach:
-        """The polar form of p_g + v, with γ counted from the direction of p_g.
+        """The polar form of p_g + v (lengths, m), with γ counted from the direction of p_g; `angle` is φ_m + α, rad.
 
         h = √(p_g² + v² + 2 p_g v cos(φ_m + α)); γ = atan2(v sin(φ_m + α), p_g + v cos(φ_m + α)), where eq. (9) has an
         arcsin and loses half of the plane.
-
-        Args:
-            p_g: length of the vector from the reference point of the gripper to that of the object, m.
-            v: length of the vector from there to the point, m.
-            angle: φ_m + α, from the first vector to the second, rad.
         """
         return Reach.of((p_g + v * math.cos(angle), v * math.sin(angle)))
 

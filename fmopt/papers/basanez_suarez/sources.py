@@ -156,12 +156,8 @@ def deviations(shape: float, configuration: Configuration, vertices: ArrayLike, 
     """The sums of all sources, with ε_a = ε_v + ε_pp at each vertex, eq. (1).
 
     Where each point is measured by itself, eq. (2), ε_a = ε_m is the `shape` of an exact configuration. The deviation
-    of a point of an edge is at most the greater one of its ends.
-
-    Args:
-        shape: ε_v of the static object, m.
-        configuration: of the static object.
-        vertices: (n, 2), m, of the static object.
+    of a point of an edge is at most the greater one of its ends. The shape ε_v (m), the configuration and the vertices
+    (n, 2), m, are those of the static object.
     """
     points = frozen(vertices, None, 2, name="vertices of the static object")
     epsilon_a = [shape + configuration.at(point).position for point in points]

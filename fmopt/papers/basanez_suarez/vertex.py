@@ -136,10 +136,7 @@ def vertex_position(reference: ArrayLike, phi: float, reach: Reach, spread: floa
 def directed_arc(centre: Array, radius: float, first: float, last: float, on: Carrier) -> Piece:
     """The arc with normals from `first` to `last`; with a negative radius the set is outside its circle.
 
-    Args:
-        centre: (2,), m.
-        radius: m, of either sign.
-        first, last: bearings of outward normals, rad.
+    The centre is (2,), m, the radius of either sign, m, and the bearings of outward normals are in rad.
     """
     if radius >= 0.0:
         return Piece(Arc(centre, radius, first, last - first), on)

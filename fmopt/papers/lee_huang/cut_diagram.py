@@ -41,16 +41,13 @@ _LEAST_WEIGHT = 0.5  # of a conic piece: below it a rational quadratic crowds it
 
 
 def cut_diagram(solid: Solid, plane: Pose) -> Region:
-    """The regularised section of a solid by the plane z = 0 of `plane`, in the plane's x (u) and y (v), m.
+    """The regularised section of a solid by the plane z = 0 of a pose in its frame, in the plane's x (u) and y (v), m.
 
     The boundary is a list of parametric curve pairs: `curve.point(t)` gives (u(t), v(t)), the interior on the left.
 
     Where the plane runs in a face the answer is what both sides share, the seam of two stacked bodies full, the top of
     a body empty: as [LeeHuang1985] Assertion 2 can only hold for sections that a small shift of the plane does not
     change, each limit is built over the whole tree, and the two are intersected.
-
-    Args:
-        plane: pose of the section plane in the solid's frame.
     """
     above, below = zip(*_leaves(solid, plane), strict=True)
     # Nearly always the plane runs in no face, and both limits are one: half the booleans are spared.

@@ -58,9 +58,8 @@ class Diagram(Value, ends=(None, 2, 2), points=(None, 2), fans=(None, 2)):
 def of_region(region: Region, tolerance: float = 0.0) -> Diagram:
     """The features of a region of the plane.
 
-    Args:
-        tolerance: m; 0 keeps circular arcs as they are; else they become polylines within it. Conics always do, within
-            1e-9 of the region's size where it is 0. Polylines contain the region: what they leave free is free.
+    Circular arcs stay as they are where the tolerance (m) is 0; else they become polylines within it. Conics always do,
+    within 1e-9 of the region's size where it is 0. Polylines contain the region: what they leave free is free.
     """
     loops = [[one for curve in loop for one in _features(curve, tolerance, region.size)] for loop in region.loops]
     curves = [curve for loop in loops for curve in loop]
@@ -88,8 +87,7 @@ def _features(curve: Curve, tolerance: float, size: float) -> list[Segment | Arc
     if isinstance(curve, Arc) and tolerance == 0.0:
         return [curve]
     # On the right, outside of the region: contact is then seen no later than it can occur.
-    points = curve.polyline(tolerance or 1e-9 * size, "right")
-    return [Segment(a, b) for a, b in pairwise(points) if np.any(a != b)]
+    return [Segment(a, b) for a, b in pairwise(curve.polyline(tolerance or 1e-9 * size, "right")) if np.any(a != b)]
 
 
 def _corner(one: Segment | Arc, other: Segment | Arc) -> Iterator[tuple[Array, float, float]]:

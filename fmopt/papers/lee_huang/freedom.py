@@ -99,11 +99,8 @@ def freedom(moving: Part, fixed: Part, path: NominalTrajectory, box: ArrayLike) 
 
     When the box turns, switches nearer than the remainder takes to travel are joined, to the side of contact. A contact
     that is possible during less than an eighth of a leg, and not while a vertex of one part passes the height of a
-    vertex of the other, can be missed.
-
-    Args:
-        moving, fixed: the one in its body frame, the other in the B-frame.
-        box: half-widths a (6,) of the pose error (d, δ), m and rad; of an error set, its support along each axis.
+    vertex of the other, can be missed. The moving part is in its body frame, the fixed one in the B-frame. The box is
+    half-widths a (6,) of the pose error (d, δ), m and rad; of an error set, its support along each axis.
 
     Returns:
         Intervals that cover [0, T], neighbours different.
@@ -131,16 +128,17 @@ def _grid(scene: _Scene) -> Array:
             passes = (levels[:, None] - np.unique(np.round(heights, 12)) - nodes[k, 2]) / travel
             shares = np.concatenate([shares, passes[(passes > 0.0) & (passes < 1.0)]])
         found.append(times[k] + shares * (times[k + 1] - times[k]))
-    return _distinct(np.concatenate(found), _TIME * scene.path.duration)
+    # Sorted, without those within the tolerance of an earlier one; the first and the last stay.
+    ordered = np.sort(np.concatenate(found))
+    kept = ordered[np.concatenate([[True], np.diff(ordered) > _TIME * scene.path.duration])]
+    kept[-1] = ordered[-1]
+    return np.asarray(kept)
 
 
 def _runs(scene: _Scene, grid: Array) -> tuple[_Runs, float]:
-    """The stretches of time in which candidates can touch.
+    """The stretches of time in which candidates can touch, and the largest remainder, m.
 
     All candidates get the largest remainder of any, so that what happens at one time keeps happening at one time.
-
-    Returns:
-        The stretches, and that remainder in m.
     """
     at, items = scene.candidates(grid)
     made = scene.linear(items, grid[at])
@@ -161,13 +159,11 @@ def _runs(scene: _Scene, grid: Array) -> tuple[_Runs, float]:
 def _switches(scene: _Scene, items: Indices, off: Array, on: Array, remainder: float) -> Array:
     """Where touching begins between times without and times with it: all at once, false position and halving by turns.
 
-    Returns:
-        (n,), the end with touching of a bracket of 1e-12 T; `on` itself where `off` is no other time.
+    The answer (n,) is the end with touching of a bracket of 1e-12 T; `on` itself where `off` is no other time.
     """
 
     def value(which: Indices, times: Array) -> Array:
-        made = scene.linear(items[which], times)
-        return slack(made, scene.half_widths, remainder, scene.unit) - _TOUCHING
+        return slack(scene.linear(items[which], times), scene.half_widths, remainder, scene.unit) - _TOUCHING
 
     off, on, every = off.copy(), on.copy(), np.arange(len(items))
     below, above = value(every, off), value(every, on)
@@ -200,8 +196,7 @@ def _stops(scene: _Scene, grid: Array, runs: _Runs) -> Stops:
 def _cut(start: Array, end: Array, which: Indices, times: Array) -> tuple[Indices, Array, Array]:
     """Stretches from `start` to `end` (n,) cut at times (k,) within those in `which` (k,).
 
-    Returns:
-        The stretch that each part (n + k,) comes from, and where the part starts and ends.
+    The answer is the stretch that each part (n + k,) comes from, and where the part starts and ends.
     """
     whole = np.concatenate([np.arange(len(start)), which])
     starts, ends = np.concatenate([start, times]), np.concatenate([end, times])
@@ -216,14 +211,6 @@ def _turn(scene: _Scene, item: Indices, degree: int, a: float, b: float) -> floa
         return float(scene.linear(item[None], np.array([t])).wrenches[0, degree])
 
     return float(brentq(component, a, b, xtol=1e-14))
-
-
-def _distinct(times: Array, tolerance: float) -> Array:
-    """Sorted times without those within the tolerance of an earlier one; the first and the last stay."""
-    ordered = np.sort(times)
-    kept = ordered[np.concatenate([[True], np.diff(ordered) > tolerance])]
-    kept[-1] = ordered[-1]
-    return np.asarray(kept)
 
 
 def slack(made: Linear, half_widths: Array, remainder: float, unit: float) -> Array:
@@ -254,14 +241,10 @@ def slack(made: Linear, half_widths: Array, remainder: float, unit: float) -> Ar
 
 
 def maximin(c: Array, B: Array) -> Array:
-    """max over |u| ≤ 1 of min_k (c_k + B_k·u), (n,); its bound where that is negative.
+    """max over |u| ≤ 1 of min_k (c_k + B_k·u), (n,), of c (n, k) and B (n, k, 6); its bound where that is negative.
 
     All n programs are blocks of one, with a variable t for each, so that HiGHS is called once. Rows that no other can
     fall below, or that repeat the one before, are left out. nan where the method did not end.
-
-    Args:
-        c: (n, k).
-        B: (n, k, 6), for u in the box |u| ≤ 1.
     """
     from scipy.optimize import linprog
     from scipy.sparse import csr_array

@@ -35,9 +35,7 @@ def position_force(
 ) -> tuple[PositionForce, ...]:
     """C-PF: P(t) × S(t) → Pₐ(t) × Fₐ(t), one row for each stretch on which P is straight and S constant.
 
-    Args:
-        freedom: S(t) on [0, T].
-        forces: fᵢ (6,), N and N·m.
+    S(t) is known on [0, T]; forces fᵢ (6,) are in N and N·m.
     """
     rows = []
     for interval in freedom:
@@ -95,9 +93,8 @@ def hand_pose(found: Answer, X: ArrayLike) -> Pose:
 def grasped_twist(found: Answer, X: ArrayLike, V: ArrayLike) -> Array:
     """Twist (v, ω) of the grasped feature against the one that stays, in the axes of the latter.
 
-    Args:
-        X: pose (6,) of operand 1 in the B-frame, m and rad.
-        V: its twist (6,): velocity of its frame's origin (m/s) and angular velocity (rad/s), in the B-frame's axes.
+    Given are the pose X (6,) of operand 1 in the B-frame, m and rad, and its twist V (6,): velocity of its frame's
+    origin (m/s) and angular velocity (rad/s), in the B-frame's axes.
     """
     v, w = np.split(np.asarray(V, dtype=np.float64), 2)
     if not found.exchanged:
@@ -111,10 +108,8 @@ def grasped_wrench(found: Answer, X: ArrayLike, F: ArrayLike) -> Array:
     """Wrench (f, τ) on the grasped object about its feature's origin, in the axes of the feature that stays.
 
     What acts on operand 1 acts on operand 2 with the opposite sign. The power with `grasped_twist` is that of F with V.
-
-    Args:
-        X: pose (6,) of operand 1 in the B-frame, m and rad.
-        F: wrench (6,) on operand 1 about its frame's origin, in N and N·m, in the B-frame's axes.
+    F is the wrench (6,) on operand 1 about its frame's origin, in N and N·m, in the B-frame's axes, and X (6,) its pose
+    there, m and rad.
     """
     f, tau = np.split(np.asarray(F, dtype=np.float64), 2)
     if not found.exchanged:

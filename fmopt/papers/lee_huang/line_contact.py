@@ -43,21 +43,14 @@ class Leg(NamedTuple):
         return np.asarray(self.start + share[:, None] * self.travel)
 
     def on_level(self, n: Array, levels: Array) -> Array:
-        """Shares (…) at which n·Φ₀ has given values; nan, or infinite, where the leg runs along the level.
-
-        Args:
-            n: (…, 2), of any length.
-            levels: (…), m times that length.
-        """
+        """Shares (…) at which n·Φ₀, n (…, 2), has levels (…), m times |n|; nan or infinite where the leg runs along."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray((levels - n @ self.start) / (n @ self.travel))
 
     def on_circle(self, centre: Array, radius: Array | float) -> Array:
-        """Shares (…, 2) at which Φ₀ is on circles; they may lie outside 0 to 1, and are no numbers without a meeting.
+        """Shares (…, 2) at which Φ₀ is on circles, by centres (…, 2) and radii (…), m.
 
-        Args:
-            centre: (…, 2), m.
-            radius: (…), m.
+        They may lie outside 0 to 1, and are no numbers without a meeting.
         """
         offset = self.start - centre
         a, b, c = float(self.travel @ self.travel), offset @ self.travel, np.vecdot(offset, offset) - radius**2
@@ -100,9 +93,8 @@ class Lines(Value):
     def spans(self, leg: Leg) -> tuple[Indices, Array]:
         """When contact is possible on a leg.
 
-        Returns:
-            Which pair (k,), and the first, the last and the middle one (k, 3) of the shares of the leg on which it can
-            touch.
+        The answer is which pair (k,), and the first, the last and the middle one (k, 3) of the shares on which it can
+        touch.
         """
         near = np.flatnonzero(self._near(leg))
         cuts = self._rows(near)._crossings(leg)

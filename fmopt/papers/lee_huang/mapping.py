@@ -91,10 +91,8 @@ def answered(found: Answer, box: ArrayLike, rho: float) -> Mapping:
     """The T-C mapping of a task as the knowledge base answers it, everything else of the workcell in place.
 
     What is linked to an operand moves or stands with it; obstacles stand, or where the operands were exchanged move.
-
-    Args:
-        box: half-widths (6,) of the pose error of operand 1 in the B-frame, m and rad.
-        rho: characteristic length, m.
+    The box is half-widths (6,) of the pose error of operand 1 in the B-frame, m and rad, and ρ the characteristic
+    length, m.
 
     Raises:
         GeometryError, InterferenceError: as `task_mapping`.
@@ -147,7 +145,9 @@ def task_mapping(task: Task) -> Mapping:
     """
     planes = plane_diagrams(task.moving, task.fixed, task.start, task.goal, task.box)
     # A margin for the whole part: any point of it may stray by so much, in any direction.
-    margin = _strayed(task.moving, task.box)
+    half = frozen(task.box, 6, name="half-widths")
+    radius = max(float(np.linalg.norm(piece.vertices, axis=1).max()) for piece in pieces(task.moving))
+    margin = max(float(np.linalg.norm(half[:3]) + radius * np.linalg.norm(half[3:])), 1e-9)
     path = nominal_path(task, planes, margin)
     clear = free_until(*task.bodies, path, margin) if np.any(path.nodes[0, 3:] != path.nodes[-1, 3:]) else 0.0
     return Mapping(planes, path, freedom_on_planes([view for plane in planes for view in plane.views], path, clear))
@@ -158,10 +158,8 @@ def plane_diagrams(
 ) -> tuple[PlaneDiagrams, ...]:
     """G, the sections of operand 1 and GE on the three planes (m).
 
-    Args:
-        moving, fixed: operands 1 and 2, each in its own frame.
-        start, goal: (6,), poses of operand 1 in the frame of operand 2, m and rotation vector in rad.
-        box: (6,), half-widths of the pose error, m and rad.
+    Each operand is in its own frame, poses (6,) of operand 1 in that of operand 2, and the box half-widths (6,) of the
+    pose error, all in m and rad, turns as rotation vectors.
     """
     P = np.asarray(goal, dtype=np.float64)
     first = nearest_branch(np.asarray(start, dtype=np.float64)[3:], P[3:])
@@ -189,11 +187,9 @@ def nominal_path(task: Task, planes: Sequence[PlaneDiagrams], margin: float) -> 
     N₂ stands as high above the mouth as the uncertain part strays, if the start does, so that the way there is free.
 
     The part turns on the first leg, as in the paper, and where the uncertain part would still be near the mouth at the
-    end of it, on its first half; where turning there meets something, on the next leg above the mouth. Where all
-    that does, it turns in one place, which the diagrams for all its orientations leave free.
-
-    Args:
-        margin: how far a point of the uncertain operand 1 strays, m.
+    end of it, on its first half; where turning there meets something, on the next leg above the mouth. Where all that
+    does, it turns in one place, which the diagrams for all its orientations leave free. The margin, m, is how far a
+    point of the uncertain operand 1 strays.
 
     Raises:
         GeometryError: no visible path.
@@ -265,13 +261,6 @@ def _seated(sections: Sequence[tuple[Region, tuple[float, float] | None]], heigh
     """The section of operand 1 at a height, of two stretches that meet there the lower."""
     found = (region for region, ends in sections if ends and ends[0] - _LEVEL <= height <= ends[1] + _LEVEL)
     return next(found, Region(()))
-
-
-def _strayed(moving: Solid, box: ArrayLike) -> float:
-    """How far a point of the uncertain operand 1 strays from its nominal place, m."""
-    a = frozen(box, 6, name="half-widths")
-    radius = max(float(np.linalg.norm(piece.vertices, axis=1).max()) for piece in pieces(moving))
-    return max(float(np.linalg.norm(a[:3]) + radius * np.linalg.norm(a[3:])), 1e-9)
 
 
 def diagrams(mapping: Mapping, length: float) -> tuple[Diagram, ...]:

@@ -37,9 +37,8 @@ _SAME = 1e-12  # m, heights this close are one
 class NominalTrajectory(Value):
     """P(t), piecewise linear in the six numbers (x, y, z, r) of the moving part's pose in the B-frame.
 
-    Args:
-        nodes: poses (n, 6), m and rad; neighbouring rotation vectors belong to one branch, |r| may exceed π.
-        times: (n,), s, from 0 up, no two equal.
+    Nodes (n, 6) are in m and rad, of neighbouring rotation vectors on one branch, |r| may exceed π; times (n,), s, rise
+    from 0.
     """
 
     nodes: Array
@@ -141,12 +140,7 @@ def through(
 
 
 def nearest_branch(r: Array, target: Array) -> Array:
-    """Of the rotation vectors r + 2πk r/|r| that mean one rotation, the one nearest to `target`, (3,) in rad.
-
-    Args:
-        r: (3,), rad; 0 is returned as it is, as it has no axis to turn on about.
-        target: (3,), rad.
-    """
+    """The rotation vector r + 2πk r/|r|, (3,) in rad, nearest to `target`; 0 stays, having no axis to turn on about."""
     angle = float(np.linalg.norm(r))
     if angle == 0.0:
         return r
@@ -156,12 +150,7 @@ def nearest_branch(r: Array, target: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Stops(Value):
-    """Motions that are stopped for stretches of time, n of them.
-
-    Args:
-        start, end: (n,), s.
-        bits: (n, 6, 2), motion along each degree and against it.
-    """
+    """Motions along each degree and against it, bits (n, 6, 2), that are stopped from `start` to `end` (n,), s."""
 
     start: Array
     end: Array
@@ -177,9 +166,8 @@ def together(parts: Sequence[Stops]) -> Stops:
 def intervals(stops: Stops, duration: float, blur: float) -> tuple[Interval, ...]:
     """S on the cells between all ends, equal neighbours joined; at T also what touches there only.
 
-    Args:
-        duration: T, s.
-        blur: s; ends nearer than this cannot be told apart: starts among them move to the first, ends to the last.
+    The duration is T, s. Ends nearer than `blur`, s, cannot be told apart: starts among them move to the first, ends to
+    the last.
     """
     # Cells are between all ends; ends that rounding alone tells apart are one.
     ends = np.unique(np.concatenate([[0.0, duration], stops.start, stops.end]))
@@ -225,15 +213,9 @@ def critical_poses(moving: Part, fixed: Part, path: NominalTrajectory, reach: fl
 
     The first is the mouth, where a lateral pair first closes; later ones are a step where faces enter, an exit where
     they only leave; the middle of the last stretch, where the section is fully engaged, is the mid-depth; the last is
-    the bottom, the goal. Legs that turn lie above the mouth and have no events.
-
-    Args:
-        moving: in its body frame.
-        fixed: in the B-frame, z along the mating axis.
-        reach: widest gap in m that still constrains, such as how far the uncertain part may reach sideways.
-
-    Returns:
-        The poses; only the bottom where no lateral pair comes within `reach`.
+    the bottom, the goal. Legs that turn lie above the mouth and have no events. The moving part is in its body frame,
+    the fixed one in the B-frame, z along the mating axis. `reach` is the widest gap in m that still constrains, such as
+    how far the uncertain part may reach sideways; only the bottom is left where no lateral pair comes within it.
     """
     events: list[_Event] = []
     for (one, t0), (other, t1) in pairwise(zip(path.nodes, path.times, strict=True)):

@@ -54,10 +54,8 @@ _ROUNDING = 1e-12  # of the size
 class Slice(Value):
     """A section of operand 1 about its nominal centre, at the goal's orientation.
 
-    Args:
-        section: in the axes u, v of the plane, m.
-        heights: on the plane x-y the stretch of operand 1 (along z, from the nominal centre, m) that has this section
-            at its widest; None on the other planes.
+    The section is in the axes u, v of the plane, m. On the plane x-y `heights` is the stretch of operand 1 (along z,
+    from the nominal centre, m) that has this section at its widest; None on the other planes.
     """
 
     section: Diagram
@@ -76,11 +74,8 @@ class View(Value):
 def freedom_on_planes(views: Sequence[View], path: NominalTrajectory, free_until: float = 0.0) -> tuple[Interval, ...]:
     """S(t) along the nominal trajectory, piecewise constant, switching times exact to rounding.
 
-    Args:
-        free_until: s; up to here the uncertain operand 1 is known to touch nothing, however it turns.
-
-    Returns:
-        Intervals that cover [0, T], neighbours different.
+    The intervals cover [0, T], neighbours different. Up to `free_until`, s, the uncertain operand 1 is known to touch
+    nothing, however it turns.
 
     Raises:
         GeometryError: operand 1 still turns, or has not the goal's orientation, after `free_until`.
@@ -145,12 +140,7 @@ def _bits(view: View, stops: Bits) -> Bits:
 
 @dataclass(frozen=True, eq=False)
 class Spans(Value):
-    """Contacts are possible for shares of a leg.
-
-    Args:
-        start, end: (n,).
-        stops: (n, 6), what motions they stop, u+, u−, v+, v−, ψ+, ψ−.
-    """
+    """Contacts possible for shares `start` to `end` (n,) of a leg, and the motions (n, 6) stopped: u±, v±, ψ±."""
 
     start: Array
     end: Array
@@ -160,9 +150,7 @@ class Spans(Value):
 def spans(moving: Diagram, fixed: Diagram, leg: Leg) -> Spans:
     """Every contact that is possible on a leg, with the shares of the leg and the motions that it stops.
 
-    Args:
-        moving: section of operand 1 about its nominal centre at the nominal angle.
-        fixed: cut-diagram of operand 2.
+    The moving section is about its nominal centre at the nominal angle; the fixed diagram is that of operand 2.
     """
     lines = _lines(moving, fixed, leg.half_angle)
     rows, shares = lines.spans(leg)
@@ -193,12 +181,8 @@ def _lines(moving: Diagram, fixed: Diagram, half_angle: float) -> Lines:
 def _meeting(one: Diagram, other: Diagram, sense: float, half_angle: float) -> tuple[Indices, Indices, Array, Array]:
     """Edges of one and corners of the other that can meet from outside, with opposite normals, at turns of the cone.
 
-    Args:
-        sense: 1 when the edges turn with ψ, −1 when the corners do.
-        half_angle: s.
-
-    Returns:
-        Which edges and corners (n,), and the first and the last of the turns (n,), rad.
+    The sense is 1 when the edges turn with ψ, −1 when the corners do; half the angle of the cone is s. The answer is
+    which edges and corners (n,), and the first and the last of the turns (n,), rad.
     """
     angle = np.arctan2(-one.normals[:, 1], -one.normals[:, 0])
     away = angle[:, None] - other.fans[:, 0]
@@ -294,12 +278,9 @@ class _Round(Value):
 
 
 def stops(force: Array, arm: Array, size: float) -> Bits:
-    """The motions (n, 6), u+, u−, v+, v−, ψ+, ψ−, that forces stop.
+    """The motions (n, 6), u+, u−, v+, v−, ψ+, ψ−, that unit forces (n, 2) on operand 1 stop.
 
-    Args:
-        force: (n, 2), unit vectors on operand 1.
-        arm: (n, 2), from the nominal centre to where they act, m.
-        size: m, to compare torques with forces.
+    They act at `arm` (n, 2), m, from the nominal centre; `size`, m, is there to compare torques with forces.
     """
     # Torque over size is a force, so that one threshold serves all three.
     torque = (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]) / size

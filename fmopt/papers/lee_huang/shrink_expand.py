@@ -53,11 +53,9 @@ def expanded(G: Region, sections: Sequence[Region], tolerance: float | None = No
 
     GE is regularised: a centre on its boundary touches, and a slit or a point that leaves no play is part of GE.
     Segments and circular arcs are exact, and so are the conic arcs of one operand where the other one is a polygon.
-
-    Args:
-        sections: cut-diagrams of the moving operand's instances, about the nominal centre as origin. Empty ones add
-            nothing; without any other the operand is its centre alone, and G comes back as it is.
-        tolerance: in m; by how much GE may be too large where conic arcs meet curves, 1e-6 of the larger size if None.
+    Sections are cut-diagrams of the moving operand's instances, about the nominal centre as origin. Empty ones add
+    nothing; without any other the operand is its centre alone, and G comes back as it is. By the tolerance (m) GE may
+    be too large where conic arcs meet curves, 1e-6 of the larger size if None.
     """
     solid = [section for section in sections if not section.empty]
     if G.empty or not solid:
@@ -77,11 +75,7 @@ def turn_swept(region: Region, first: float, last: float) -> Region:
 
     The images at both ends and what each boundary curve sweeps. Along a curve whose distance r from the origin grows,
     every r has one polar angle ψ(r), and it sweeps ψ(r) + first ≤ angle ≤ ψ(r) + last: the curve at both ends and two
-    arcs about the origin.
-
-    Args:
-        first: rad.
-        last: rad, not less than first; from a full turn on every orientation is taken.
+    arcs about the origin. From a full turn on every orientation is taken.
     """
     if region.empty:
         return region
@@ -156,12 +150,9 @@ def frame(plane: Plane) -> Pose:
 
 
 def section_at(moving: Solid, plane: Plane, turn: Array) -> Region:
-    """The section of operand 1, turned, by the plane through its nominal centre.
+    """The section of operand 1, turned by a rotation vector (3,), rad, by the plane through its nominal centre.
 
     Where the plane runs in a face of it, the section is that on the side of the body.
-
-    Args:
-        turn: rotation vector (3,), rad.
     """
     turned = Placed(moving, Pose(np.zeros(3), exp(turn)))
     found = cut_diagram(turned, frame(plane))
@@ -170,15 +161,12 @@ def section_at(moving: Solid, plane: Plane, turn: Array) -> Region:
 
 
 def expanded_over(G: Region, moving: Solid, plane: Plane, first: Array, last: Array) -> Region:
-    """GE over every orientation between two, the rotation vector running straight from one to the other.
+    """GE over every orientation between two, the rotation vector (3,), rad, running straight from one to the other.
 
     A turn in the plane is swept exactly. Of any other, sections of the convex pieces at orientations at most 0.05 rad
     apart are taken, round ones enclosed by polygons, each with the next in one hull. What is left out between two of
-    them, under 1 % of the size where sampled, is found in space, like what moves off the plane.
-
-    Args:
-        moving: operand 1 in its own frame, whose origin is the nominal centre.
-        first, last: rotation vectors (3,) of one branch, rad.
+    them, under 1 % of the size where sampled, is found in space, like what moves off the plane. The origin of operand 1
+    is the nominal centre.
     """
     normal = np.eye(3)[plane.turn - 3]
     across = np.array([turn - (turn @ normal) * normal for turn in (first, last)])

@@ -66,14 +66,9 @@ class Meeting(Value, pose=(6,), point=(3,)):
 
 
 def meetings(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajectory) -> tuple[Meeting, ...]:
-    """Every pair of bodies that overlaps on the way, where it first does so.
+    """Every pair of bodies that overlaps on the way, where it first does so, in the order of time.
 
-    Args:
-        moving: names and solids in the moving operand's frame; all of them move.
-        fixed: names and solids in the B-frame, operand 2 and obstacles.
-
-    Returns:
-        The meetings in the order of time; none when the motion is free.
+    Names and solids that move are in the moving operand's frame, all others, operand 2 and obstacles, in the B-frame.
     """
     movers = [(name, [_Piece.of(body) for body in _bodies(solid)]) for name, solid in moving]
     standing = [(name, [_Piece.of(piece) for piece in pieces(enclosing(solid))]) for name, solid in fixed]
@@ -115,11 +110,8 @@ def checked(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajecto
 def free_until(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajectory, margin: float) -> float:
     """Up to when every point of what moves keeps more than `margin` from what stands: a node of P(t), s.
 
-    Args:
-        margin: m, positive: how far a point of the uncertain operand 1 strays.
-
-    Returns:
-        The last node up to which all legs are shown to; 0 when the first leg is not.
+    The answer is the last node up to which all legs are shown to; 0 when the first leg is not. The margin, m, positive,
+    is how far a point of the uncertain operand 1 strays.
     """
     movers = [_Piece.of(body) for _, solid in moving for body in _bodies(solid)]
     standing = [_Piece.of(piece) for _, solid in fixed for piece in pieces(enclosing(solid))]

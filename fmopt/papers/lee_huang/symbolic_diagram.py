@@ -137,10 +137,7 @@ def any_pose() -> tuple[sympy.Matrix, sympy.Matrix]:
 def symbolic_diagram(shape: Shape, R: sympy.Matrix, p: sympy.Matrix) -> tuple[SymbolicCurve, ...]:
     """The curves that may bound the section of a placed instance by the plane z = 0.
 
-    Args:
-        shape: the instance, symbols or numbers.
-        R: (3, 3), instance to plane, symbols or numbers.
-        p: (3, 1) in m, likewise.
+    The instance, and R (3, 3) and p (3, 1), m, which take it to the plane, are of symbols or numbers.
     """
     match shape:
         case Faces(rows):

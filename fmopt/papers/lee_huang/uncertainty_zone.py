@@ -141,9 +141,8 @@ class Zone:
 def zones(box: ArrayLike) -> tuple[Zone, Zone, Zone]:
     """Ball and cone on the three planes, the smallest that hold a box of pose errors.
 
-    Args:
-        box: half-widths (6,) of the pose error (d, δ), m and rad: the support along each axis of the error set that the
-            stated sources of uncertainty add up to, or given numbers.
+    The box is half-widths (6,) of the pose error (d, δ), m and rad: the support along each axis of the error set that
+    the stated sources of uncertainty add up to, or given numbers.
     """
     a = frozen(box, 6, name="half-widths")
     # A square and a symmetric cone hold any box: the larger of two half-widths on each plane.

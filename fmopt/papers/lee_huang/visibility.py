@@ -127,14 +127,11 @@ def position_nodes(start: ArrayLike, goal: ArrayLike, sight: Sight, room: float 
 def turning_nodes(
     start: ArrayLike, goal: ArrayLike, sights: TurningSight, room: float = 0.0
 ) -> tuple[tuple[Array, ...], int]:
-    """Position nodes of a way on which operand 1 turns in one place, and the leg on which it does, which has no length.
+    """Nodes of a way from N₁ (3,) to N_T (3,), m, on which operand 1 turns in one place, and the leg of that turn.
 
     It keeps the orientation of the start up to a place where all orientations on the way to the goal's have room, and
-    has the goal's from there to N₂ and along the axis. The shortest over places as for `position_nodes`.
-
-    Args:
-        start: N₁ (3,) in the B-frame, m.
-        goal: N_T (3,).
+    has the goal's from there to N₂ and along the axis. The shortest over places as for `position_nodes`. The leg has no
+    length.
 
     Raises:
         GeometryError: N₁ or N_T lies in GE, or there is no such way.
@@ -227,7 +224,10 @@ def _shortest(points: Sequence[Array], visible: Callable[[int, int], bool]) -> t
     while queue:
         _, count, k = heapq.heappop(queue)
         if k == goal:
-            return _traced(points, before, goal)
+            order = [goal]
+            while order[-1] in before:
+                order.append(before[order[-1]])
+            return tuple(points[k] for k in reversed(order))
         if k in done:
             continue
         done.add(k)
@@ -239,10 +239,3 @@ def _shortest(points: Sequence[Array], visible: Callable[[int, int], bool]) -> t
                 best[j], before[j] = length, k
                 heapq.heappush(queue, (length + float(np.linalg.norm(points[goal] - points[j])), count + 1, j))
     return None
-
-
-def _traced(points: Sequence[Array], before: Mapping[int, int], end: int) -> tuple[Array, ...]:
-    order = [end]
-    while order[-1] in before:
-        order.append(before[order[-1]])
-    return tuple(points[k] for k in reversed(order))

@@ -76,14 +76,11 @@ def axes(wrenches: Array, rho: float) -> Axes:
 
 
 def compliance_frame(wrenches: Array, points: Array, reference: Pose, rho: float) -> Pose:
-    """The frame in which most freedoms of held contacts lie along axes.
+    """The frame in which most freedoms of held contacts, with wrenches (m, 6) and points (m, 3) in B, lie along axes.
 
-    Tried are the axes of the B-frame, of the moving part, and of each contact normal with another one or an axis of
-    the B-frame, at the reference point and at each point; of equals the first.
-
-    Args:
-        wrenches: held contact wrenches (m, 6) about the reference point, axes of the B-frame.
-        points: contact points (m, 3) in the B-frame, m, and other places through which contacts push.
+    Tried are the axes of the B-frame, of the moving part, and of each contact normal with another one or an axis of the
+    B-frame, at the reference point and at each point; of equals the first. Wrenches are about the reference point,
+    points (m) those of contacts and other places through which contacts push.
     """
     orientations = np.array(list(_orientations(wrenches, reference.R)))
     best, most = Pose(reference.p, np.eye(3)), -1

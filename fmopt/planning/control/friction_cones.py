@@ -54,10 +54,7 @@ _DOWN = 1e-12  # rad or share, by which what is proved is rounded
 def nearest_opening(wrench: Array, normal: Array, tangent: Array, least: float) -> tuple[Array, bool]:
     """The scaled twist (6,) nearest to a scaled wrench that opens each contact by `least`, and whether it is settled.
 
-    Args:
-        wrench: (6,).
-        normal: (m, 6), normal velocity at a contact point for a scaled twist, positive where the contact opens.
-        tangent: (m, 2, 6), its sliding velocity times the coefficient of friction.
+    The wrench is (6,), the rest as in `FrictionCones`.
     """
     m, count = len(normal), len(normal) * _RAYS
     rows = np.empty((count + m * _ROUNDS, 6))  # a round adds one to each contact at most

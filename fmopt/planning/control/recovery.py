@@ -62,7 +62,8 @@ def recovery_record(
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     above = underside(fixed)
-    runs = _runs(segments)
+    count = int(segments[-1]["move"]) + 1
+    runs = [[k for k, segment in enumerate(segments) if segment["move"] == move] for move in range(count)]
     rooms = [min(lowest(body, segments[k], rho) for k in run) - above - _SLACK for run in runs]
     first = Pose.from_vector(segments[0]["start"])
     goals = (Pose.from_vector(segment["goal"]) for segment in segments)
@@ -147,12 +148,6 @@ def _clear(body: Polyhedron, fixed: Polyhedron, first: Pose, box: Array, turn: f
     errors = float(box[2]) + r * float(box[3] + box[4]) + 0.5 * r * float(box[3:] @ box[3:])
     over = float(fixed.vertices[:, 2].max()) + r * turn**2 / 8.0 + errors + _SPARE
     return max(over, float((first.apply(body.vertices)[:, 2] - body.radii).min()) + _SLACK)
-
-
-def _runs(segments: Sequence[Mapping[str, Any]]) -> list[list[int]]:
-    """Indices of the segments of each move."""
-    count = int(segments[-1]["move"]) + 1
-    return [[k for k, segment in enumerate(segments) if segment["move"] == move] for move in range(count)]
 
 
 def offsets(box: Array) -> list[list[float]]:

@@ -137,13 +137,9 @@ def onto(table: Table, C: Array, p: Array, R: Array) -> int:
 def repeated(held: tuple[Table, Array], twist: Array, gives: Array, fresh: bool, p: Array, R: Array) -> int:
     """Fills in poses p (n + 1, 3), R (n + 1, 3, 3) after the first: a twist each, and compliance that keeps contacts.
 
-    Args:
-        held: functions of the contacts kept (r,) and their compliant twists (r, 6).
-        gives: how much compliance there is in each (n, r), a guess at first, if not `fresh`.
-        fresh: whether each piece is to begin with what the one before it has found.
-
-    Returns:
-        as of `onto`.
+    Held are functions of the contacts kept (r,) and their compliant twists (r, 6). The compliance in each (n, r) is a
+    guess at first, if not `fresh`, where each piece begins with what the one before has found. The answer is as of
+    `onto`.
     """
     table, C = held
     r = len(table)
@@ -186,14 +182,9 @@ def along(
 ) -> int:
     """Fills in poses p (n, 3), R (n, 3, 3) after motions along a twist, contacts kept by their compliance.
 
-    Args:
-        held: functions of the contacts kept (r,) and their compliant twists (r, 6).
-        motion: rotation (3, 3) at the beginning, the body point (3,) about which it turns, where that is then (3,), and
-            the twist (6,).
-        amounts: of it (n,).
-
-    Returns:
-        as of `onto`.
+    Held are functions of the contacts kept (r,) and their compliant twists (r, 6). The motion is a rotation (3, 3) at
+    the beginning, the body point (3,) about which it turns, where that is then (3,), and the twist (6,), of which there
+    are amounts (n,). The answer is as of `onto`.
     """
     begin, pivot, at, twist = motion
     X = np.empty(6)
@@ -218,12 +209,8 @@ def roots(
 ) -> int:
     """Fills in amounts (m,) at which distances vanish or jump, by Anderson and Björck's method of false position.
 
-    Args:
-        which: m of them.
-        bracket: two amounts, and the distances (2, m) there, the first positive, the second not.
-
-    Returns:
-        as of `onto`.
+    In the bracket are two amounts, and the distances (2, m) there, the first positive, the second not. The answer is as
+    of `onto`.
     """
     p, R, amount, (between, values) = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty(1), bracket
     for n in range(len(which)):

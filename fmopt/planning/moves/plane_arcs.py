@@ -61,12 +61,7 @@ def _between(arcs: Array, k: int, low: float, high: float, share: int) -> Vector
 
 
 class Kept(NamedTuple):
-    """The edges of each pair (n, m, e) that are looked at more closely.
-
-    Args:
-        normal: the best plane's normal (n, m, 3).
-        margin: its margin (n, m), m.
-    """
+    """The edges of each pair (n, m, e) looked at more closely: best planes' normals (n, m, 3) and margins (n, m), m."""
 
     edge: Places
     share: Places
@@ -250,13 +245,10 @@ def best(
 ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
     """For each pair (m) the plane with the largest certified margin over pieces of motion (n), or for the tightest.
 
-    No margin exceeds its plane's room, its clearance without errors: only planes with more of that than the best
-    margin so far are looked at with errors.
-
-    Args:
-        body: vertices (v, 3) of the moving piece, m.
-        grazing: how far nominal distances may be below zero, m.
-        enough: a margin above which no pair is the tightest, m; not a number where the best planes of all are asked.
+    No margin exceeds its plane's room, its clearance without errors: only planes with more of that than the best margin
+    so far are looked at with errors. The moving piece has vertices (v, 3), m, and nominal distances may be `grazing`
+    (m) below zero. No pair with a margin above `enough` (m) is the tightest; it is not a number where the best planes
+    of all are asked.
 
     Returns:
         unit normals (n, m, 3), how far out the fixed pieces reach along them, margins and clearances (n, m), m; and

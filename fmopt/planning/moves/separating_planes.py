@@ -128,10 +128,8 @@ def _listed(numbers: Places, margins: Array, clearances: Array) -> Iterator[tupl
 class _Touched:
     """What may keep each pair of pieces that contacts bear on apart.
 
-    Where no contact is on a face of the moving piece, its faces are no part of it.
-
-    Args:
-        walls: faces of the fixed pieces of which contacts say nothing, those of each moving piece's pairs.
+    Where no contact is on a face of the moving piece, its faces are no part of it. Walls are faces of the fixed pieces
+    of which contacts say nothing, for each moving piece's pairs.
     """
 
     walls: tuple[Faces, ...]
@@ -252,8 +250,7 @@ def _contact_edges(assembly: Assembly, pair: Pair) -> list[Witness]:
             found.append((moving, fixed))
     if assembly.several:
         found += edges_beside(assembly, pair.moving, pair.fixed, pair.state, pair.beside)
-        rims = level_rims(assembly, pair.state, pair.beside)
-        found += edges_level(assembly, pair.moving, pair.fixed, rims)
+        found += edges_level(assembly, pair.moving, pair.fixed, level_rims(assembly, pair.state, pair.beside))
     return [Witness("edges", *both) for both in dict.fromkeys(found)]
 
 
@@ -299,8 +296,7 @@ class Fans:
     def best(self, course: Course, enough: float = math.nan) -> FreePlanes:
         """For each fixed piece the plane with the largest certified margin over pieces of motion.
 
-        Args:
-            enough: a margin (m) above which no pair is the tightest; best are the planes of those that may be, or all.
+        Above `enough`, m, no pair is the tightest; best are the planes of those that may be, or all.
         """
         p, R, columns, cuts, twist, half, coupling, form = course.motion
         motion = p, R, columns, cuts, twist, half, coupling

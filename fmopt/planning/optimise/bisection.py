@@ -42,10 +42,8 @@ def factor(step: int) -> float:
 def largest(tried: Callable[[float], Trial], likely: Callable[[float], bool]) -> tuple[float, float | None]:
     """The largest factor that holds and the next one on the grid, which does not; None in its place past 64.
 
-    The factor is 0 where the least of the grid does not hold.
-
-    Args:
-        likely: whether a factor is likely to hold, which takes less to say: where to look first, no more.
+    The factor is 0 where the least of the grid does not hold. `likely` takes less to say whether a factor holds, and
+    tells where to look first, no more.
     """
     found = _Tried(tried, {})
     if not found.holds(0):
@@ -116,11 +114,8 @@ def largest_share(
 
     Success is taken to be monotone: where it is not, the answer is a share at which it succeeds, with a failure one
     step above. One step is tried first: there a success is had soonest, and if there is none, larger shares would fail
-    after a long time each. The step is divided once more then; None when the attempt fails even so.
-
-    Args:
-        steps: how finely shares are told apart, at least 2.
-        finer: in how many the last step is divided; 1 for not at all.
+    after a long time each. The step is divided once more then; None when the attempt fails even so. Shares are told
+    apart by at least 2 steps, the last of them divided in `finer`, 1 for not at all.
     """
     low, high = 1, steps
     found = attempt(whole / steps)

@@ -239,11 +239,7 @@ class Solver(Protocol):
 
 
 def certify(program: ConeProgram, x: ArrayLike, duals: Duals | None = None, tol: float = FEASIBLE) -> Solution:
-    """Checks a proposed point, and its optimality when multipliers are given, on the original data.
-
-    Args:
-        x: proposed point (n,).
-        tol: largest violation accepted, in scaled units.
+    """Checks a point (n,), and its optimality if multipliers are given, on the original data, to `tol` in scaled units.
 
     Raises:
         SolverError: an equality, row or bound is violated, or the multipliers do not close the gap.

@@ -81,8 +81,7 @@ class ClarabelSolver:
 
     def _run(self, scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, str]:
         M, rhs, cones = standard_form(scaled, kept)
-        q = np.append(-scaled.c, np.zeros(len(scaled.norms)))
-        answer = _solver(self, M, cones, rhs, q).solve()
+        answer = _solver(self, M, cones, rhs, np.append(-scaled.c, np.zeros(len(scaled.norms)))).solve()
         return np.array(answer.x)[: len(scaled.c)], np.array(answer.z), str(answer.status)
 
     def _infeasible(self, program: ConeProgram) -> InfeasibleError | SolverError:
@@ -196,8 +195,7 @@ def _build(settings: ClarabelSolver, M: Array, widths: tuple[int, ...], rhs: Arr
     zero, positive, *second = widths
     cones = [clarabel.ZeroConeT(zero), clarabel.NonnegativeConeT(positive)]
     cones += [clarabel.SecondOrderConeT(width) for width in second]
-    empty = csc_matrix((len(q), len(q)))
-    return clarabel.DefaultSolver(empty, q, csc_matrix(M), rhs, cones, options)
+    return clarabel.DefaultSolver(csc_matrix((len(q), len(q))), q, csc_matrix(M), rhs, cones, options)
 
 
 def least_vertex(cost: Array, rows: Pair, equations: Pair, limits: Pair) -> Array | None:

@@ -88,11 +88,9 @@ def grown(
 ) -> Placed:
     """A sequence certified for all errors, from moves that cannot be followed under them.
 
-    Args:
-        aim_at: what for, under a share of all errors, in pieces that turn by
-            `fmopt.planning.placement.sequence_program.COARSE` at most. Whether a sequence will do is asked in the end.
-        moves: the sequence; their goals make the contacts that they should.
-        step: greatest turn of one piece in the end, rad.
+    `aim_at` says what for, under a share of all errors, in pieces that turn by
+    `fmopt.planning.placement.sequence_program.COARSE` at most; whether a sequence will do is asked in the end. Goals of
+    the moves make the contacts that they should. The step is the greatest turn of one piece in the end, rad.
 
     Raises:
         InfeasibleError: it does not come to all of the errors.

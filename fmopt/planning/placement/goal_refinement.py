@@ -181,10 +181,8 @@ def refine_goals(
 ) -> Placed:
     """Moves one goal pose after the other while the certified margin rises, and there is time.
 
-    Args:
-        aim: what for; whether a sequence is fit is not asked.
-        clearance: clearance a side, m, the unit of length of the programs.
-        method: nonlinear program on the true surfaces, or reciprocal cost and steepest descent on the linear ones.
+    Whether a sequence is fit is not asked. The clearance a side, m, is the unit of length of the programs: a nonlinear
+    one on the true surfaces, or reciprocal cost and steepest descent on the linear ones.
     """
     best = placed
     for _ in range(turns.rounds):
@@ -231,10 +229,9 @@ def _placed_pose(
     box, weights = radius / metric.sigma, np.ones(len(obstacles.rows))
     if method == "nlp":
         body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-        surfaces = tuple(Row.of(contact, body, fixed) for contact in contacts)
         problem = SurfacePlacement(
             move.goal,
-            surfaces,
+            tuple(Row.of(contact, body, fixed) for contact in contacts),
             obstacles.rows,
             metric=metric,
             lower=-box * assembly.freedoms,
@@ -293,8 +290,7 @@ def _functions(moving: Polyhedron, fixed: Polyhedron, separation: Separation, sc
     witness = separation.witness
     if witness.kind == "plane" and witness.plane is not None:
         n = np.array(witness.plane[:3]) / scale
-        at = n * witness.plane[3] / scale / float(n @ n)
-        return _bodies_above(moving, n, at)
+        return _bodies_above(moving, n, n * witness.plane[3] / scale / float(n @ n))
     if witness.kind == "moving-face":
         face = next(face for face in moving.faces if face.loops[0] == witness.moving)
         return [face_vertex(face.normal, face.offset, w) for w in fixed.vertices]

@@ -143,11 +143,9 @@ def sequence_rows(
 ) -> SequenceRows:
     """Every row of a sequence that is within `near` (m) of binding.
 
-    Args:
-        near: of what binds, m.
-        drifting: whether it counts in later moves that a longer one drifts farther, too. That leads on where poses are
-            far from where they are to be; near there, steps without it were found to end higher.
-        felt: whether what ends a move has to be felt.
+    If `drifting`, it counts in later moves that a longer one drifts farther, too. That leads on where poses are far
+    from where they are to be; near there, steps without it were found to end higher. If `felt`, what ends a move has to
+    be.
     """
     most, moves = reached.margin + near, claims_of_moves(reached.claims)
     sensitivity = iter(found := sensitivities(assembly, reached.claims, tolerance, drifting))

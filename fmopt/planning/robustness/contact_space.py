@@ -143,8 +143,7 @@ def space_at(
             break
     heed()
     kept, limits = cell(near, body, fixed, reference, scale.reach + scale.angle * scale.rho)
-    within = Cell(limits, wide * scale.reach, wide * scale.angle)
-    space = local_space(kept, body, fixed, reference, scale, within)
+    space = local_space(kept, body, fixed, reference, scale, Cell(limits, wide * scale.reach, wide * scale.angle))
     states = _enumerated(space)
     # Free space is the only face that is told of a space whose states are not enumerated.
     free = Faces(np.zeros((1, len(kept)), dtype=np.bool_), np.full(1, 6), np.zeros((1, 6)), 0)

@@ -102,7 +102,8 @@ def visited(assembly: Assembly, claims: Sequence[Claim], nominal: Sequence[Space
             before = visits[i - 1]
             at = _holding(spaces, before.contacts, visit.contacts, piece.goal, scale)
             if at is None:
-                spaces.append(space_at(assembly, f"move {_number(claims, visit.claim)}", *_arrival(piece), scale))
+                move = sum(c.piece.progress[0] == 0.0 for c in claims[: visit.claim + 1])  # from 1
+                spaces.append(space_at(assembly, f"move {move}", *_arrival(piece), scale))
                 at = _holding(spaces[-1:], before.contacts, visit.contacts, piece.goal, scale)
                 at = None if at is None else len(spaces) - 1
             visits[i] = replace(visit, change="unexplained") if at is None else _held(visit, at, spaces)
@@ -150,11 +151,6 @@ def _arrival(piece: Piece) -> tuple[Pose, list[Pose]]:
     """The pose in which a contact is made, and poses shortly before."""
     x = piece.goal.local(piece.start)
     return piece.goal, [piece.goal.moved(share * x) for share in _BACK]
-
-
-def _number(claims: Sequence[Claim], claim: int) -> int:
-    """Which move a claim belongs to, from 1."""
-    return sum(c.piece.progress[0] == 0.0 for c in claims[: claim + 1])
 
 
 def _visits(assembly: Assembly, pieces: Sequence[Piece]) -> list[Visit]:

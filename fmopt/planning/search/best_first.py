@@ -98,10 +98,8 @@ def best_sequences(
 
     Where the first one with a margin is not steady, the first steady one in the next few rounds with half of its margin
     is taken in its place; where there is none, those with a margin follow the first in the order in which they came.
-
-    Args:
-        rounds: ways to begin, several to be weighed against each other in each; the rest stay for another call.
-        steady: whether friction leaves all contacts of a sequence closed.
+    Each round has several ways to begin, to be weighed against each other; the rest stay for another call. In a steady
+    sequence friction leaves all contacts closed.
 
     Raises:
         SearchError: no round has a sequence.

@@ -125,9 +125,8 @@ class Entry:
 class Leant:
     """How a part that comes down leaning on one corner is laid flat on the top.
 
-    Args:
-        edge: ends (2, 3) in the body of the edge that it comes down on; the first one touches first.
-        axes: the two turns (2, 3) that lay it flat, one after the other, about unit vectors.
+    It comes down on the edge with ends (2, 3) in the body, the first of which touches first; two turns (2, 3) about
+    unit vectors lay it flat, one after the other.
     """
 
     edge: Array

@@ -144,9 +144,8 @@ def _shapes(
 class Way(NamedTuple):
     """With which heading a corner of the tip goes in.
 
-    Args:
-        heading: turn about z of the axes that its tilts are about, rad.
-        wall: what an obtuse one is to be flush with first, the wall towards −x (0) or −y (1) of them; None for others.
+    The heading is the turn about z of the axes that its tilts are about, rad. An obtuse corner is to be flush first
+    with the wall towards −x (0) or −y (1) of them; the wall of others is None.
     """
 
     heading: float

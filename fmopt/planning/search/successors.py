@@ -77,9 +77,8 @@ class Costs:
 class Task:
     """What a search is about.
 
-    Args:
-        max_turn: greatest turn of a move, rad.
-        askew: whether moves go along sides that lie askew, too; walls far apart then hold a part next to round.
+    Moves turn by at most `max_turn`, rad. If `askew`, they go along sides that lie askew, too; walls far apart then
+    hold a part next to round.
     """
 
     assembly: Assembly
@@ -267,8 +266,7 @@ def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
     depth = float(node.place.pose.p[2] - task.goal.p[2])
     found = list[Freedom]()
     for n, heading in enumerate(_headings(task, node)):
-        axes = turned_axes(heading)
-        for freedom in freedoms(task.max_turn, depth, task.costs.reach, task.assembly.planar, axes):
+        for freedom in freedoms(task.max_turn, depth, task.costs.reach, task.assembly.planar, turned_axes(heading)):
             if n == 0 or freedom.name[-1] != "z":  # z is the same in all of them
                 found.append(replace(freedom, name=freedom.name + ASKEW * n))
     return tuple(found)

@@ -64,9 +64,8 @@ class SearchedState:
 class Searched:
     """What is said of the search for a sequence.
 
-    Args:
-        heading: turn about z of the axes that moves go along and about, rad.
-        states: all that were come to, in that order, from the entries of the round that the sequence was found in.
+    The heading is the turn about z of the axes that moves go along and about, rad. States are all that were come to, in
+    that order, from the entries of the round that the sequence was found in.
     """
 
     heading: float

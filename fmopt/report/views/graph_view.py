@@ -79,8 +79,7 @@ def alt(graph: StateGraph) -> str:
 def paint(graph: StateGraph, figure: Figure) -> None:
     """States as dots in rows by dimension, the chosen ones numbered along a thick line; below, what they hold."""
     lines = _legend(graph)
-    heights = [_picture_height(graph), _LINE * (len(lines) + 1)]
-    axes, text = figure.subplots(2, 1, height_ratios=heights)
+    axes, text = figure.subplots(2, 1, height_ratios=[_picture_height(graph), _LINE * (len(lines) + 1)])
     text.axis("off")
     for row, (line, strong) in enumerate(lines):
         place = 1.0 - (row + 0.5) / (len(lines) + 1)

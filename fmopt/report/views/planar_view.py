@@ -61,8 +61,7 @@ def paint(sets: Sequence[Boundary], figure: Figure) -> None:
 
 def paint_sets(sets: Sequence[Boundary], figure: Figure, upright: str = "y") -> None:
     """A panel in mm for each set, such as `papers.basanez_suarez.account` makes; `upright` names its second axis."""
-    rows = math.ceil(len(sets) / _PER_ROW)
-    grid = figure.subplots(rows, _PER_ROW, squeeze=False).ravel()
+    grid = figure.subplots(math.ceil(len(sets) / _PER_ROW), _PER_ROW, squeeze=False).ravel()
     used = {piece.on for found in sets for loop in found.loops for piece in loop}
     for found, axes in zip(sets, grid, strict=False):
         _panel(axes, found)

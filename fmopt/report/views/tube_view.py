@@ -85,14 +85,10 @@ def paint(plan: Plan, figure: Figure) -> None:
 
 
 def outline(generators: ArrayLike, growth: ArrayLike) -> Array:
-    """Boundary points (n, 2) of the plane set zonotope(generators) ⊕ ellipsoid(growth), in order.
+    """Boundary points (n, 2), in order, of the plane set zonotope(generators (k, 2)) ⊕ ellipsoid(shape matrix (2, 2)).
 
     The support point in direction u is Σ sign(gᵢ·u) gᵢ + growth·u/√(uᵀ growth u); the directions on both sides of each
     generator's normal are among those taken, so that the zonotope's corners are exact.
-
-    Args:
-        generators: (k, 2), of the zonotope, one in each row.
-        growth: (2, 2), shape matrix of the ellipsoid, positive semidefinite.
     """
     G, Q = np.reshape(generators, (-1, 2)), np.asarray(growth, dtype=np.float64)
     corners = np.arctan2(G[:, 0], -G[:, 1])[:, None] + np.array([0.0, np.pi])[:, None, None] + np.array([-1e-6, 1e-6])

@@ -230,5 +230,4 @@ def _program(cuts: list[_Cut], weights: Array, low: Array, high: Array, required
     program = ConeProgram(c, G=G, h=h, W=W, norms=norms, lower=lower, upper=upper, units=units)
     solution = ClarabelSolver(tolerance=1e-10).solve(program)
     # The solver keeps to the box but for its tolerance.
-    u = np.clip(solution.x[:p], low, high)
-    return u, -solution.bound  # the program maximises −cost
+    return np.clip(solution.x[:p], low, high), -solution.bound  # the program maximises −cost

@@ -129,13 +129,8 @@ def sobol_indices(values: Array, dimensions: int) -> list[SobolIndex] | None:
     """Sobol indices from values at the points that `sampling.cube` makes for "saltelli", bootstrap intervals.
 
     First order S_i = E[f(B)(f(AB_i) − f(A))]/V, total T_i = E[(f(A) − f(AB_i))²]/2V, after Saltelli et al. (2010) and
-    Jansen (1999), over the rows whose values are all known.
-
-    Args:
-        values: (n (d + 2),), not a number where a run has none.
-
-    Returns:
-        An index for each axis; None when fewer than eight rows are known, or the values do not vary.
+    Jansen (1999), over the rows whose values are all known. Values (n (d + 2),) are not a number where a run has none.
+    There is an index for each axis; None when fewer than eight rows are known, or the values do not vary.
     """
     # A row for each base point: at A, at B, then at A with each column of B, as `cube` puts them.
     rows = values.reshape(dimensions + 2, -1).T

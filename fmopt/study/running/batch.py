@@ -53,9 +53,8 @@ class Limits:
 class Batch:
     """Runs that one worker does in one go.
 
-    Args:
-        folder: where these files are; None where only their contents are known: on another machine.
-        program: what the host must run, too; anything if empty.
+    The folder is None where only the contents of the files are known: on another machine. The host must run the
+    program, too, if one is named.
     """
 
     runs: tuple[Run, ...]

@@ -65,9 +65,8 @@ class Tally:
 class Options:
     """How to run.
 
-    Args:
-        limit: rows to write at most, None for all.
-        executor: where batches go, to be shut down by the caller; processes on this machine if None.
+    At most `limit` rows are written. Batches go to the executor, to be shut down by the caller; processes on this
+    machine if None.
     """
 
     jobs: int
@@ -195,8 +194,7 @@ class _Desk:
         share = math.ceil(len(self._waiting) / self._options.jobs)
         # Alone after a loss, so that the run that takes its host down is found out.
         size = 1 if first in self._deaths else min(self._pace.size(), share)
-        runs = [self._waiting.popleft() for _ in range(size)]
-        return replace(self._form, runs=tuple(runs))
+        return replace(self._form, runs=tuple([self._waiting.popleft() for _ in range(size)]))
 
     def _take(self, batch: Batch, future: Future[Returned]) -> None:
         """Writes what came of a batch; what is left of it waits again."""

@@ -156,8 +156,7 @@ def exponential(r: Vector) -> Matrix:
     a, b = _series(q, 2), _series(q, 1)
     x, y, z = r
     K: Matrix = ((0, -z, y), (z, 0, -x), (-y, x, 0))
-    KK = product(K, K)
-    rows = [add(e, add(scaled(a, k), scaled(b, kk))) for e, k, kk in zip(IDENTITY, K, KK, strict=True)]
+    rows = [add(e, add(scaled(a, k), scaled(b, kk))) for e, k, kk in zip(IDENTITY, K, product(K, K), strict=True)]
     return (rows[0], rows[1], rows[2])
 
 

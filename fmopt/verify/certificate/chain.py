@@ -311,8 +311,7 @@ class Chain:
             after = tuple(goal_state)
         held = [t for t, _ in basis]
         held += [t for t in after if all(t.id != s.id for s in held)]
-        facts = self._known(segment.move, held, task.goal.R)
-        self.link = Link(motion.goal_errors, along, basis, facts)
+        self.link = Link(motion.goal_errors, along, basis, self._known(segment.move, held, task.goal.R))
         self.previous = segment
 
 

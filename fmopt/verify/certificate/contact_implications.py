@@ -60,9 +60,8 @@ class Wall:
 class Facts:
     """What a set of contacts, held exactly, implies.
 
-    Args:
-        held: the contacts; their bounds (that edges cross inside) are checked elsewhere.
-        R: a nominal rotation while they are held; it only tells the two sides of a flush face apart.
+    Their bounds (that edges cross inside) are checked elsewhere; R, a nominal rotation while they are held, only tells
+    the two sides of a flush face apart.
     """
 
     def __init__(self, assembly: Assembly, held: Sequence[Touch], R: Matrix) -> None:

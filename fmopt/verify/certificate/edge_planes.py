@@ -227,7 +227,8 @@ def _fixed_rows(
     below = {k for k, w in enumerate(F.vertices) if near(base.away(w))}
     off = [sub(w, base.point) for w in F.vertices]
     for v, inward, wall in turned:
-        if _outside(assembly, motion, moving, base, wall):
+        # The witness plane's normal R e_m × e_f has a positive part along the wall's, over the whole piece.
+        if motion.lowest(_relative(assembly, cross(base.direction, wall.normal), moving.direction)) > 0:
             yield PointAbove(inward, v, assembly.reach(v))
             # A vertex of the piece that is off the wall by so much is in front of the witness plane by no more.
             along = [abs(dot(wall.normal, d)) <= DEVIATION and dot(inward.normal, d) >= -DEVIATION for d in off]
@@ -340,8 +341,3 @@ def _inward(touch: Touch, base: Line, wall: Plane) -> Plane:
         inward = sub(inward, scaled(dot(axis, inward), axis))
     inward = unit(inward)
     return Plane(inward, dot(inward, base.point))
-
-
-def _outside(assembly: Assembly, motion: Motion, moving: Line, base: Line, wall: Plane) -> bool:
-    """Whether the witness plane's normal R e_m × e_f has a positive part along the wall's, over the whole piece."""
-    return motion.lowest(_relative(assembly, cross(base.direction, wall.normal), moving.direction)) > 0

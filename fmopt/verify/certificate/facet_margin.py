@@ -58,7 +58,9 @@ def facet_margin(assembly: Assembly, touch: Touch, together: Sequence[Touch], mo
         # The crossing of another rim says the same only nearly. That an end of the edge is on the wall is enough.
         together = [other for other in together if other.kind == "vertex-face"]
     if touch.kind in ("vertex-face", "ball-face"):  # a ball touches where its centre is over the face
-        return _in_face(assembly, touch, together, way)
+        # In any of the convex parts is in the face: the one that leaves most room counts.
+        regions = assembly.fixed.regions(touch.face)
+        return max((_in_region(assembly, touch, together, region, way) for region in regions), default=-UNBOUNDED)
     if touch.kind == "edge-edge":
         return _in_edges(assembly, touch, together, way)
     return _on_moving_face(assembly, touch, way)
@@ -74,14 +76,6 @@ def _beside(shape: Shape, face: int, loop: Sequence[int]) -> list[Plane]:
         if beyond <= DEVIATION:
             found.append(Plane(plane.normal, plane.offset + max(0, beyond)))
     return found
-
-
-def _in_face(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: _Way) -> int:
-    # In any of the convex parts is in the face: the one that leaves most room counts.
-    return max(
-        (_in_region(assembly, touch, together, region, way) for region in assembly.fixed.regions(touch.face)),
-        default=-UNBOUNDED,
-    )
 
 
 def _in_region(assembly: Assembly, touch: Touch, together: Sequence[Touch], region: Sequence[Bound], way: _Way) -> int:

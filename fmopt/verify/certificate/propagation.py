@@ -208,8 +208,7 @@ class Motion:
         if linkage is None:
             return
         turn = product(task.goal.R, transposed(task.start.R))
-        ends = task.start.p, task.goal.p
-        self.coupling = linkage.left(self.extent.offset, task.theta, ends, self.extent.turn)
+        self.coupling = linkage.left(self.extent.offset, task.theta, (task.start.p, task.goal.p), self.extent.turn)
         by = linkage.moves(self.extent.travel, turn, len(core))
         self.moved = tuple(row_of(x + y for x, y in zip(g, d, strict=True)) for g, d in zip(core, by, strict=True))
         around = square_of([linkage.linked * x for x in r] for r in gram(by))  # k Σ gᵢgᵢᵀ around k generators

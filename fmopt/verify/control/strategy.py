@@ -65,7 +65,7 @@ def check_strategy(
         return
     scale = (1.0, 1.0, 1.0, rho, rho, rho)
     rank = len(stage.motion.held)
-    basis = _span([_divided(c.wrench, scale) for c in held], rank)
+    basis = _span([tuple(x / s for x, s in zip(c.wrench, scale, strict=True)) for c in held], rank)
     if len(basis) != rank:
         notes.add("normal_forces", f"the contacts pressed stop {len(basis)} freedoms, those held {rank}")
         return
@@ -185,10 +185,6 @@ def _mean(contacts: Sequence[Contact]) -> Numbers:
     return tuple(sum(c.wrench[k] for c in contacts) / max(len(contacts), 1) for k in range(6))
 
 
-def _divided(wrench: Numbers, scale: Numbers) -> Numbers:
-    return tuple(x / s for x, s in zip(wrench, scale, strict=True))
-
-
 def _span(rows: Sequence[Numbers], most: int) -> list[Numbers]:
     """Orthonormal rows that span the given ones, the largest remainder first; one more than `most` where there are."""
     left = [tuple(x / math.hypot(*row) for x in row) for row in rows]
@@ -226,12 +222,7 @@ def allowed_speed(hybrid: Hybrid, asked: Specification) -> float:
 
 
 class Arrival(NamedTuple):
-    """How a part comes to the end of a segment.
-
-    Args:
-        twist: V (6,), a unit twist.
-        theta: by how much the part may be turned from there, rad.
-    """
+    """How a part comes to a segment's end: a unit twist V (6,), and by how much it may be turned from there, rad."""
 
     goal: Pose
     twist: Numbers

@@ -360,7 +360,7 @@ def _ears(flat: Mapping[int, Flat], whole: list[int], work: Work) -> list[Triang
             i, j, l = whole[k - 1], whole[k], whole[(k + 1) % size]
             work.spend(1)
             # An ear has no other vertex in it, its boundary included: cut off, it leaves a polygon without crossings.
-            if turn(flat[i], flat[j], flat[l]) > 0 and not any(_within(flat, (i, j, l), _others(whole, i, j, l), work)):
+            if turn(flat[i], flat[j], flat[l]) > 0 and not any(_within(flat, (i, j, l), whole, work)):
                 found.append((i, j, l))
                 del whole[k]
                 at = k % len(whole)
@@ -372,13 +372,9 @@ def _ears(flat: Mapping[int, Flat], whole: list[int], work: Work) -> list[Triang
     return [*found, (i, j, l)] if turn(flat[i], flat[j], flat[l]) > 0 else None
 
 
-def _others(whole: Sequence[int], i: int, j: int, l: int) -> Iterator[int]:
-    return (k for k in whole if k not in (i, j, l))
-
-
-def _within(flat: Mapping[int, Flat], ear: Triangle, others: Iterator[int], work: Work) -> Iterator[bool]:
+def _within(flat: Mapping[int, Flat], ear: Triangle, whole: Sequence[int], work: Work) -> Iterator[bool]:
     a, b, c = (flat[i] for i in ear)
-    for k in others:
+    for k in (k for k in whole if k not in ear):
         work.spend(1)
         p = flat[k]
         yield turn(a, b, p) >= 0 and turn(b, c, p) >= 0 and turn(c, a, p) >= 0

@@ -107,8 +107,7 @@ def test_polygons_of_cc_contain_it_closely(position: float, angle: float) -> Non
     phi = rng.uniform(-7.0, 7.0, 6)
     for at, polygon in zip(phi, possible.polygons(phi, tolerance), strict=True):
         points = rng.uniform([-0.02, -0.02], [0.08, 0.06], size=(2000, 2))
-        corners = shapely.get_coordinates(shapely.segmentize(polygon, 1e-3))
-        x = np.vstack([points, corners])
+        x = np.vstack([points, shapely.get_coordinates(shapely.segmentize(polygon, 1e-3))])
         gap = possible.gap(np.column_stack([x, np.full(len(x), at)]))
         assert np.all(shapely.distance(polygon, shapely.points(x[gap <= 0.0])) < 1e-12)
         assert np.all(gap[2000:] <= tolerance)
@@ -126,8 +125,7 @@ def test_nominal_surface_lies_inside_and_is_the_limit() -> None:
             assert nominal.at(instance.phi).area() == 0.0
             on = loop[0].curve.point(np.linspace(0.0, 1.0, 9))
             assert np.all(instance.cu.at(instance.phi).contains(on))
-            poses = np.column_stack([on, np.full(9, instance.phi)])
-            for value in nominal.value_interval(poses):
+            for value in nominal.value_interval(np.column_stack([on, np.full(9, instance.phi)])):
                 np.testing.assert_allclose(value, 0.0, atol=1e-12 * nominal.at(0.0).size)
 
 
@@ -156,8 +154,7 @@ def sampled_values(cu: CU, pose: np.ndarray, q: np.ndarray, epsilon_p: float, ep
     n = np.array([e[1], -e[0]]) / math.hypot(*e)
     if cu.kind is Kind.TYPE_1:
         x, y = cu.vertex
-        swung = np.stack([c * x - s * y, s * x + c * y], axis=-1)
-        return (pose[:2] + swung + off - cu.edge[0]) @ n
+        return (pose[:2] + np.stack([c * x - s * y, s * x + c * y], axis=-1) + off - cu.edge[0]) @ n
     normal = np.stack([c * n[0] - s * n[1], s * n[0] + c * n[1]], axis=-1)
     return np.sum(normal * (cu.vertex - pose[:2] - off), axis=1) - cu.edge[0] @ n
 
@@ -183,8 +180,7 @@ def test_two_point_contact_of_a_peg_in_a_slot(tilt: float, depth: float) -> None
         assert shape.core_distance(p) < 1e-15
     # How far the mouth's corner is up the peg's side is the engaged length.
     c, s = math.cos(tilt), math.sin(tilt)
-    up = np.array([s, c])
-    engaged = float((block.vertices[mouth] - p) @ up)
+    engaged = float((block.vertices[mouth] - p) @ np.array([s, c]))
     assert engaged == pytest.approx(depth, abs=1e-9)
     assert wide == pytest.approx(width * c + engaged * s, abs=1e-9)
 
@@ -202,8 +198,7 @@ def test_two_point_contact_is_possible_just_within_the_deviations() -> None:
         # The corner may be off by ε across the wall, the side by ε across itself.
         block = slot(wide + extra * epsilon * (1.0 + math.cos(tilt)), 0.09, 0.05)
         peg = Profile.of([(-0.5 * width, 0.0), (0.5 * width, 0.0), (0.5 * width, 0.1), (-0.5 * width, 0.1)])
-        total = Deviations(np.zeros(1), epsilon, 0.0)
-        cus = {cu.name: cu for cu in basic_contacts(peg, block, total)}
+        cus = {cu.name: cu for cu in basic_contacts(peg, block, Deviations(np.zeros(1), epsilon, 0.0))}
         inner = float(block.vertices[3][0])
         mouth, corner = vertex_at(block, (inner, 0.0)), vertex_at(block, (-inner, -0.09))
         wall = corner if block.vertices[block.after[corner]][1] == 0.0 else int(block.before[corner])

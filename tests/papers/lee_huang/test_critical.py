@@ -15,8 +15,7 @@ RHO = 0.014
 
 
 def found(peg, hole, goal_z, reach=REACH, start=(0.0, 0.0, 0.005, 0.0, 0.0, 0.0), turn=0.0):
-    goal = [0.0, 0.0, goal_z, 0.0, 0.0, turn]
-    path = insertion(start, goal, SPEED, RHO)
+    path = insertion(start, [0.0, 0.0, goal_z, 0.0, 0.0, turn], SPEED, RHO)
     poses = critical_poses(part_of("peg", peg), part_of("block", hole), path, reach)
     for one in poses:
         assert np.allclose(path.at(one.time), one.pose, atol=1e-15)

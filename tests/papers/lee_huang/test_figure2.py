@@ -54,8 +54,7 @@ def test_figure_two_is_free_until_t1_and_then_servoed_in_z_and_q_z_alone():
     assert split.written["C_ap"] == "(0, 0, p_z, 0, 0, q_z)"
     assert split.written["C_np"] == "(p_x, p_y, 0, q_x, q_y, 0)"
     forces = contact_forces(problem.specification, RHO)
-    rows = position_force(made.path, made.freedoms, forces)
-    for row in rows:
+    for row in position_force(made.path, made.freedoms, forces):
         middle = 0.5 * (row.start + row.end)
         if middle < t1:
             assert not any((*row.fa, *row.pn_start))
@@ -92,8 +91,7 @@ def test_the_diagrams_of_figure_two():
     for plane in upright:
         G = 2 * (0.03 - bore) * 0.03  # two walls of a block of 60 mm by 30 mm
         assert plane.fixed.area == pytest.approx(G, rel=1e-9)
-        u = room * np.array([-1.01, -0.99, 0.0, 0.99, 1.01])
-        points = np.column_stack([u, np.full(5, -0.015)])
+        points = np.column_stack([room * np.array([-1.01, -0.99, 0.0, 0.99, 1.01]), np.full(5, -0.015)])
         assert plane.expanded.contains(points).tolist() == [True, False, False, False, True]
     assert mouth.fixed.area == pytest.approx(0.06**2 - np.pi * bore**2, rel=1e-9)
     angle = np.linspace(0.1, 6.2, 50)

@@ -57,8 +57,7 @@ def test_an_obstacle_between_two_samples_is_not_passed_by():
     # A blade of 2 µm across a sideways leg, which steps of 10 ms pass in 200 µm strides.
     blade = at(Box((2e-6, 0.001, 0.001)), 0.0201, 0.0, 0.004)
     path = through([[-0.02, 0, 0.003], [0.02, 0, 0.003], [0.06, 0, 0.003]], np.zeros(3), np.zeros(3), SPEED, RHO)
-    thin = Box((1e-6, 0.02, 0.04))
-    (found,) = meetings([("sheet", thin)], [("blade", blade)], path)
+    (found,) = meetings([("sheet", Box((1e-6, 0.02, 0.04)))], [("blade", blade)], path)
     assert path.at(found.time)[0] == pytest.approx(0.0201 - 1.5e-6, abs=3e-9)
 
 

@@ -106,8 +106,7 @@ def test_orientation_and_place_as_symbols(kind: str) -> None:
     for _ in range(2):
         pose = Pose(np.array([*rng.uniform(-0.3, 0.3, 2), -0.2]), exp(rng.normal(size=3)))
         numbers = dict(zip((*R, *p), (*pose.R.ravel(), *pose.p), strict=True))
-        region = instance_sections(primitive, pose)[0]
-        agree(curves, {**values, **numbers}, region)
+        agree(curves, {**values, **numbers}, instance_sections(primitive, pose)[0])
 
 
 def test_some_symbols_may_be_replaced_before_others() -> None:
@@ -142,7 +141,6 @@ def test_the_section_of_a_tilted_cylinder_in_symbols() -> None:
     q = sympy.Symbol("q", positive=True)
     tilted = sympy.Matrix([[1, 0, 0], [0, sympy.cos(q), -sympy.sin(q)], [0, sympy.sin(q), sympy.cos(q)]])
     curve = symbolic_diagram(symbolic.cylinder(A, H), tilted, sympy.Matrix([0, 0, -H / 2]))[1]
-    values = {A: 0.2, H: 5.0, q: 0.7}
-    points = curve.points(np.linspace(0.0, 1.0, 9), values)
+    points = curve.points(np.linspace(0.0, 1.0, 9), {A: 0.2, H: 5.0, q: 0.7})
     shifted = points[:, 1] - 0.5 * (points[0, 1] + points[-1, 1])
     np.testing.assert_allclose((points[:, 0] / 0.2) ** 2 + (shifted * math.cos(0.7) / 0.2) ** 2, 1.0, atol=1e-12)

@@ -73,8 +73,7 @@ def turned_at(made: Mapping) -> int:
 
 
 def test_a_part_that_would_strike_a_wall_while_it_moves_and_turns_turns_first() -> None:
-    wall = at(Box((0.0075, 0.05, 0.02)), 0.02625, 0, 0)
-    fixed = Union((block(BORE, 0.04), wall))
+    fixed = Union((block(BORE, 0.04), at(Box((0.0075, 0.05, 0.02)), 0.02625, 0, 0)))
     made = mapped(fixed, start(-0.03, 0.012, LYING))
     k = turned_at(made)
     np.testing.assert_array_equal(made.path.nodes[k, :3], made.path.nodes[k - 1, :3])
@@ -83,8 +82,7 @@ def test_a_part_that_would_strike_a_wall_while_it_moves_and_turns_turns_first() 
 
 
 def test_a_part_under_a_roof_comes_out_as_it_lies_and_turns_where_there_is_room() -> None:
-    roof = at(Box((0.05, 0.05, 0.004)), -0.05, 0, 0.026)
-    fixed = Union((block(BORE, 0.04), roof))
+    fixed = Union((block(BORE, 0.04), at(Box((0.05, 0.05, 0.004)), -0.05, 0, 0.026)))
     made = mapped(fixed, start(-0.08, 0.012, LYING))
     k = turned_at(made)
     assert k >= 2
@@ -105,16 +103,14 @@ def test_a_part_with_no_place_to_turn_is_refused() -> None:
     """Lying in a tunnel that leads past the mouth, closed at both ends."""
     cover = at(Box((0.3, 0.05, 0.004)), 0, 0, 0.026)
     ends = [at(Box((0.01, 0.05, 0.026)), x, 0, 0) for x in (-0.14, 0.14)]
-    floor = at(Box((0.3, 0.05, 0.004)), 0, 0, -0.044)
-    fixed = Union((block(BORE, 0.04), floor, cover, *ends))
+    fixed = Union((block(BORE, 0.04), at(Box((0.3, 0.05, 0.004)), 0, 0, -0.044), cover, *ends))
     with pytest.raises(GeometryError, match="no place on the way leaves room"):
         mapped(fixed, start(-0.08, 0.012, LYING))
 
 
 def test_a_start_that_only_the_goals_orientation_would_forbid_is_allowed() -> None:
     """Under a low roof the upright peg would not fit, the lying one does."""
-    roof = at(Box((0.05, 0.05, 0.004)), -0.06, 0, 0.026)
-    fixed = Union((block(BORE, 0.04), roof))
+    fixed = Union((block(BORE, 0.04), at(Box((0.05, 0.05, 0.004)), -0.06, 0, 0.026)))
     with pytest.raises(GeometryError, match=r"N_1, the start, .* inside GE"):
         mapped(fixed, start(-0.06, 0.012, np.zeros(3)))
     made = mapped(fixed, start(-0.06, 0.012, LYING))

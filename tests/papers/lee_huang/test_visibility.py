@@ -20,9 +20,8 @@ def slot(*bumps):
     """GE of a block with a slot on its middle; bumps (u0, u1, height) on its top."""
     top = [(0.05, 0.0)]
     for u0, u1, height in sorted(bumps, reverse=True):
-        side = [(u1, 0.0), (u1, height), (u0, height), (u0, 0.0)]
         if u0 > 0:
-            top += side
+            top += [(u1, 0.0), (u1, height), (u0, height), (u0, 0.0)]
     top += [(C, 0.0), (C, -0.03), (-C, -0.03), (-C, 0.0)]
     for u0, u1, height in sorted(bumps, reverse=True):
         if u1 < 0:

@@ -59,8 +59,7 @@ def test_axes_are_reciprocal_orthonormal_and_span_the_contacts(count):
     rng = np.random.default_rng(count)
     for _ in range(5):
         W, points, pose = random_contacts(rng, count)
-        frame = compliance_frame(W, points, pose, RHO)
-        local = wrenches_in(frame, W, pose)
+        local = wrenches_in(compliance_frame(W, points, pose, RHO), W, pose)
         split, scale = axes(local, RHO), twist_scale(RHO)
         assert len(split.position) + len(split.force) == 6
         assert len(split.force) == min(count, 6)
@@ -289,8 +288,7 @@ def test_a_contact_that_pries_the_others_open_is_reported_not_hidden():
 
 
 def test_termination_expects_the_new_contacts_reaction():
-    strategy = hybrid_strategy(move(X_WALL, DOWN, FLOOR[:1]), RHO, SPECIFICATION)
-    end = strategy.termination
+    end = hybrid_strategy(move(X_WALL, DOWN, FLOOR[:1]), RHO, SPECIFICATION).termination
     assert np.allclose(end.wrench, SPECIFICATION.termination_force * contacts(FLOOR[:1])[0][0])
     assert end.threshold == SPECIFICATION.termination_force
     assert end.max_travel == pytest.approx(0.011)

@@ -127,8 +127,7 @@ def test_what_is_lifted_from_above_the_underside_touches_nothing(name: str, part
 def test_below_the_underside_lifting_collides() -> None:
     for name, part in (("wider below", "knob"), ("plate", "knob")):
         moving, fixed_ = bodies(MOVING[part]), bodies(FIXED[name][0])
-        z = 0.0105 if name == "wider below" else -0.03
-        p, R = np.array([[0.008, 0.0, z]]), np.eye(3)[None]
+        p, R = np.array([[0.008, 0.0, 0.0105 if name == "wider below" else -0.03]]), np.eye(3)[None]
         assert room(moving, fixed_, p, R)[0] > 0.0
         assert lowest(moving, p, R)[0] < FIXED[name][1]
         assert min(room(moving, fixed_, p + h * UP, R)[0] for h in np.linspace(0.0, 0.05, 50)) < -1e-3

@@ -56,8 +56,7 @@ def test_errors_that_differ_along_the_axes_have_room_for_the_larger_in_turn(kite
     narrow = kite.start_box * np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0])
 
     def first(box: Array, count: int) -> list[Shape]:
-        shapes = likely_shapes(kite.moving, kite.fixed, clearance, box, 0.02, most)
-        return [*islice(shapes, count)]
+        return [*islice(likely_shapes(kite.moving, kite.fixed, clearance, box, 0.02, most), count)]
 
     found, wide = first(narrow, 16), first(kite.start_box, 5)
     assert found[7::2] == wide

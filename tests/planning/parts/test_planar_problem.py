@@ -57,8 +57,7 @@ def distance(slot: Problem, contact: PrimitiveContact, pose: Pose) -> float:
 
 
 def thoroughly(task: Task, moves: Sequence[Move]) -> Placed:
-    start = Reached(task.start, (), ())
-    return certified(task.assembly, moves, start, task.tolerance, FINE)
+    return certified(task.assembly, moves, Reached(task.start, (), ()), task.tolerance, FINE)
 
 
 def faults(tmp_path: Path, file: str, old: str, new: str) -> list[Any]:
@@ -141,8 +140,7 @@ def test_freedoms_in_the_plane() -> None:
 
 
 def test_half_of_the_errors_are_taken_in_three_moves(slot: Problem) -> None:
-    box = 0.5 * slot.start_box
-    task, rounds = searched(slot, box)
+    task, rounds = searched(slot, 0.5 * slot.start_box)
     found = search(task, next(rounds)[:1])
     assert found.names == ("approach", "-x", "+ry", "-z")
     assert found.reached.margin > 1e-4

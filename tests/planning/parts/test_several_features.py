@@ -33,8 +33,7 @@ def pressed(depth: float) -> tuple[Pose, tuple[PrimitiveContact, ...]]:
     """The parts upright at a depth, against two walls, and all that touches there."""
     body, fixed = ASSEMBLY.moving.polyhedron, ASSEMBLY.fixed.polyhedron
     pose = Pose(FLUSH - np.array([0.0, 0.0, depth]), np.eye(3))
-    near = near_contacts(body, fixed, pose, 2e-4, 1e-3)
-    return pose, touching(near, body, fixed, pose)
+    return pose, touching(near_contacts(body, fixed, pose, 2e-4, 1e-3), body, fixed, pose)
 
 
 def test_a_plan_for_both_pegs_is_certified_at_errors_of_millimetres() -> None:
@@ -75,8 +74,7 @@ def test_edges_on_the_rim_of_one_wall_are_not_lost_to_another_in_its_plane() -> 
     """One peg leans into its hole along the wall at +y, in whose plane the other hole has one, where nothing is."""
     body, fixed = ASSEMBLY.moving.polyhedron, ASSEMBLY.fixed.polyhedron
     lean = Pose.from_vector([0.0, 0.0, 0.0, 0.0, -0.2, 0.0])
-    corner = np.array([-5e-3, 5e-3, 0.0])
-    pose = Pose(np.array([0.0, 5.1e-3, -5e-4]) - lean.apply(corner), lean.R)
+    pose = Pose(np.array([0.0, 5.1e-3, -5e-4]) - lean.apply(np.array([-5e-3, 5e-3, 0.0])), lean.R)
     held = touching(near_contacts(body, fixed, pose, 2e-4, 1e-3), body, fixed, pose)
     assert sorted(contact.kind for contact in held) == [Kind.EDGE_EDGE, Kind.EDGE_EDGE, Kind.VERTEX_FACE]
     for order in (held, held[::-1]):

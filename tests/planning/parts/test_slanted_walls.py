@@ -47,8 +47,7 @@ def cornered(tapered: Problem) -> tuple[Assembly, list[int], list[PrimitiveConta
         rows.append(wall.normal)
         gaps.append(wall.offset + own.offset)
     at = np.linalg.solve(np.array([*rows, [0.0, 0.0, 1.0]]), np.array([*gaps, -5e-3]))
-    near = near_contacts(body, fixed, Pose(at, np.eye(3)), 1e-9, 1e-3)
-    return assembly, walls, list(near)
+    return assembly, walls, list(near_contacts(body, fixed, Pose(at, np.eye(3)), 1e-9, 1e-3))
 
 
 def crossings(near: list[PrimitiveContact], assembly: Assembly, wall: int) -> list[PrimitiveContact]:

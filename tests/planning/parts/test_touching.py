@@ -53,8 +53,7 @@ def test_the_touch_takes_the_height_away(motion: CertifiedMotion) -> None:
     (contact,) = touched.making
     corner = motion.assembly.moving.polyhedron.vertices[contact.moving[0]]
     before, after = (claim.advance.ends for claim in (motion.placed.reached.claims[0], motion.placed.reached.claims[2]))
-    arm = before.start.R @ corner
-    row = np.array([0.0, 0.0, 1.0, *np.cross(arm, [0.0, 0.0, 1.0])])
+    row = np.array([0.0, 0.0, 1.0, *np.cross(before.start.R @ corner, [0.0, 0.0, 1.0])])
     assert before.start_set.support(row) > 5e-4
     assert after.goal_set.support(row) < 3e-4
 

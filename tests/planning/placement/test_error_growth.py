@@ -57,8 +57,7 @@ def test_a_motion_comes_back_from_poses_that_are_disturbed(solved: tuple[fmopt.P
 
 def test_what_is_placed_in_finer_pieces_is_certified_in_them(solved: tuple[fmopt.Problem, CertifiedMotion]) -> None:
     problem, motion = solved
-    posed = Posed.of(problem)
-    placed = placement(posed, motion.placed.moves, lambda _: None, 0.5 * FINE)
+    placed = placement(Posed.of(problem), motion.placed.moves, lambda _: None, 0.5 * FINE)
     assert motion.placed.step == FINE
     assert placed.step == 0.5 * FINE
     assert max(length(log(c.piece.start.R.T @ c.piece.goal.R)) for c in placed.reached.claims) <= 0.5 * FINE + 1e-9
@@ -119,8 +118,7 @@ def test_a_motion_is_placed_for_other_errors_without_a_search() -> None:
 def test_rows_change_with_the_poses_as_they_say(solved: tuple[fmopt.Problem, CertifiedMotion]) -> None:
     """What rows near binding come to bear after a small step is what they foretell, drift of earlier moves included."""
     problem, motion = solved
-    posed = Posed.of(problem)
-    at = growth._under(posed.under, 0.9, motion.placed.moves, 1e-3)
+    at = growth._under(Posed.of(problem).under, 0.9, motion.placed.moves, 1e-3)
     x = growth._step(at, ClarabelSolver(), 2e-5)
     small = 0.1 * x
     there = growth._Grown.of(at.share, at.aim, displaced(at.aim, at.placed, small.reshape(-1, 6)), 1e-3)
@@ -135,8 +133,7 @@ def test_rows_change_with_the_poses_as_they_say(solved: tuple[fmopt.Problem, Cer
 def test_a_share_of_the_errors_leads_to_all_of_them(tmp_path: Path) -> None:
     """A square of 9.4 mm at 50 µm a side, ± 0.94 mm, ± 1° and z ± 0.47 mm, by growing errors alone."""
     pair = replace(family_pair("4-gon", 0), clearance=0.05)
-    outline = pair.peg[0].outline
-    wide = widened(outline, 0.05)
+    wide = widened(pair.peg[0].outline, 0.05)
     pair = replace(pair, hole=tuple(replace(section, outline=wide) for section in pair.hole))
     file = write_toml(pair, tmp_path, error=(0.94, 1.0), time_limit=600.0)
     file.write_text(file.read_text().replace("\nz = 0\n", "\nz = 0.47\n").replace("height = 0.471", "height = 1"))

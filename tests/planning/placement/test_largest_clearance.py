@@ -108,8 +108,7 @@ def test_without_counted_rows_the_cap_is_the_value() -> None:
 def test_lexicographic_centres_what_max_min_leaves_open() -> None:
     # x between ±1, y between −1 and 3, z between −4 and 4 with a roof at z = 2: least clearances 1, 2, 3.
     walls = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0, 0, -1]]
-    problem = translations(walls, [-1, -1, -1, -3, -4, -4, -2])
-    solution = lexicographic(problem)
+    solution = lexicographic(translations(walls, [-1, -1, -1, -3, -4, -4, -2]))
     assert solution.value == pytest.approx(1.0, abs=1e-7)
     assert solution.x[:3] == pytest.approx([0.0, 1.0, -1.0], abs=1e-6)
     assert abs(solution.gap) < 1e-6

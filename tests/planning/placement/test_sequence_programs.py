@@ -90,7 +90,6 @@ def test_prices_of_rows_are_what_the_margin_gains() -> None:
 def test_cvxpy_finds_the_same_margins() -> None:
     pytest.importorskip("cvxpy")
     for program, solution in list(programs())[::3]:
-        scaled = program.scaled()
-        problem, _ = as_cvxpy(scaled)
+        problem, _ = as_cvxpy(program.scaled())
         problem.solve(solver="CLARABEL")
         assert problem.value * program.size.objective == pytest.approx(solution.value, rel=1e-6, abs=1e-12)

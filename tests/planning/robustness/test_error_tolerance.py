@@ -62,8 +62,7 @@ def test_the_independent_check_agrees_with_the_factor(
             assert (motion.margin or 0.0) <= 0.0
             continue
         # The same moves, certified for the wider errors, then checked from their plan alone.
-        placed = motion.placed()
-        document, judged = planned(wider, replace(done, placed=placed))
+        document, judged = planned(wider, replace(done, placed=motion.placed()))
         assert document["uncertainty"]["start_box"] == wider.start_box.tolist()
         assert str(judged.verdict) == verdict, judged.findings
 
@@ -104,8 +103,7 @@ def test_sensitivities_are_differences_of_margins(motion: Motion, found: ErrorTo
             assert 0.0 < one.change <= 2.5 * one.step
         else:
             assert one.change <= 1e-12
-    wider = motion.box + np.eye(6)[3] * by_name["start.rx"].step
-    then = replace(motion, box=wider).margin
+    then = replace(motion, box=motion.box + np.eye(6)[3] * by_name["start.rx"].step).margin
     assert then is not None
     assert then - now == pytest.approx(by_name["start.rx"].change, abs=1e-12)
 

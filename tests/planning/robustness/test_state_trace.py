@@ -93,8 +93,7 @@ def test_pieces_run_in_spaces_that_hold_their_states(found: Visited) -> None:
 
 def test_a_gap_in_the_motion_is_noticed(spaces: tuple[Space, ...]) -> None:
     jump = next(k for k, claim in enumerate(claims()) if claim.piece.last and len(claim.piece.goal_contacts) == 2)
-    without = claims()[: jump - 7] + claims()[jump + 1 :]
-    broken = visited(peg().assembly, without, spaces, SCALE)
+    broken = visited(peg().assembly, claims()[: jump - 7] + claims()[jump + 1 :], spaces, SCALE)
     assert any(visit.change == "unexplained" for visit in broken.visits)
 
 

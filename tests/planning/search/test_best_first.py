@@ -39,8 +39,7 @@ def rectangular(clearance: tuple[float, float], scale: float = 1.0) -> Assembly:
     pocket = Placed(Box(((30 + 2 * cx) * mm, (24 + 2 * cy) * mm, 31 * mm)), Pose(np.array([0, 0, 10 * mm]), np.eye(3)))
     block = Difference(Box((60 * mm, 60 * mm, 40 * mm)), (pocket,))
     down = Pose(np.array([0.0, 0.0, -40 * mm]), np.eye(3))
-    peg = Box((30 * mm, 24 * mm, 40 * mm))
-    return Assembly(part_of("peg", peg), part_of("block", Placed(block, down)))
+    return Assembly(part_of("peg", Box((30 * mm, 24 * mm, 40 * mm))), part_of("block", Placed(block, down)))
 
 
 def polyhedra(assembly: Assembly) -> tuple[Polyhedron, Polyhedron]:
@@ -148,8 +147,7 @@ def test_a_search_out_of_time_gives_what_it_has() -> None:
 
 def test_moves_to_the_same_place_are_tried_once() -> None:
     start, there = Pose(np.zeros(3), np.eye(3)), Pose(np.array([1e-3, 0.0, 0.0]), exp(np.array([0.0, 0.1, 0.0])))
-    assembly = rectangular((0.3, 0.3))
-    one, other, *_ = near_contacts(*polyhedra(assembly), start, 1e-2, 0.1)
+    one, other, *_ = near_contacts(*polyhedra(rectangular((0.3, 0.3))), start, 1e-2, 0.1)
     first, second = Move(start, there, (), (one,)), Move(start, there, (), (other,))
     rounded = Move(start, there.moved([1e-13, -1e-13, 0.0, 0.0, 0.0, 1e-13]), (), (one,))
     elsewhere = Move(start, there.moved([1e-8, 0.0, 0.0, 0.0, 0.0, 0.0]), (), (one,))

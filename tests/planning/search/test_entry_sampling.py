@@ -17,8 +17,7 @@ SHAPES = 60
 
 
 def test_parts_that_could_not_go_in_from_lying_flat_are_not_laid_flat(tmp_path: Path) -> None:
-    pair = families.pair("6-gon", 102)
-    problem = fmopt.load(families.write_toml(pair, tmp_path, (0.5, 0.5)))
+    problem = fmopt.load(families.write_toml(families.pair("6-gon", 102), tmp_path, (0.5, 0.5)))
     posed = Posed.of(problem)
     stood = motion._Stood.of(posed, next(iter(images(posed.assembly, problem.start_box))))
     rate = problem.velocity_error.translation + problem.velocity_error.rotation

@@ -59,8 +59,7 @@ def test_the_next_sequence_counts_where_the_first_has_next_to_no_margin(
     def entry_of(shape: Shape) -> Entry:
         return entry(problem, shape)
 
-    clearance = measured_clearance(problem).per_side
-    better = tuned(task, (found,), entry_of, Limits(math.inf, 12, clearance))
+    better = tuned(task, (found,), entry_of, Limits(math.inf, 12, measured_clearance(problem).per_side))
     assert 0.0 < found.reached.margin < better.reached.margin
     for candidates in ((found, better), (better, found)):
         assert tuned(task, candidates, entry_of, Limits(math.inf, 0, 8.0 * better.reached.margin)) is better

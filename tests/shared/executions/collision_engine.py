@@ -99,8 +99,7 @@ def _compiled(scene: Scene) -> tuple[Any, Any]:
     for kind, where, pieces in (("fixed", spec.worldbody, scene.fixed), ("moving", body, scene.moving)):
         for k, piece in enumerate(pieces):
             name = f"{kind}{k}"
-            mesh = spec.add_mesh(name=name)
-            mesh.uservert = (_SCALE * piece.vertices).ravel().tolist()
+            spec.add_mesh(name=name).uservert = (_SCALE * piece.vertices).ravel().tolist()
             where.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, contype=0, conaffinity=0)
     model = spec.compile()
     return model, mujoco.MjData(model)

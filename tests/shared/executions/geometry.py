@@ -57,8 +57,7 @@ def dots(a: Array, b: Array) -> Array:
 
 def normal_of(loop: Array) -> Array:
     """Unit normal of a plane polygon (k, 3), counter-clockwise seen from outside."""
-    rolled = np.roll(loop, -1, axis=0)
-    return unit(np.cross(loop - loop[0], rolled - loop[0]).sum(axis=0))
+    return unit(np.cross(loop - loop[0], np.roll(loop, -1, axis=0) - loop[0]).sum(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,8 +297,7 @@ class Scene:
             return None
         normal = normal_of(self.body[faces[0]])
         # The face's height under the rim, towards the edge that is to come: positive where the two are apart.
-        across = cross(unit(two.moving[1] - two.moving[0]), normal)
-        reach = dots(one.moving - two.moving[0], across)
+        reach = dots(one.moving - two.moving[0], cross(unit(two.moving[1] - two.moving[0]), normal))
         far = reach[np.argmax(np.abs(reach))] * normal
         return Touch("direction", np.array([far]), np.array([two.along]), two.counted)
 

@@ -171,15 +171,9 @@ def execute(
 ) -> Ledger:
     """Runs executions of a plan and checks everything that it promises on the way.
 
-    In half of them the velocity error keeps its direction for a move, in the others only for a piece.
-
-    Args:
-        plan: the document.
-        count: how many executions.
-        seed: of the random numbers.
-        steps: poses looked at in every piece, besides its start.
-        watch: shown the poses in every piece, and whether a move ends there.
-        sources: boxes of start errors, each with the frame in which it is fixed; the plan's where none are given.
+    In half of them the velocity error keeps its direction for a move, in the others only for a piece. The poses looked
+    at are so many in every piece, besides its start; `watch` is shown them, and whether a move ends there. Sources are
+    boxes of start errors, each with the frame in which it is fixed; the plan's where none are given.
     """
     rng = np.random.default_rng(seed)
     scene, ledger = Scene(plan), Ledger()

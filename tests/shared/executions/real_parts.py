@@ -181,5 +181,4 @@ def _look(piece: Piece, ledger: Ledger, poses: Poses) -> None:
     for entry in said["contacts"]:
         name = entry["id"]
         if entry["role"] == "held" and name in basis and entry["margin"] < NOTHING_BOUNDS:
-            ends = depths[name]
-            ledger.require(f"{name} inside", k, ends.min(axis=1) - entry["margin"] + ROUNDING)
+            ledger.require(f"{name} inside", k, depths[name].min(axis=1) - entry["margin"] + ROUNDING)

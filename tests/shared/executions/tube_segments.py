@@ -208,12 +208,7 @@ def executions(made: Segment, start: Array, drift: Array, share: Array | float =
 
     An execution goes along the commanded motion with a velocity error, its held contacts kept by compliance, until it
     touches. All distances are those of the true surfaces; the equations f = 0 are solved with one constant Jacobian.
-
-    Args:
-        made: the segment.
-        start: start errors (6, n), before compliance.
-        drift: velocity errors (6, n) per metre of travel.
-        share: of the own way (n,).
+    Start errors (6, n) are those before compliance, velocity errors (6, n) per metre of travel.
     """
     shares = np.broadcast_to(share, start.shape[1])
     parts = [slice(k, k + _BLOCK) for k in range(0, start.shape[1], _BLOCK)]

@@ -51,13 +51,7 @@ class Overrun(BaseException):
 
 @dataclass(frozen=True)
 class Case:
-    """A file to damage, and the command lines that read it.
-
-    Args:
-        file: where it lies in the folder.
-        commands: arguments of fmopt, run in that folder.
-        data: whether it is JSON.
-    """
+    """A file to damage in a folder, whether it is JSON, and the command lines of fmopt, run there, that read it."""
 
     file: str
     commands: tuple[tuple[str, ...], ...]
@@ -104,14 +98,9 @@ def run(arguments: tuple[str, ...]) -> tuple[int | str, str]:
 
 
 def fuzzed(kind: str, count: int, seed: int, folder: Path, keep: Path | None = None) -> Tally:
-    """What commands make of damaged files of a kind.
+    """What commands make of so many damaged files of a kind, one of `KINDS`.
 
-    Args:
-        kind: one of `KINDS`.
-        count: how many files.
-        seed: of the damage.
-        folder: an empty one, where whole files are laid out.
-        keep: where files that fail are kept.
+    Whole files are laid out in an empty folder; those that fail are kept, if a folder for them is given.
     """
     cases = KINDS[kind](folder)
     wholes = {case.file: (folder / case.file).read_bytes() for case in cases}

@@ -30,8 +30,7 @@ def _on_an_edge() -> Document:
     """
     plan = table_plan()
     first, make, hold = plan["segments"][0], plan["segments"][1], plan["segments"][3]
-    builder = Builder()
-    poses = [touching_pose(builder, 0.0, 0.0, (0.02, -0.02, 0.0))]
+    poses = [touching_pose(Builder(), 0.0, 0.0, (0.02, -0.02, 0.0))]
     poses.append(_on_edge(0.02))
     poses.append(_on_edge(0.002))
     above = [*poses[0][:2], poses[0][2] + 0.003, *poses[0][3:]]

@@ -28,12 +28,7 @@ _MOTION = ("parts", "contacts", "segments", "uncertainty", "touch_tolerance")  #
 
 
 def forged(plan: Document, lie: Lie, seed: int) -> Document | None:
-    """A plan with a lie, sealed; None where it has nothing of the kind to lie about.
-
-    Args:
-        plan: an honest one; it is left as it is.
-        lie: the kind of lie.
-        seed: of what is drawn.
+    """An honest plan, left as it is, with a lie, sealed; None where it has nothing of the kind to lie about.
 
     Raises:
         PlanError: the lie left no plan.
@@ -47,12 +42,9 @@ def forged(plan: Document, lie: Lie, seed: int) -> Document | None:
 
 @dataclass(frozen=True)
 class Judged:
-    """What became of a plan that was tampered with.
+    """What became of a plan that was tampered with, and the processor time of its check, s.
 
-    Attributes:
-        accepted: whether it passed.
-        false: why it should not have, empty where nothing says so.
-        seconds: processor time of its check.
+    `false` says why it should not have been accepted, empty where nothing says so.
     """
 
     accepted: bool

@@ -90,15 +90,9 @@ def _mutable(plan: Document) -> bool:
 def run(
     plan: Document, differences: Differences | None, count: int, seed: int, account: Account, *, commands: bool = True
 ) -> None:
-    """Forges a plan so many times and enters what comes of it.
+    """Forges an honest plan so many times and enters what comes of it, of commands tried on the forgeries too.
 
-    Args:
-        plan: an honest one.
-        differences: what a plan states otherwise than its problem; None where it has none.
-        count: how many are made of it.
-        seed: of what is drawn.
-        account: takes what is found.
-        commands: whether commands are tried on them, too.
+    Differences are what a plan states otherwise than its problem; None where it has none.
     """
     court = Court(plan, differences, executions=100)
     allowed = SLOWER * max(LEAST, min(court.judge(plan, SAMPLING).seconds for _ in range(3)))

@@ -67,10 +67,8 @@ def below(x: int) -> float:
 def restated(document: Document) -> Document:
     """The plan with every number that follows from others derived again, sealed.
 
-    A plan whose parts the check refuses, or whose chain breaks, keeps its numbers from there on.
-
-    Args:
-        document: a plan with something altered; it is left as it is.
+    A plan whose parts the check refuses, or whose chain breaks, keeps its numbers from there on. The document is left
+    as it is.
 
     Raises:
         PlanError: the alteration left no plan.

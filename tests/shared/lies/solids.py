@@ -154,8 +154,7 @@ def doubled_face(plan: Document, rng: Random) -> None:
 
 def dropped_loop(plan: Document, rng: Random) -> None:
     """A hole of a face left out."""
-    part = plan["parts"]["fixed"]
-    holed = [face for face in part["faces"] if len(face) > 1]
+    holed = [face for face in plan["parts"]["fixed"]["faces"] if len(face) > 1]
     if not holed:
         return
     rng.choice(holed).pop()

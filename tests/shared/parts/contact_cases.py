@@ -16,8 +16,7 @@ LEANING = tilted((0.03, -0.05, 0.02))
 def cases() -> list[tuple[Polyhedron, tuple[PrimitiveContact, ...], Pose]]:
     mouth = near_contacts(PEG, BLOCK, LEANING, reach=3e-3, angle=0.05)
     above = Pose.from_vector((0.001, -0.002, 0.0003, 0.1, 0.2, -0.3))
-    on_spike = tuple(face_vertex(PEG, face, 4) for face in (0, 2, 3))
-    return [(BLOCK, mouth, LEANING), (SPIKE, on_spike, above)]
+    return [(BLOCK, mouth, LEANING), (SPIKE, tuple(face_vertex(PEG, face, 4) for face in (0, 2, 3)), above)]
 
 
 CASES = cases()

@@ -18,10 +18,7 @@ ASLANT = [[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-6.0, 10.0]]  # a square
 def prism(folder: Path, outline: list[list[float]], clearance: tuple[float, float]) -> Problem:
     """A prism of a section (n, 2), mm, counter-clockwise, in a hole that is 0.1 mm wider all around.
 
-    Args:
-        folder: to write its files to.
-        outline: the section; frames are at the centroids of both.
-        clearance: a side along x and y, mm.
+    Frames are at the centroids of both sections; the clearance is a side along x and y, mm.
     """
     (folder / "models").mkdir()
     (folder / "problems").mkdir()

@@ -105,18 +105,13 @@ def settled(
 ) -> Pose:
     """The pose moved along directions (r, 6) until r contacts are zero, by Newton's method.
 
-    Args:
-        pose: where to begin.
-        contacts: the contacts.
-        directions: twists in error coordinates about `about`.
-        together: all contacts under consideration.
-        about: pose of the error coordinates, `pose` itself by default.
+    Directions are twists in error coordinates about `about`, the pose itself by default; `together` has all contacts
+    under consideration.
     """
     about = pose if about is None else about
     error = about.local(pose)
     for _ in range(20):
-        at = about.moved(error)
-        rows = contact_rows(peg().assembly, contacts, together, at)
+        rows = contact_rows(peg().assembly, contacts, together, about.moved(error))
         if np.abs(rows.f).max(initial=0.0) < 1e-15:
             break
         error = error - directions.T @ np.linalg.solve(rows.N @ directions.T, rows.f)
@@ -165,8 +160,7 @@ def pieces_of(way: Way, basis: Sequence[Compliance]) -> list[tuple[Pose, Pose, t
         share = (k / way.pieces, (k + 1) / way.pieces)
         to = way.goal if k == way.pieces - 1 else way.start.moved(x * share[1])
         if basis and to is not way.goal:
-            directions = np.array([b.direction for b in basis])
-            to = settled(to, [b.contact for b in basis], directions, way.held)
+            to = settled(to, [b.contact for b in basis], np.array([b.direction for b in basis]), way.held)
         found.append((at, to, share))
         at = to
     return found

@@ -24,8 +24,7 @@ def slot(width: float, depth: float, wall: float) -> Profile:
 def notched() -> Profile:
     """A non-convex object with a hole."""
     outer = [(0.0, 0.0), (0.06, 0.0), (0.06, 0.04), (0.035, 0.04), (0.03, 0.02), (0.025, 0.04), (0.0, 0.04)]
-    hole = [(0.01, 0.005), (0.01, 0.015), (0.02, 0.015), (0.02, 0.005)]
-    return Profile.of(outer, hole)
+    return Profile.of(outer, [(0.01, 0.005), (0.01, 0.015), (0.02, 0.015), (0.02, 0.005)])
 
 
 def spread(static: Profile, position: float, angle: float, shape: float = 0.0) -> Deviations:

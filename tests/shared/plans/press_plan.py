@@ -38,8 +38,7 @@ def press_problem() -> Problem:
 
 def press_task(problem: Problem) -> PressTask:
     """The insertion of a problem as presses see it."""
-    clearance = Posed.of(problem).clearance
-    return PressTask(problem, problem.moving, problem.fixed, clearance, problem.start_box)
+    return PressTask(problem, problem.moving, problem.fixed, Posed.of(problem).clearance, problem.start_box)
 
 
 @cache
@@ -48,8 +47,7 @@ def press_choosing() -> Choosing:
     problem, task = press_problem(), press_task(press_problem())
     x, y, z, rx, ry, rz = problem.start_box.tolist()
     conditions = Conditions((x, y, z, rx, ry, rz), problem.friction)
-    robot = robot_of(task, (2e4, 100.0), (2.0, 0.0098))
-    return Choosing(task.bodies, task.seat, robot, conditions, seed=0)
+    return Choosing(task.bodies, task.seat, robot_of(task, (2e4, 100.0), (2.0, 0.0098)), conditions, seed=0)
 
 
 @cache
@@ -71,8 +69,7 @@ def _document() -> dict[str, Any]:
         *("tested", DRAWS, DRAWS, DRAWS, CONFIDENCE, lower_bound(DRAWS, DRAWS), MIN_RATE, 64, 63, 1, 0, "by hand"),
         *(press_choosing().conditions, "0" * 64, outcomes([True] * DRAWS), outcomes([True] * 63 + [False])),
     )
-    document = press_document(Posed.of(press_problem()), press_plan(), evidence)
-    return restated({**document, "verdict": "TESTED"})
+    return restated({**press_document(Posed.of(press_problem()), press_plan(), evidence), "verdict": "TESTED"})
 
 
 def press_plan_document() -> dict[str, Any]:

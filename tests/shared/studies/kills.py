@@ -55,13 +55,7 @@ class Kills:
 
 
 def killed(base: Path, kills: int, seed: int, store: str = "store") -> Kills:
-    """Kills studies as often as wanted, bringing one after the other to its end.
-
-    Args:
-        base: an empty folder.
-        kills: how many.
-        seed: of the moments and victims.
-        store: of the driver.
+    """Kills studies in an empty folder as often as wanted, bringing one after the other to its end.
 
     Raises:
         LostError: what was acknowledged is not there, or not once, or the final table is another one.

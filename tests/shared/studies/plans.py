@@ -48,13 +48,9 @@ memory_mb = 8000
 
 
 def measured(problem: Path, runs: int, jobs: int, folder: Path) -> dict[str, float]:
-    """Runs the study and says what it took.
+    """Runs the study of so many plans in an empty folder and says what it took.
 
-    Args:
-        problem: whose position error varies between nine tenths and all of what it is.
-        runs: number of plans.
-        jobs: number of workers.
-        folder: an empty one.
+    The position error of the problem varies between nine tenths and all of what it is.
     """
     data = read(problem).data
     whole = Reading(factors(data.get("units"))).quantity(data["uncertainty"]["start"]["x"], LENGTH).value
@@ -76,14 +72,13 @@ def measured(problem: Path, runs: int, jobs: int, folder: Path) -> dict[str, flo
     took = efforts(folder / "out")
     working = sum(effort.seconds for effort in took.values())
     peaks = [took[row.key].peak for row in rows if row is not None]
-    first = peaks[: max(1, len(peaks) // 4)]
     return {
         "plans a second": runs / seconds,
         "plans a second and worker": runs / seconds / jobs,
         "plans a second of processor time": runs / workers,
         "overhead, % of the work": 100.0 * (jobs * seconds / working - 1.0),
         "processor time of the owner, % of the work": 100.0 * spent / working,
-        "memory of a worker after a quarter, MB": max(first) / 1e6,
+        "memory of a worker after a quarter, MB": max(peaks[: max(1, len(peaks) // 4)]) / 1e6,
         "memory of a worker at the end, MB": max(peaks) / 1e6,
         "memory of the owner after a quarter, MB": owner[0],
         "memory of the owner at the end, MB": _peak(),

@@ -28,13 +28,10 @@ STEP = 0.002  # s between calls of the program
 
 
 class ForceModeRobot:
-    """One part in the scene of a plan, held by the robot.
+    """One part in the scene of a plan, held by the robot; the plan's strategies are not looked at.
 
-    Args:
-        plan: for the parts, the fit and the nominal start; its strategies are not looked at.
-        base: pose of the hole in the robot's base that the program was written for.
-        error: of the start pose (6,), m and rad, about the part's origin, axes of B.
-        seed: of the sensor's noise.
+    The base is the pose of the hole in that of the robot that the program was written for; the error (6,) of the start
+    pose, m and rad, is about the part's origin, in axes of B.
     """
 
     def __init__(self, plan: Plan, base: Pose, error: Array, seed: int) -> None:
