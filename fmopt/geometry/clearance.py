@@ -233,8 +233,7 @@ def _slices(part: Part, low: float, high: float) -> list[Slice]:
     made = []
     for bottom, top in zip(heights[apart], heights[apart + 1], strict=True):
         for height, side in ((bottom, 1), (0.5 * (bottom + top), 1), (top, -1)):
-            level = Pose(np.array([0.0, 0.0, height]), np.eye(3))
-            shape = section_limit(part.bodies, level, 1 if side > 0 else -1)
+            shape = section_limit(part.bodies, Pose(np.array([0.0, 0.0, height]), np.eye(3)), 1 if side > 0 else -1)
             if not shape.is_empty:
                 made.append(Slice(float(height), side, shape))
     if not made:
@@ -280,9 +279,7 @@ def _travel(peg: MultiPolygon, hole: MultiPolygon) -> tuple[float, float, float,
 def _run(ahead: Array, fixed: Array, axis: int) -> float:
     """Smallest distance along +axis from the sides `ahead` to the sides `fixed`, both (n, 2, 2)."""
     # Polygons that approach touch with a corner of either one on a side of the other.
-    there = _rays(ahead[:, 0], fixed, axis)
-    back = _rays(fixed[:, 0], ahead, axis)
-    steps = np.concatenate([there, -back])
+    steps = np.concatenate([_rays(ahead[:, 0], fixed, axis), -_rays(fixed[:, 0], ahead, axis)])
     # What is behind is a side that it moves away from.
     return float(np.min(steps, where=steps > -_TOUCH, initial=np.inf))
 
@@ -302,8 +299,7 @@ def _closest(peg: MultiPolygon, hole: MultiPolygon, gap: float) -> tuple[Array, 
     if gap > 0.0:
         one, two = nearest_points(peg, hole)
         return np.array(one.coords[0]), np.array(two.coords[0])
-    overlap = peg.intersection(hole)
-    spot = np.array(overlap.representative_point().coords[0][:2])
+    spot = np.array(peg.intersection(hole).representative_point().coords[0][:2])
     return spot, spot
 
 
@@ -311,8 +307,7 @@ def _face_at(body: Polyhedron, point: Array, across: Array) -> int:
     """The side face nearest to a point, among equally near ones the one that looks most along `across`."""
     sides = np.abs(body.normals[:, 2]) < 1.0
     distances = np.array([_face_distance(body, i, point) if side else np.inf for i, side in enumerate(sides)])
-    near = distances <= distances.min() + _TOUCH
-    return int(np.argmax(np.where(near, body.normals @ across, -np.inf)))
+    return int(np.argmax(np.where(distances <= distances.min() + _TOUCH, body.normals @ across, -np.inf)))
 
 
 def _face_distance(body: Polyhedron, number: int, point: Array) -> float:

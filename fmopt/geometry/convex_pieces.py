@@ -32,7 +32,7 @@ from fmopt.geometry.csg import (
     exact_pose,
     operands,
 )
-from fmopt.geometry.facets import place
+from fmopt.geometry.facets import place, require_few
 from fmopt.geometry.polyhedron import (
     Polyhedron,
     convex_hull_polyhedron,
@@ -116,7 +116,7 @@ def polyhedron(solid: Solid) -> Polyhedron:
     """The boundary of the solid, coordinates of its operands kept to the bit.
 
     Raises:
-        GeometryError: the solid is empty, or touches itself along an edge or at a corner.
+        GeometryError: the solid is empty, has too many faces, or touches itself along an edge or at a corner.
     """
     stock: list[Array] = []
     shells = [s.to_mesh64() for s in _manifold(solid, Pose.identity(), stock).decompose() if _is_thick(s)]
@@ -125,8 +125,8 @@ def polyhedron(solid: Solid) -> Polyhedron:
     points = np.vstack([np.asarray(shell.vert_properties)[:, :3] for shell in shells])
     starts = np.cumsum([0, *(len(shell.vert_properties) for shell in shells[:-1])])
     triangles = [np.asarray(shell.tri_verts, np.int64) + start for shell, start in zip(shells, starts, strict=True)]
-    known = np.vstack(stock)
-    body = from_triangles(snapped(points, known), np.vstack(triangles))
+    body = from_triangles(snapped(points, np.vstack(stock)), np.vstack(triangles))
+    require_few(len(body.faces))
     order = np.lexsort(body.vertices.T)
     if len(double := np.flatnonzero(np.all(np.diff(body.vertices[order], axis=0) == 0.0, axis=1))):
         if isinstance(solid, Placed):  # in its own frame many coordinates are one, and rounding makes none meet
@@ -201,8 +201,7 @@ def _minus(stock: tuple[Polyhedron, ...], tool: Solid, pose: Pose) -> tuple[Poly
             if len(stock) == 1:
                 return tuple(_slabs(stock[0], body))  # each alone has what is right outside its own face of the tool
             whole = (union_manifold(stock) - convex_manifold(body)).volume()
-            cut = [_slabs(piece, body) for piece in stock]
-            slabs = [slab for some in cut for slab in some]
+            slabs = [slab for some in [_slabs(piece, body) for piece in stock] for slab in some]
             # What the tool leaves whole is needed still: of the others there is less than before.
             intact = {id(piece) for piece in stock}
             return _irredundant(slabs, whole, [i for i, slab in enumerate(slabs) if id(slab) in intact])
@@ -456,8 +455,7 @@ def _manifold(solid: Solid, pose: Pose, stock: list[Array]) -> Manifold:
         case Union(parts):
             return Manifold.batch_boolean([_manifold(part, pose, stock) for part in parts], OpType.Add)
         case Difference(base, tools):
-            operands = [_manifold(part, pose, stock) for part in (base, *tools)]
-            return Manifold.batch_boolean(operands, OpType.Subtract)
+            return Manifold.batch_boolean([_manifold(part, pose, stock) for part in (base, *tools)], OpType.Subtract)
         case _:
             assert_never(solid)
 

@@ -179,8 +179,7 @@ def chamfered_box(size: tuple[float, float, float], chamfer: float) -> Prism:
     if not 0.0 < c < min(x, y):
         raise GeometryError(f"a chamfer of {c:g} m does not fit a section of {size[0]:g} x {size[1]:g} m", "shorten it")
     quarter = ((x, y - c), (x - c, y))
-    mirrored = tuple((-a, b) for a, b in reversed(quarter))
-    upper = quarter + mirrored
+    upper = quarter + tuple((-a, b) for a, b in reversed(quarter))
     return Prism(upper + tuple((-a, -b) for a, b in upper), size[2])
 
 

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import snapped
-from fmopt.geometry.facets import Indices
-from fmopt.geometry.polyhedron import Polyhedron, manifold_of, of_manifold, placed, plane_basis, with_vertices
+from fmopt.geometry.facets import Indices, require_few
+from fmopt.geometry.polyhedron import Polyhedron, manifold_of, of_manifold, plane_basis, with_vertices
 from fmopt.runtime.clock import heed
-from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
 
 if TYPE_CHECKING:
@@ -60,11 +59,6 @@ class Enclosure(Value):
     def __post_init__(self) -> None:
         object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
 
-    def moved(self, pose: Pose) -> Enclosure:
-        """The bodies moved by a pose."""
-        bodies = tuple(placed(body, pose) for body in self.bodies)
-        return Enclosure(bodies, placed(self.boundary, pose), self.off, pose.apply(self.where))
-
 
 def enclosing(points: Array, triangles: Indices, noise: float = 0.0) -> Enclosure:
     """Enclose the solid of a closed surface in convex bodies.
@@ -77,10 +71,8 @@ def enclosing(points: Array, triangles: Indices, noise: float = 0.0) -> Enclosur
     Raises:
         GeometryError: the surface does not close, or what it bounds is too thin.
     """
-    whole = manifold_of(points, triangles)
+    whole = solid_of(points, triangles)
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    if whole.is_empty() or 2.0 * whole.volume() <= _MIN_THICKNESS * size * whole.surface_area():
-        raise GeometryError("the surface bounds no solid")
     number, done, gap = count(), list[_Body](), max((2.0 * _IN_PLANE if noise else _CUT_GAP) * size, _NOISY * noise)
     queue = [(-body.off, next(number), body) for body in (_Body(one, size, gap) for one in whole.decompose())]
     heapify(queue)
@@ -104,6 +96,18 @@ def enclosing(points: Array, triangles: Indices, noise: float = 0.0) -> Enclosur
             few //= 2
 
 
+def solid_of(points: Array, triangles: Indices) -> Manifold:
+    """The solid of a closed surface of triangles (m, 3) over points (n, 3), m.
+
+    Raises:
+        GeometryError: the surface does not close, or what it bounds is too thin.
+    """
+    whole, size = manifold_of(points, triangles), float(np.linalg.norm(np.ptp(points, axis=0)))
+    if whole.is_empty() or 2.0 * whole.volume() <= _MIN_THICKNESS * size * whole.surface_area():
+        raise GeometryError("the surface bounds no solid")
+    return whole
+
+
 def _enclosure(done: Sequence[_Body], known: Array, few: int) -> Enclosure:
     """Bodies with at most so many faces each; coordinates that differ from known ones (n, 3) by rounding are those."""
     from manifold3d import Manifold
@@ -117,6 +121,7 @@ def _enclosure(done: Sequence[_Body], known: Array, few: int) -> Enclosure:
     spots = [(one.off, one.where) for one in done] + [(one.off, one.where) for one in bounds]
     off, where = max(spots, key=lambda spot: spot[0])
     boundary = _boundary(bounds, size)
+    require_few(len(boundary.faces))
     hulls = [Manifold.hull_points(snapped(one.corners(size), known)) for one in bounds]
     bodies = tuple(of_manifold(hull.simplify(_FLATNESS * size), _FLATNESS * size) for hull in hulls)
     return Enclosure(bodies, boundary, off, where)

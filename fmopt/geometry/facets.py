@@ -73,7 +73,7 @@ class Patchwork:
         return around
 
 
-def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices, most: int = MAX_FACES) -> Patchwork:
+def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices) -> Patchwork:
     """A closed triangle mesh with the number of the planar face of each triangle.
 
     Args:
@@ -81,15 +81,13 @@ def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices,
         triangles: (m, 3), counter-clockwise seen from outside.
         tol: triangles whose corners lie this close to a face's plane belong to the face, m.
         numbers: what to call each triangle (m,) in an error.
-        most: faces that there may be.
 
     Raises:
-        GeometryError: the mesh is open or its triangles disagree about orientation, naming a triangle and an edge; or
-            there are more faces than that.
+        GeometryError: the mesh is open or its triangles disagree about orientation, naming a triangle and an edge.
     """
     across = _across(vertices, triangles, numbers)
     parts = Patchwork(vertices, triangles, across, np.full(len(triangles), -1, dtype=np.int64))
-    return replace(parts, region=_regions(parts, tol, most))
+    return replace(parts, region=_regions(parts, tol))
 
 
 def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[tuple[Loop, ...], ...], Indices]:
@@ -98,10 +96,8 @@ def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[tuple[Loop, ...],
     A region without corners, such as a sliver along an edge, goes to the one beside it with which it shares most.
 
     Raises:
-        GeometryError: a region is all of a surface that closes; or there are more than `MAX_FACES`.
+        GeometryError: a region is all of a surface that closes.
     """
-    if len(np.unique(region)) > MAX_FACES:
-        raise _too_many(len(region))
     outlines = _outlines(parts, region)
     while (bare := _without_corners(outlines)) is not None:  # with each there is one region less
         region = _handed_over(parts, region, bare)
@@ -121,8 +117,7 @@ def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Ar
     Raises:
         GeometryError: the vertices lie in heaps.
     """
-    firsts = first_within(points, reach)
-    kept, group = np.unique(firsts, return_inverse=True)
+    kept, group = np.unique(first_within(points, reach), return_inverse=True)
     merged = group[triangles].astype(np.int64)
     alive = np.all(merged != np.roll(merged, 1, axis=1), axis=1)
     return points[kept], merged[alive], np.flatnonzero(alive)
@@ -205,10 +200,10 @@ def _frames(parts: Patchwork) -> tuple[Array, Array]:
     return parts.areas / np.where(area > 0.0, area, 1.0)[:, None], 2.0 * area / np.where(longest > 0.0, longest, 1.0)
 
 
-def _regions(parts: Patchwork, tol: float, most: int) -> Indices:
+def _regions(parts: Patchwork, tol: float) -> Indices:
     """Number of the planar face of each triangle, grown from large triangles so that slivers decide nothing."""
     normals, heights = _frames(parts)
-    region, triangles = parts.region.copy(), parts.triangles.tolist()
+    region, triangles, points = parts.region.copy(), parts.triangles.tolist(), parts.vertices.tolist()
     offsets = np.einsum("ij,ij->i", normals, parts.vertices[parts.triangles[:, 0]])
     spans = np.ptp(parts.vertices[parts.triangles], axis=1).max(axis=1)
     count = 0
@@ -220,15 +215,13 @@ def _regions(parts: Patchwork, tol: float, most: int) -> Indices:
             region[seed] = _over_longest_side(parts, region, int(seed))
         if region[seed] >= 0:
             continue
-        if count == most:
-            raise _too_many(len(region))
-        near = np.abs(parts.vertices @ normals[seed] - offsets[seed]) <= tol
+        (x, y, z), offset = normals[seed].tolist(), float(offsets[seed])
         region[seed] = count
         front = [int(seed)]
         while front:
             for neighbour, _ in parts.across[front.pop()]:
-                a, b, c = triangles[neighbour]
-                if region[neighbour] >= 0 or not (near[a] and near[b] and near[c]):
+                corners = (points[index] for index in triangles[neighbour])
+                if region[neighbour] >= 0 or any(abs(x * a + y * b + z * c - offset) > tol for a, b, c in corners):
                     continue
                 if heights[neighbour] <= _FOLD * tol or normals[neighbour] @ normals[seed] > 0.0:
                     region[neighbour] = count
@@ -237,9 +230,15 @@ def _regions(parts: Patchwork, tol: float, most: int) -> Indices:
     return region
 
 
-def _too_many(triangles: int) -> GeometryError:
-    message = f"the {triangles} triangles make more than {MAX_FACES} faces"
-    return GeometryError(message, "give curved surfaces fewer facets, by a coarser export or by lower 'sides'")
+def require_few(count: int) -> None:
+    """Refuses more faces than are planned with.
+
+    Raises:
+        GeometryError: there are more than `MAX_FACES`.
+    """
+    if count > MAX_FACES:
+        message = f"it has {count} faces, of which {MAX_FACES} are taken"
+        raise GeometryError(message, "give curved surfaces fewer facets, by a coarser export or by lower 'sides'")
 
 
 def _over_longest_side(parts: Patchwork, region: Indices, triangle: int) -> int:

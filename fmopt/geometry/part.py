@@ -146,8 +146,7 @@ def mesh_part(name: str, mesh: Imported, features: Sequence[Feature] = (), chord
     from fmopt.geometry.mesh.mesh_solid import decomposed
 
     found = decomposed(mesh)
-    body = found.boundary
-    part = Part(name, body, found.pieces, tuple(features), 0.0, (), mesh.off, mesh.where)
+    part = Part(name, found.boundary, found.pieces, tuple(features), 0.0, (), mesh.off, mesh.where)
     for feature in features:
         _require_intact(name, mesh, feature)
     true = mesh.chord_error if chord_error is None else chord_error
@@ -238,8 +237,7 @@ def settled(moving: Part, fixed: Part) -> tuple[Part, Part]:
     if moving.enclosed or fixed.enclosed:  # nothing is proved of these
         return moving, fixed
     own = exact_vertices(moving.polyhedron, most=_MOVED)
-    walls = range(len(fixed.polyhedron.faces))
-    facing = facing_directions(moving.polyhedron, own, fixed.polyhedron, walls)
+    facing = facing_directions(moving.polyhedron, own, fixed.polyhedron, range(len(fixed.polyhedron.faces)))
     return _settled(moving, own), _settled(fixed, exact_vertices(fixed.polyhedron, facing, _MOVED))
 
 

@@ -319,8 +319,7 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
     # Only directions are Qhull's: which points are on a face is settled by their own coordinates.
     for normal in np.unique(hull.equations[:, :3], axis=0):
         height = cloud @ normal
-        on = np.flatnonzero(height >= height.max() - reach)
-        loop = _convex_loop(cloud, on, normal, reach)
+        loop = _convex_loop(cloud, np.flatnonzero(height >= height.max() - reach), normal, reach)
         if len(loop) >= 3:
             loops[frozenset(loop)] = loop
     # Directions that differ by rounding find one face twice, once without some of its corners.

@@ -182,8 +182,7 @@ def _start(problem: Problem) -> Iterator[str]:
     yield f"lowest point {_mm(problem.approach)} mm above the mouth, tilted and beside the axis as the plan says"
     yield f"nominal trajectory from {_pose(problem.start, ',')} of the hole's frame"
     x, y, z, rx, ry, rz = (float(width) for width in problem.start_box)
-    listed = "as listed below" if problem.budget else "as stated"
-    origin = listed if problem.sources is None else "from its sources"
+    origin = ("as listed below" if problem.budget else "as stated") if problem.sources is None else "from its sources"
     if problem.plane is not None:
         yield f"error {origin}: +-{_mm(x)}, {_mm(z)} mm along x, z; +-{_deg(ry)} deg about y, none out of the plane"
     else:

@@ -20,7 +20,9 @@ from fmopt.geometry.mesh.round_planes import met
 from fmopt.geometry.part import Part, Profiles, in_order, outline, rebased, settled
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task import sizes
+from fmopt.task.mesh_source import imported
 from fmopt.task.model import Bare, Model, load_model, overrides_of
+from fmopt.task.pairing import paired, without_hollows
 from fmopt.task.problem import Attributes, Problem, RobotProperties, Settings, Specification, VelocityError
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.sources import (
@@ -167,8 +169,7 @@ def _plane_faults(source: Source, file: files.ProblemFile, models: Mapping[str, 
     profiles = [side for side, model in models.items() if model.file.profile is not None]
     if len(profiles) == 1 and len(models) == 2:
         message = f"the {profiles[0]} part is a profile, the other one is a body"
-        place = source.place(("fixed", "model"))
-        yield place.fault("conflict", message, "give both models a [profile], or none")
+        yield source.place(("fixed", "model")).fault("conflict", message, "give both models a [profile], or none")
         return
     for key in _OUT_OF_PLANE if profiles and len(models) == 2 else ():
         table = file.clearance if key[0] == "clearance" else file.uncertainty.start
@@ -177,8 +178,7 @@ def _plane_faults(source: Source, file: files.ProblemFile, models: Mapping[str, 
             yield source.place(key).fault("out-of-plane", message, "leave it out")
     box, above = file.uncertainty.start, ("uncertainty", "start")
     for name, of_all in OF_ALL.items():
-        in_plane = (*above, name) not in _OUT_OF_PLANE
-        asked = in_plane or (len(models) == 2 and not profiles)
+        asked = (*above, name) not in _OUT_OF_PLANE or (len(models) == 2 and not profiles)
         if box is not None and asked and not {name, of_all} & box.model_fields_set:
             yield source.missing(above, name, f"add {name!r} to [uncertainty.start], or {of_all!r} for all three axes")
 
@@ -195,31 +195,29 @@ def _deepest(file: files.ProblemFile, models: Mapping[str, Model]) -> float | No
 
 def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Problem:
     """The problem of tables without fault: `said` as they stand in the file, `source` spelled out."""
-    built = _both(_noted, models)
     mated: Mapping[str, Mated] = {}
+    bodies = _both(_uncut, models)
     if not all(_is_known(model, file.operand(side).feature) for side, model in models.items()):
-        from fmopt.task.pairing import paired
-
         stated_depth = file.goal.depth
-        file, mated, models = paired(source, file, models, built)
+        file, mated, models = paired(source, file, models, bodies)
         goal = file.goal.model_copy(update={"depth": stated_depth})  # a head may let the tip stand out of the hole
         if faults := list(_pair_faults(source, file.model_copy(update={"goal": goal}), models)):
             raise InputError(*faults)
-        built = _both(_noted, models)  # with their features, at which a mesh is to be whole
     exchanged = _is_exchanged(file, models)
     peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
+    depth, stated = file.goal.depth or _deepest(file, models) or 0.0, as_stated(file.uncertainty.start)
+    if any(model.file.mesh is not None for model in models.values()) and not file.goal.turn:
+        models = without_hollows(models, bodies, {side: file.feature(side) for side in (peg, hole)}, depth, stated.box)
+    built = _both(_noted, models)  # with their features, at which a mesh is to be whole
     parts = {side: in_order(rebased(part, part.feature(file.feature(side)).frame)) for side, part in built.items()}
     sizes.refuse_reaching(source, parts)
-    stated = as_stated(file.uncertainty.start)
-    depth = file.goal.depth or _deepest(file, models) or 0.0
     if any(model.file.mesh is not None for model in models.values()):
         beside = _BESIDE * sizes.tip_radius(parts[peg]) + float(stated.box[:3].max())
         parts[peg], parts[hole] = met(parts[peg], parts[hole], depth, beside)
-    trees = _both(lambda model: build_tree(model.source, model.file), models)
+    trees = _both(lambda model: build_tree(model.source, model.file, model.mesh), models)
     height = sizes.start_height(parts[peg], stated.box) if file.start.height is None else file.start.height
     begin, grasp = _start(file, height, exchanged), Pose.from_vector([*file.grasp.at, *file.grasp.turn])
-    round_peg = is_round(trees[peg].feature(file.feature(peg)))
-    task = _attributes(source, file, round_peg, begin, exchanged, grasp)
+    task = _attributes(source, file, is_round(trees[peg].feature(file.feature(peg))), begin, exchanged, grasp)
     turned = Pose(np.zeros(3), exp([0.0, 0.0, -task.turn]))
     moving, fixed = _settled(rebased(parts[peg], turned), parts[hole], models)
     trapezoid = file.uncertainty.trapezoid
@@ -276,8 +274,15 @@ def _is_known(model: Model, name: str | None) -> bool:
 
 def _noted(model: Model) -> Part:
     """The part of a model in its frame, with what is to be known of how the model was taken."""
-    part = build_part(model.source, model.file)
+    part = build_part(model.source, model.file, model.mesh)
     return replace(part, notes=(*model.notes, *part.notes)) if model.notes else part
+
+
+def _uncut(model: Model) -> Part:
+    """The part of a model in its frame, of a mesh its boundary alone."""
+    if model.file.mesh is None:
+        return build_part(model.source, model.file)
+    return Part(model.file.name, imported(model.source, model.file.mesh).body, (), (), 0.0)
 
 
 def _declared(file: files.ProblemFile, planar: bool) -> tuple[float, float] | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fmopt.errors import Fault, InputError, SizeError
 from fmopt.geometry.bodies import MAX_MESH_BYTES
@@ -20,6 +21,9 @@ from fmopt.task.toml.source import Key, Place, Source, read, read_bytes
 from fmopt.task.toml.tables import Reading, checked
 from fmopt.task.toml.units import RATIO, UNITS, Quantity, QuantityError, did_you_mean
 
+if TYPE_CHECKING:
+    from fmopt.geometry.mesh.mesh_import import Imported
+
 USUAL_UNIT = "mm"  # of the numbers of a mesh file for which nobody says one
 
 
@@ -31,6 +35,7 @@ class Model:
     file: ModelFile
     given: bool = True
     notes: tuple[str, ...] = ()
+    mesh: Imported | None = None
 
     @property
     def kind(self) -> str:

@@ -12,13 +12,16 @@ import numpy as np
 from fmopt.errors import GeometryError, InputError
 from fmopt.geometry.bodies import bodies_of
 from fmopt.geometry.mating_features import DESCRIBE, FOUND
+from fmopt.geometry.polyhedron import placed, triangulated
 from fmopt.spatial.se3 import Pose
+from fmopt.task.mesh_source import imported
 from fmopt.task.toml.model_file import MatingFeature
 from fmopt.task.toml.source import Source
 
 if TYPE_CHECKING:
     from fmopt.geometry.fit.find import Fit, Stated
     from fmopt.geometry.part import Part
+    from fmopt.spatial.values import Array
     from fmopt.task.model import Model
     from fmopt.task.toml.problem_file import ProblemFile
 
@@ -27,6 +30,7 @@ Kind = Literal["solid", "hollow"]
 SIDES: tuple[Side, Side] = ("moving", "fixed")
 _FULL = 1e-9  # m
 _HERE = 1e-3  # m: stated features that are no nearer are others than one without a place
+_ASIDE, _FAR = 0.05, 3.0  # of the size of what goes in, and times its start error: what it stays away from by more
 _UPSIDE_DOWN = 0.7  # cosine between the way in and the file's own way down
 
 
@@ -88,6 +92,45 @@ def paired(
     if "depth" not in file.goal.model_fields_set and abs(fit.depth - min(fit.hole, fit.peg)) > _FULL:
         file = file.model_copy(update={"goal": file.goal.model_copy(update={"depth": fit.depth})})
     return _named(file, {side: said[side][0] for side in SIDES}), found, changed
+
+
+def without_hollows(
+    models: Mapping[str, Model], parts: Mapping[str, Part], features: Mapping[str, str], depth: float, box: Array
+) -> Mapping[str, Model]:
+    """The models, hollows of their meshes filled into which the other part never comes.
+
+    Args:
+        parts: of the models, in their frames.
+        features: by side the one that mates, of what goes in first.
+        depth: of the tip below the mouth, m.
+        box: start errors (6,), m and rad.
+    """
+    from fmopt.geometry.hollows import filled
+    from fmopt.geometry.mesh.mesh_import import mesh_polyhedron
+    from fmopt.geometry.mesh.round_planes import chord_error
+
+    (peg, solid), (hole, hollow) = ((side, _pose(models[side].file.features[name])) for side, name in features.items())
+    seated = hollow.compose(_along(-depth)).compose(solid.inverse())
+    away = Pose(np.zeros(3), np.diag([1.0, -1.0, -1.0])).compose(solid.inverse())  # what it goes into leaves downwards
+    size = parts[peg].polyhedron.diameter
+    aside = max(_ASIDE * size, _FAR * float(box[:3].max() + box[3:].max() * max(depth, 0.0)))
+    changed = dict(models)
+    for side, pose, other, upright in ((peg, seated.inverse(), hole, away), (hole, seated, peg, hollow.inverse())):
+        model = models[side]
+        if model.file.mesh is not None:
+            mesh, guest = imported(model.source, model.file.mesh), placed(parts[other].polyhedron, pose)
+            body = filled(mesh.body, guest, upright, aside)
+            if body is not mesh.body:
+                curved = mesh.chord_error if mesh.kind == "solid" else chord_error(body)
+                found = replace(mesh, body=body, chord_error=curved)
+                if mesh.noise is not None:  # what is left may have faces
+                    found = replace(mesh_polyhedron(body.vertices, triangulated(body), mesh.noise), notes=mesh.notes)
+                note = (
+                    f"filled: hollows of {parts[side].name} into which {parts[other].name} does not come; "
+                    f"{len(body.faces)} of {len(mesh.body.faces)} faces are left"
+                )
+                changed[side] = replace(model, mesh=found, notes=(*model.notes, note))
+    return changed
 
 
 def _tables(file: ProblemFile, model: Model, side: Side) -> dict[str, MatingFeature]:

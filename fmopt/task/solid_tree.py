@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import reduce
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from fmopt.task.round_solids import round_notes, round_solid
 from fmopt.task.toml import model_file as files
 from fmopt.task.toml.source import Key, Source
 from fmopt.task.toml.units import did_you_mean
+
+if TYPE_CHECKING:
+    from fmopt.geometry.mesh.mesh_import import Imported
 
 MAX_INSTANCES = 1000  # n solids, each naming the next one twice, make 2ⁿ
 _MERIDIANS = 16  # of the polyhedron that stands for a ball in the tree of features
@@ -96,15 +99,18 @@ def part_reach(source: Source, file: files.ModelFile) -> Array:
     return np.array([(x, 0.0, z) for polygon in file.profile.polygons for x, z in polygon])
 
 
-def build_part(source: Source, file: files.ModelFile) -> Part:
+def build_part(source: Source, file: files.ModelFile, mesh: Imported | None = None) -> Part:
     """The part of a checked model file, in its model frame.
+
+    Args:
+        mesh: what stands for the one of the file, if anything.
 
     Raises:
         InputError: no solid comes out; at the place of the solid or mesh in the file.
     """
     features = [_feature(name, feature) for name, feature in file.features.items() if feature.is_whole]
     if file.mesh is not None:
-        mesh = imported(source, file.mesh)
+        mesh = mesh or imported(source, file.mesh)
         with source.place(("mesh", "file")).solid():
             return mesh_part(file.name, mesh, features, None if file.mesh.is_step else file.mesh.deviation)
     if file.profile is not None:
@@ -127,7 +133,7 @@ def _balls(file: files.ModelFile) -> list[tuple[Array, float]]:
     return [(np.array(ball.at), ball.radius) for ball in file.balls.values()]
 
 
-def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
+def build_tree(source: Source, file: files.ModelFile, mesh: Imported | None = None) -> ObjectTree:
     """The object tree of a checked model file, after [LeeHuang1985] section 3.
 
     A mesh, and a part with a feature that none of its solids make (a hole that others leave between them), becomes its
@@ -143,7 +149,7 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
         with source.place(("solids", file.part) if file.part else ("mesh", "file"), of_key=True).solid():
             chain = _whole_chain(source, file)
             if not (chain and all(claims[feature.name].terms or is_made(chain, feature) for feature in features)):
-                chain = chain_of(_hull_less_others(source, file, chain), file.name)
+                chain = chain_of(_hull_less_others(source, file, mesh, chain), file.name)
             tree = object_tree(file.name, chain, features, claims)
     except TaskError as error:
         key = ("features", error.feature) if error.feature in file.features else ("features",)
@@ -152,13 +158,13 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     return tree
 
 
-def _hull_less_others(source: Source, file: files.ModelFile, chain: Chain) -> csg.Solid:
+def _hull_less_others(source: Source, file: files.ModelFile, mesh: Imported | None, chain: Chain) -> csg.Solid:
     """The part as its convex hull less convex bodies, from its chain or its mesh."""
     from fmopt.geometry.inverse_csg import MESH_NOISE, apart
     from fmopt.geometry.mesh.mesh_solid import decomposed
 
     if file.mesh is not None:
-        return decomposed(imported(source, file.mesh)).solid
+        return decomposed(mesh or imported(source, file.mesh)).solid
     body = polyhedron(chain_solid(chain))
     return apart(body, MESH_NOISE * body.diameter)[0]
 

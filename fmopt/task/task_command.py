@@ -56,8 +56,7 @@ def attributes(goal: Goal, round_peg: bool, start: Pose, exchanged: bool, grasp:
         TaskError: a free angle that the start does not settle.
     """
     pair: LowerPair = goal.attachment or ("cylindrical" if round_peg else "prismatic")
-    told = "turn" in goal.model_fields_set
-    free = goal.turn is None if told else round_peg and pair in _FREE_TURN
+    free = goal.turn is None if "turn" in goal.model_fields_set else round_peg and pair in _FREE_TURN
     angle = goal.turn or 0.0
     turn = -angle if exchanged else angle
     if free:

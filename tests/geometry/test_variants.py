@@ -17,6 +17,7 @@ from manifold3d import CrossSection, Manifold, OpType
 import fmopt
 from fmopt.cli.asked import asked_problem
 from fmopt.errors import GeometryError, InputError, InterferenceError
+from fmopt.geometry.fit import search
 from fmopt.geometry.fit.find import find
 from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.step.step_import import load_step
@@ -175,16 +176,53 @@ def test_coarse_screw_holes_beside_a_fine_bore_add_nothing_to_the_errors(tmp_pat
     assert found[1:] == pytest.approx([found[0]] * 3, abs=1e-9)
 
 
+PEG, BORE = bar(rectangle(20, 20), 0, 30), hole(rectangle(20.1, 20.1))
+
+
+def bores(width: float, *places: tuple[float, float]) -> Manifold:
+    return hole(regular(24, width), -1.0, *places)
+
+
 def test_a_pair_with_a_part_that_is_enclosed_is_tried(tmp_path: Path) -> None:
-    bores = [
-        Manifold.cylinder(10, 2, 2, 24).translate((12 * x - 42, 15 * y - 30, -1)) for x in range(8) for y in range(5)
-    ]
-    plate = Manifold.cube((100, 80, 8)).translate((-50, -40, 0)) - Manifold.cube((20.1, 20.1, 30), True)
-    for bore in bores:
-        plate = plate - bore
-    problem = asked(tmp_path, Manifold.cube((20, 20, 30)), plate)
+    rim = [(x, y) for t in range(-8, 9, 2) for s in (-10.05, 10.05) for x, y in ((t, s), (s, t))]
+    problem = asked(tmp_path, PEG, plate(8, BORE, bores(1.0, *rim)))
     assert problem.fixed.enclosed
     assert tried(problem).per_side == pytest.approx(5e-5, abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_holes_into_which_nothing_comes_are_filled(seed: int, tmp_path: Path) -> None:
+    grid = [(8.0 * x, 8.0 * y) for x in range(-3, 4) for y in range(-3, 3) if max(abs(x), abs(y)) > 2]
+    others = bores(3.0, *(grid[k] for k in np.random.default_rng(seed).permutation(len(grid))[:12]))
+    # A rim above the top, so that the hull holds all mouths.
+    plain = plate(8, BORE) + bar(rectangle(60, 3), 0, 12).translate((0, 28.5, 0))
+    problem, bare = asked(tmp_path, PEG, plain - others), asked(tmp_path, PEG, plain).fixed
+    assert not problem.fixed.enclosed
+    assert problem.fixed.polyhedron.volume == pytest.approx(bare.polyhedron.volume, rel=1e-6)
+    assert len(problem.fixed.pieces) == len(bare.pieces)
+    assert (
+        f"{len(bare.polyhedron.faces)} of {len(bare.polyhedron.faces) + 288} faces are left" in problem.fixed.notes[-1]
+    )
+    assert tried(problem).per_side == pytest.approx(5e-5, abs=1e-8)
+    beside = bores(2.0, (12.0, 0.0))  # where the peg may come: it stays
+    near = asked(tmp_path, PEG, plain - others - beside).fixed.polyhedron.volume
+    assert bare.polyhedron.volume - near == pytest.approx(1e-9 * (beside ^ plain).volume(), rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_equal_openings_are_found_from_one_of_them(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    r = np.random.default_rng(seed)
+    outline = regular(int(r.integers(3, 9)), float(r.uniform(4.0, 6.0)))
+    places = [(11.0 * x, 11.0 * y) for x in range(-2, 2) for y in range(-1, 2)]
+    shapes = bar(outline), plate(9, hole(widened(outline, 0.1), -1.0, *places[1:]), hole(widened(outline, 0.5)))
+    bodies = [load_mesh(written(tmp_path / f"{k}.stl", shape), "mm").body for k, shape in enumerate(shapes)]
+    found = find(*bodies)
+    monkeypatch.setattr(search, "_equal", lambda one, other: False)
+    each = find(*bodies)
+    assert (found.alike, found.clearance) == (each.alike, pytest.approx(each.clearance, abs=1e-8))
+    assert found.alike == 10
+    np.testing.assert_allclose(found.pose.vector()[2:], each.pose.vector()[2:], atol=1e-6)  # which of them is open
+    assert min(math.dist(1e3 * found.pose.p[:2], place) for place in places[1:]) == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("case", [case for case in FITS if case[0] == "K"])

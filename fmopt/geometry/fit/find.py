@@ -9,7 +9,7 @@ that turns the solid the least.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -86,8 +86,7 @@ class Fit:
     @property
     def pose(self) -> Pose:
         """The pose of the solid's model in that of the other one, seated."""
-        down = Pose(np.array([0.0, 0.0, -self.depth]), np.eye(3))
-        return self.hollow.compose(down).compose(self.solid.inverse())
+        return self.hollow.compose(Pose(np.array([0.0, 0.0, -self.depth]), np.eye(3))).compose(self.solid.inverse())
 
 
 def find(
@@ -134,10 +133,11 @@ def _find(
     found = list[tuple[Candidate, int]]()
     for closed in (True, False):
         for (a, b), way in zip(roles, ways, strict=True):
-            found += [(one, a) for one in search.candidates(*way, closed) if _is_stated(one, stated[b].frames)]
+            frames = stated[b].frames
+            found += [(one, a) for one in search.candidates(*way, closed, bool(frames)) if _is_stated(one, frames)]
         if any(abs(one.clearance) < _FITS * one.width and one.walls[-1] > 0.0 for one, _ in found):
             break
-    best = _best([one for one, _ in found])
+    best = _best([one for one, _ in found if one.twin is None])
     if not best:
         raise _no_fit([one for one, _ in found])
     seats = [_Seat(one, depth) for one in _places(best)]
@@ -145,7 +145,9 @@ def _find(
     side = next(a for one, a in found if one.led is chosen.candidate.led)
     like = [seat for seat in seats if abs(seat.clearance - chosen.clearance) <= _EQUALLY]
     feet = list[Array]()
-    for foot in (seat.seated.feet[0] for seat in like if seat.other is chosen.other):
+    for foot in (
+        foot for seat in like if seat.other is chosen.other for foot in seat.all_feet(one for one, _ in found)
+    ):
         if all(float(np.linalg.norm(foot - other)) > _FITS * chosen.candidate.width for other in feet):
             feet.append(foot)
     return _fit(chosen, side == 1, max(len(feet), 1))
@@ -307,6 +309,13 @@ class _Seat:
         """The candidate where it is seated."""
         return replace(self.candidate, at=self.at, clearance=self.clearance, depth=self.other.high - self.tip)
 
+    def all_feet(self, found: Iterable[Candidate]) -> Iterator[Array]:
+        """Where it passes the origin of the material's model (3,), m, and where its shifted copies do."""
+        yield self.seated.feet[0]
+        for one in found:
+            if one.twin is self.candidate:
+                yield self.seated.feet[0] + self.other.turn[:2].T @ (one.at - self.candidate.at)[:2]
+
     @cached_property
     def walls(self) -> tuple[float, ...]:
         """Area of its walls that run along walls, m²."""
@@ -417,8 +426,7 @@ def _fit(seat: _Seat, exchanged: bool, alike: int) -> Fit:
     tip = seated.compose(Pose(np.array([0.0, 0.0, -depth]), np.eye(3)))
     hole = max(seat.mouth - seat.bottom, 0.0 if seat.through else depth)
     peg = depth if seat.stopped and depth < hole - _SAME else max(own.high - own.low, depth)
-    solid = _clean(tip.p, tip.R)
-    return Fit(exchanged, solid, hollow, seat.clearance, depth, hole, peg, seat.through, alike)
+    return Fit(exchanged, _clean(tip.p, tip.R), hollow, seat.clearance, depth, hole, peg, seat.through, alike)
 
 
 def _clean(point: Array, R: Array) -> Pose:

@@ -15,6 +15,7 @@ from itertools import combinations, pairwise, product
 
 import numpy as np
 import shapely
+from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.fit.layers import Layers, Outline, common, united
@@ -40,6 +41,7 @@ _OVERLAP, _MORE = 0.15, 1.5  # of the section's area, and of the least, by which
 _IN_HULL = 0.5  # of the section's area, which is to lie inside the hull of the material
 _ROUGHLY = 1e-5  # of the width: accuracy of a clearance in the search
 _GIVEN = 1e-8  # m: what a section gives up so that what touches does not overlap
+_AROUND = 1.25  # of the size of a solid: how far around an opening it may come near anything
 _SAMPLES = 200  # points of an outline
 _MOUTH = 4.0  # times the hull of what goes in: a wider opening is no mouth of it
 _SLENDER = 1.2  # times its other widths: a solid that is so long has a longest axis
@@ -80,6 +82,7 @@ class Candidate:
         height: of the section whose opening it is, m.
         depth: of the tip below the top of the material, m, by the slabs of the search.
         walls: area of walls that run along walls, m², for each of `SHARES`.
+        twin: the candidate that this one is, shifted to another opening; what is around both is the same.
     """
 
     led: Led
@@ -94,6 +97,7 @@ class Candidate:
     width: float
     depth: float
     walls: tuple[float, ...]
+    twin: Candidate | None = None
 
     @cached_property
     def feet(self) -> tuple[Array, Array]:
@@ -121,8 +125,7 @@ def directions(body: Polyhedron) -> list[Array]:
     area = np.array([_area(body, number) for number in range(len(body.faces))])
     # Facets of one face of a mesh differ by little: the largest of those that are alike stands for all.
     order = np.argsort(-area, kind="stable")
-    alike = np.round(200.0 * body.normals[order])
-    _, first, group = np.unique(alike, axis=0, return_index=True, return_inverse=True)
+    _, first, group = np.unique(np.round(200.0 * body.normals[order]), axis=0, return_index=True, return_inverse=True)
     heaviest = np.argsort(-np.bincount(group.ravel(), area[order]), kind="stable")[:_FACES]
     widest = body.normals[order[first[heaviest]]]
     crossed = [np.cross(a, b) for a, b in combinations(widest, 2)]
@@ -156,23 +159,57 @@ def upright(direction: Array) -> Array:
     return np.vstack([x, np.cross(direction, x), direction])
 
 
-def candidates(solids: Sequence[Led], materials: Sequence[Layers], closed: bool) -> Iterator[Candidate]:
-    """All candidates of some directions, in openings that are closed all round or in those that are not."""
+def candidates(
+    solids: Sequence[Led], materials: Sequence[Layers], closed: bool, every: bool = True
+) -> Iterator[Candidate]:
+    """All candidates of some directions, in openings that are closed all round or in those that are not.
+
+    Args:
+        every: whether each is looked for, also in openings that are shifted copies of others.
+    """
     for led, material in product(solids, materials):
         for slab in led.heights:
             swept, seen = led.swept[slab], list[shapely.Polygon]()
             part, most = largest(swept.shape), (_MOST_ROOM if closed else _MOST_ROOM_OPEN) * swept.hull.area
             least = part.area - _spare(part)
             for height in reversed(material.middles):
+                kinds = list[tuple[list[BaseGeometry], list[Candidate]]]()
                 for opening, is_closed in material.section(height).openings:
                     if is_closed is closed and least < opening.area < most and not _known(opening, seen):
                         seen.append(opening)
-                        yield from _placed(led, slab, material, height, opening, closed)
+                        around = [] if every else _around(led, material, opening)
+                        copies = next((own for other, own in kinds if around and _equal(around, other)), None)
+                        if copies is None:
+                            copies = [*_placed(led, slab, material, height, opening, closed)]
+                            kinds.append((around, copies))
+                            yield from copies
+                        else:
+                            yield from (_shifted(one, opening) for one in copies)
                     elif not (closed or is_closed or _known(opening, seen)):
                         seen.append(opening)
                         for tongue in swept.tongues:
                             if tongue.area - _spare(tongue) < opening.area < _MOST_ROOM_OPEN * tongue.convex_hull.area:
                                 yield from _placed(led, slab, material, height, opening, closed, tongue)
+
+
+def _around(led: Led, material: Layers, opening: shapely.Polygon) -> list[BaseGeometry]:
+    """What a solid may come near in an opening: the sections of the material there, seen from the opening's middle."""
+    middle, swept = opening.centroid, led.swept[-1].shape
+    solid = swept.convex_hull.exterior.hausdorff_distance(largest(swept).centroid)
+    far = _AROUND * solid + opening.exterior.hausdorff_distance(middle)
+    near = shapely.box(middle.x - far, middle.y - far, middle.x + far, middle.y + far)
+    return [translate(one.shape.intersection(near), -middle.x, -middle.y) for one in material.sections]
+
+
+def _equal(some: Sequence[BaseGeometry], others: Sequence[BaseGeometry]) -> bool:
+    least = _GIVEN * max(float(one.length) for one in some)
+    return all(a.symmetric_difference(b).area <= least for a, b in zip(some, others, strict=True))
+
+
+def _shifted(one: Candidate, opening: shapely.Polygon) -> Candidate:
+    """A candidate in another opening with the same around it."""
+    here, there = one.opening.centroid, opening.centroid
+    return replace(one, opening=opening, at=one.at + np.array([there.x - here.x, there.y - here.y, 0.0]), twin=one)
 
 
 def opening_around(material: Outline, swept: BaseGeometry) -> tuple[shapely.Polygon, bool] | None:
@@ -208,8 +245,7 @@ def _spare(shape: BaseGeometry) -> float:
 
 def _box(shape: BaseGeometry) -> Array:
     """Lengths (2,) of the sides of the least rectangle around a plane shape, m."""
-    corners = np.asarray(shape.minimum_rotated_rectangle.exterior.coords)
-    return np.asarray(np.hypot(*np.diff(corners[:3], axis=0).T))
+    return np.asarray(np.hypot(*np.diff(np.asarray(shape.minimum_rotated_rectangle.exterior.coords)[:3], axis=0).T))
 
 
 def lies(body: Polyhedron, along: Array) -> bool:

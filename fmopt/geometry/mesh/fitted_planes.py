@@ -228,8 +228,7 @@ def _leaning(normals: Array, areas: Array, slack: Array, sides: Array) -> Array:
     """
     level = np.hypot(normals[:, 0], normals[:, 1])
     around = _shared(np.arctan2(normals[:, 1], normals[:, 0]), areas, slack / np.maximum(level, 0.05), sides)
-    rise = np.arctan2(np.abs(normals[:, 2]), level)
-    slope = np.copysign(_shared(rise, areas, slack, np.zeros(0)), normals[:, 2])
+    slope = np.copysign(_shared(np.arctan2(np.abs(normals[:, 2]), level), areas, slack, np.zeros(0)), normals[:, 2])
     flat = np.array([_direction(angle) for angle in around.tolist()]).reshape(-1, 3)
     return np.asarray(np.cos(slope)[:, None] * flat + np.outer(np.sin(slope), (0.0, 0.0, 1.0)))
 

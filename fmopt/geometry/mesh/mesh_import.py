@@ -11,8 +11,8 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.body_names import chosen
-from fmopt.geometry.enclosing import Enclosure, enclosing
-from fmopt.geometry.facets import MAX_FACES, Indices, merged_vertices, place
+from fmopt.geometry.enclosing import enclosing, solid_of
+from fmopt.geometry.facets import Indices, merged_vertices, place
 from fmopt.geometry.mesh.mesh_file import read_surface, read_triangles
 from fmopt.geometry.mesh.mesh_repair import Crossing, first_crossing, turned_alike, turned_outward
 from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, closes, joined, open_sides, patches, sewn
@@ -20,7 +20,7 @@ from fmopt.geometry.mesh.plane_facets import flattened
 from fmopt.geometry.mesh.round_planes import chord_error, sagitta
 from fmopt.geometry.mesh.shells import United, united
 from fmopt.geometry.mesh.surface import Surface
-from fmopt.geometry.polyhedron import Polyhedron, manifold_of, placed
+from fmopt.geometry.polyhedron import Polyhedron, from_triangles, manifold_of, placed
 from fmopt.geometry.section import require_plausible
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen, remembered
@@ -47,7 +47,7 @@ class Imported(Value):
         chord_error: how far the curved surfaces that it stands for may lie from it, m.
         off: how far the facets of the file lie from the faces of the polyhedron at most, m.
         where: the place (3,) of that, m.
-        enclosure: convex bodies of which the polyhedron is made, where faces of the file do not make one.
+        noise: how far points of facets may be off, m, that stand for curved surfaces and are no faces; None of others.
     """
 
     body: Polyhedron
@@ -57,15 +57,14 @@ class Imported(Value):
     off: float = 0.0
     where: Array = field(default_factory=lambda: np.zeros(3))
     kind: Literal["mesh", "solid"] = "mesh"
-    enclosure: Enclosure | None = None
+    noise: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
 
     def moved(self, pose: Pose) -> Imported:
         """The mesh moved by a pose."""
-        enclosure = None if self.enclosure is None else self.enclosure.moved(pose)
-        return replace(self, body=placed(self.body, pose), enclosure=enclosure)
+        return replace(self, body=placed(self.body, pose))
 
 
 @dataclass(frozen=True)
@@ -230,10 +229,10 @@ def _of_shells(shells: United, rounding: float, curved: bool) -> Imported:
     span = _span(shells.points)
     closed = _best(shells.points, shells.triangles, span)
     try:
-        if curved and closed.is_closed and not closed.mended:
-            raise GeometryError(f"more than {MAX_FACES} facets are those of curved surfaces")
-        flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + shells.moved + rounding)
-        if flat.off > _CURVED:
+        flat = None
+        if not (curved and closed.is_closed) or closed.mended:
+            flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + shells.moved + rounding)
+        if flat is None or flat.off > _CURVED:
             raise GeometryError("the facets are those of curved surfaces")
     except GeometryError as error:
         if not closed.is_closed or closed.mended:
@@ -242,7 +241,7 @@ def _of_shells(shells: United, rounding: float, curved: bool) -> Imported:
         _require_simple(closed.points, closed.triangles, crossing, closed.numbers)
         try:
             noise = closed.moved + shells.moved + rounding
-            return enclosed(closed.points, closed.triangles, (*shells.notes, *closed.notes), noise)
+            return _as_facets(closed.points, closed.triangles, (*shells.notes, *closed.notes), noise)
         except GeometryError:
             raise error from None
     off = flat.off + closed.moved + shells.moved
@@ -258,10 +257,14 @@ def _of_shells(shells: United, rounding: float, curved: bool) -> Imported:
     return Imported(flat.body, chord_error(flat.body), closed.mended, notes, off, flat.where)
 
 
-def enclosed(points: Array, triangles: Indices, notes: tuple[str, ...] = (), noise: float = 0.0) -> Imported:
-    """A closed surface of triangles (m, 3) over points (n, 3), m, its solid enclosed; see `enclosing`."""
-    found = enclosing(points, triangles, noise)
-    return Imported(found.boundary, sagitta(points, triangles), notes=notes, enclosure=found)
+def _as_facets(points: Array, triangles: Indices, notes: tuple[str, ...], noise: float) -> Imported:
+    """A closed surface of triangles (m, 3) over points (n, 3), m, that stand for no faces; see `enclosing`."""
+    solid_of(points, triangles)  # for its faults
+    try:
+        body = from_triangles(points, triangles)
+    except GeometryError:  # of facets that are slivers
+        body = enclosing(points, triangles, noise).boundary
+    return Imported(body, sagitta(points, triangles), notes=notes, noise=noise)
 
 
 def _best(points: Array, triangles: Indices, span: float) -> _Closed:

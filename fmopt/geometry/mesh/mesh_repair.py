@@ -170,6 +170,5 @@ def _pierced(triangles: Array, start: Array, end: Array, tol: float) -> tuple[np
     for one, two in ((a, b), (b, c), (c, a)):
         side = two - one
         length = np.linalg.norm(side, axis=1)
-        inward = np.einsum("ij,ij->i", np.cross(normal, side), where - one)
-        through &= inward > tol * length
+        through &= np.einsum("ij,ij->i", np.cross(normal, side), where - one) > tol * length
     return through, where

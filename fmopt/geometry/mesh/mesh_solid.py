@@ -8,7 +8,7 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import manifold, pieces
 from fmopt.geometry.csg import Difference, Hull, Placed, Solid, Union, exact_pose
 from fmopt.geometry.enclosing import Enclosure, enclosing
-from fmopt.geometry.facets import place
+from fmopt.geometry.facets import place, require_few
 from fmopt.geometry.inverse_csg import MESH_NOISE, apart
 from fmopt.geometry.mesh.mesh_import import TOLD, Imported
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed, triangulated
@@ -45,23 +45,23 @@ def decomposed(mesh: Imported) -> Decomposed:
     Raises:
         GeometryError: it is too thin for that.
     """
-    body, enclosure = mesh.body, mesh.enclosure
-    if enclosure is not None:
-        return _decomposed(body, enclosure)
-    depends = body.vertices.tobytes(), [face.loops for face in body.faces]
-    return kept(depends, lambda: _decomposed(body, None))
+    body, noise = mesh.body, mesh.noise
+    depends = body.vertices.tobytes(), [face.loops for face in body.faces], noise
+    return kept(depends, lambda: _decomposed(body, noise))
 
 
-def _decomposed(body: Polyhedron, enclosure: Enclosure | None) -> Decomposed:
+def _decomposed(body: Polyhedron, noise: float | None) -> Decomposed:
     try:
-        if enclosure is None:
+        if noise is None:
             return _exact(body)
     except GeometryError:
-        enclosure = enclosing(body.vertices, triangulated(body))
+        noise = 0.0
+    enclosure = enclosing(body.vertices, triangulated(body), noise or 0.0)
     return Decomposed(_less_others(enclosure), enclosure.boundary, enclosure.bodies, _enclosure_notes(enclosure), True)
 
 
 def _exact(body: Polyhedron) -> Decomposed:
+    require_few(len(body.faces))
     if (count := sum(not edge.convex for edge in body.edges)) > _MOST_REFLEX:
         raise GeometryError(f"{count} reflex edges are too many")
     solid, boundary = apart(body, MESH_NOISE * body.diameter)

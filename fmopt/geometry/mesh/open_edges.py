@@ -206,8 +206,7 @@ def _along(points: Array, one: _Gap, other: _Gap, tol: float) -> bool:
     a, b = points[list(one.loop)], points[list(other.loop)]
     reach = _BAND * float(min(np.linalg.norm(np.ptp(a, axis=0)), np.linalg.norm(np.ptp(b, axis=0))))
     apart = max(float(np.max(cKDTree(a).query(b)[0])), float(np.max(cKDTree(b).query(a)[0])))
-    opposite = float(_normal(a) @ _normal(b)) < 0.0
-    return opposite and apart <= reach and not _is_flat(points, (one, other), tol)
+    return float(_normal(a) @ _normal(b)) < 0.0 and apart <= reach and not _is_flat(points, (one, other), tol)
 
 
 def _band(points: Array, one: tuple[int, ...], other: tuple[int, ...]) -> Indices:
@@ -240,8 +239,7 @@ def _cap(points: Array, gaps: Sequence[_Gap]) -> Indices:
 
 
 def _patch(points: Array, triangles: Indices, gaps: Sequence[_Gap]) -> Patch:
-    corners = points[[index for gap in gaps for index in gap.loop]]
-    return Patch(triangles, corners, min(gap.beside for gap in gaps))
+    return Patch(triangles, points[[index for gap in gaps for index in gap.loop]], min(gap.beside for gap in gaps))
 
 
 def _is_flush(points: Array, triangles: Indices, patch: Patch) -> bool:

@@ -16,7 +16,7 @@ from heapq import heapify, heappop, heappush
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.facets import Indices, Loop, Patchwork, faces_of, patchwork
+from fmopt.geometry.facets import Indices, Loop, Patchwork, faces_of, patchwork, require_few
 from fmopt.geometry.mesh.fitted_planes import EXACT, Fits, aligned, corners_of
 from fmopt.geometry.mesh.open_edges import MOST_OFF
 from fmopt.geometry.mesh.round_planes import evenly_out, is_even, through_columns
@@ -62,8 +62,7 @@ def flattened(points: Array, triangles: Indices, numbers: Indices, noise: float 
             its faces do not meet in corners near those of the file, naming the place.
     """
     span = float(np.linalg.norm(np.ptp(points, axis=0)))
-    # Any number of regions here: `MAX_FACES` counts once they are joined.
-    parts = patchwork(points, triangles, 0.5 * _NOISE * span, numbers, len(triangles))
+    parts = patchwork(points, triangles, 0.5 * _NOISE * span, numbers)
     order = _joined(parts, min(MOST_OFF, _SHARE * span))
     faults: list[GeometryError] = []
     for count in _gaps([cost for cost, _, _ in order], _NOISE * span):
@@ -163,8 +162,7 @@ class _Heap:
 def _gaps(costs: Sequence[float], floor: float) -> Iterator[int]:
     """How many pairs to join, the widest gap between what is joined and what is not first."""
     running = np.maximum.accumulate(np.maximum(costs, floor)) if costs else np.zeros(0)
-    low = np.concatenate([[floor], running[:-1]])
-    ratios = running / low
+    ratios = running / np.concatenate([[floor], running[:-1]])
     wide = [int(k) for k in np.flatnonzero(ratios >= _GAP)]
     wide = sorted(wide, key=lambda k: (-ratios[k], k))[:_TRIES]
     last = len(costs) - 1 if costs and (not math.isfinite(costs[-1]) or costs[-1] > floor) else len(costs)
@@ -185,6 +183,7 @@ def _made_plane(parts: Patchwork, region: Indices, noise: float) -> Flattened:
     Normals are made to belong together as far as the noise may have turned them. Of few corners nothing much follows
     about the noise: more is tried first, and kept where it takes the surface no farther off.
     """
+    require_few(len(np.unique(region)))
     faces, region = faces_of(parts, region)
     region = np.unique(region, return_inverse=True)[1].astype(np.int64)
     members = [np.flatnonzero(region == k) for k in range(int(region.max()) + 1)]
@@ -279,8 +278,7 @@ def _apart(surface: _Surface, moved: Array) -> tuple[float, Array]:
     beside = distance(plates[own], dots(np.einsum("ni,nij->nj", corners, bases[own])))
     apart = np.hypot(beside, np.vecdot(corners, fits.normals[own]) - fits.offsets[own])
     most, where = float(apart.max()), corners[int(apart.argmax())]
-    used = np.unique(np.concatenate(outlines))
-    numbers, slots = np.nonzero(np.isin(parts.triangles, used))
+    numbers, slots = np.nonzero(np.isin(parts.triangles, np.unique(np.concatenate(outlines))))
     around = parts.triangles[numbers, slots]
     near = np.full(len(moved), np.inf)
     np.minimum.at(near, around, _from_triangles(moved[around], parts.vertices[parts.triangles[numbers]]))

@@ -109,8 +109,7 @@ def _axes(points: Array, triangles: Indices) -> Array:
     normals = _normals(points, triangles)
     areas = np.linalg.norm(normals, axis=1)
     z = normals[np.argmax(areas)] / areas.max()
-    across = np.cross(z, normals)
-    y = across[np.argmax(np.where(np.abs(normals @ z) < _SQUARE * areas, areas, -1.0))]
+    y = np.cross(z, normals)[np.argmax(np.where(np.abs(normals @ z) < _SQUARE * areas, areas, -1.0))]
     y = y if np.linalg.norm(y) > 0.0 else np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
     y /= np.linalg.norm(y)
     return np.stack([np.cross(y, z), y, z])

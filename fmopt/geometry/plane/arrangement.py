@@ -84,8 +84,7 @@ def touching_boxes(boxes: Array, others: Array, margin: float) -> Integers:
     import shapely
 
     tree = shapely.STRtree(shapely.box(*others.T))
-    grown = boxes + margin * np.array([-1.0, -1.0, 1.0, 1.0])
-    return np.asarray(tree.query(shapely.box(*grown.T)), dtype=np.intp)
+    return np.asarray(tree.query(shapely.box(*(boxes + margin * np.array([-1.0, -1.0, 1.0, 1.0])).T)), dtype=np.intp)
 
 
 def linked(i: Integers, j: Integers, size: int) -> tuple[Integers, Integers]:

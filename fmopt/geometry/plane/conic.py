@@ -191,8 +191,7 @@ class ConicArc(Value):
         return np.vstack([*[piece.first for piece in pieces], self.last])
 
     def _flat(self, tolerance: float, halvings: int) -> list[ConicArc]:
-        chord = self.last - self.first
-        length = float(np.hypot(*chord))
+        length = float(np.hypot(*(self.last - self.first)))
         # The control triangle's height bounds how far arc and chord are apart, for any weight.
         height = abs(self.turn) / length if length > 0.0 else float(np.hypot(*(self.shoulder - self.first)))
         if height <= tolerance or halvings == 0:

@@ -183,8 +183,7 @@ def _clear(body: Convex, tool: Convex, kept: Convex) -> Convex | None:
     left = list(slabs(body, tool))
     if left == [body]:
         return body
-    holding = [slab for slab in left if _holds(slab, kept)]
-    return max(holding, key=lambda slab: slab.area, default=None)
+    return max((slab for slab in left if _holds(slab, kept)), key=lambda slab: slab.area, default=None)
 
 
 def _pockets(points: tuple[Point, ...]) -> tuple[Convex, list[Convex]]:

@@ -139,8 +139,7 @@ def _translated(lines: _Lines, rows: Integers, turns: _Turns, places: Integers) 
 
 def _points(turns: _Turns, rows: Integers, angles: Array) -> Array:
     """Points (n, 2) of the turns in `rows` at directions (n,) in rad."""
-    normals = np.stack([np.sin(angles), -np.cos(angles)], axis=-1)
-    points = turns.centre[rows] + turns.radius[rows, None] * normals
+    points = turns.centre[rows] + turns.radius[rows, None] * np.stack([np.sin(angles), -np.cos(angles)], axis=-1)
     for row in np.unique(rows[np.isnan(turns.radius[rows])]).tolist():
         conic, here = turns.conics[row], rows == row
         assert conic is not None
@@ -368,8 +367,7 @@ def fitted(points: Support, low: float, high: float, ahead: bool, tolerance: flo
     # End tangents meet at p1; the sine of a small turn is near 0, which `_LEAST_TURN` keeps it away from.
     reach = float(chord[0] * t2[1] - chord[1] * t2[0]) / math.sin(high - low)
     p1 = p0 + reach * np.array(t0)
-    bulge = p1 - 0.5 * (p0 + p2)
-    height = float(np.hypot(*bulge))
+    height = float(np.hypot(*(p1 - 0.5 * (p0 + p2))))
     # Flat enough: the tangents lie outside, the chord inside. What is meant to hold the sum gets the outer one.
     if height <= tolerance or high - low <= _LEAST_TURN:
         run = [p0, p1, p2] if ahead else [p0, p2]
@@ -393,5 +391,4 @@ def _weights(points: Array, p0: Array, p1: Array, p2: Array) -> Array:
     shoulder = (d[:, 0] * v[1] - d[:, 1] * v[0]) / area
     last = (u[0] * d[:, 1] - u[1] * d[:, 0]) / area
     inside = (shoulder > 0.0) & (last > 0.0) & (shoulder + last < 1.0)
-    product = np.where(inside, (1.0 - shoulder - last) * last, 1.0)
-    return np.where(inside, 0.5 * shoulder / np.sqrt(product), 0.0)
+    return np.where(inside, 0.5 * shoulder / np.sqrt(np.where(inside, (1.0 - shoulder - last) * last, 1.0)), 0.0)

@@ -199,8 +199,7 @@ class Arc(Value):
         run = np.mod((np.arctan2(d[:, 1], d[:, 0]) - self.start) * math.copysign(1.0, self.sweep), math.tau)
         size = abs(self.sweep)
         # Past the end: the nearer of the two ends, in angle, which on a circle is the nearer in distance as well.
-        beyond = np.where(run - size < math.tau - run, 1.0, 0.0)
-        return np.where(run <= size, run / size, beyond)
+        return np.where(run <= size, run / size, np.where(run - size < math.tau - run, 1.0, 0.0))
 
     def distance(self, points: ArrayLike) -> Array:
         """Distances (n,) in m of `points` (n, 2) from the curve."""

@@ -98,8 +98,7 @@ class Region(Value):
         for lower, upper in boxes:
             # Every box has a point of the boundary within its farthest corner: an upper bound, which spares most
             # curves.
-            reach = np.maximum(np.abs(points - lower), np.abs(points - upper))
-            far = np.minimum(far, np.hypot(*reach.T))
+            far = np.minimum(far, np.hypot(*np.maximum(np.abs(points - lower), np.abs(points - upper)).T))
         for curve, (lower, upper) in zip(self.curves, boxes, strict=True):
             beyond = np.maximum(np.maximum(lower - points, points - upper), 0.0)
             asked = np.flatnonzero(np.hypot(*beyond.T) <= np.minimum(far, nearest))

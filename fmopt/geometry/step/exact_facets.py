@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmopt.geometry.facets import MAX_FACES, Indices, merged_vertices
+from fmopt.geometry.facets import Indices, merged_vertices
 from fmopt.geometry.mesh.open_edges import sewn
 from fmopt.geometry.step.grid import Cuts, Grid, intervals
 from fmopt.geometry.step.step_file import Same
@@ -55,13 +55,10 @@ def exact_facets(solid: TopoDS_Shape, deviation: float) -> Facets:
         deviation: how far facets may lie from curved faces, mm.
 
     Raises:
-        OtherSurfaceError: it has other surfaces, or such that meet in a way that no grid follows, or too many facets.
+        OtherSurfaceError: it has other surfaces, or such that meet in a way that no grid follows.
     """
     surfaces, curves = read(solid)
-    grid = Grid(surfaces, curves, deviation)
-    if grid.strips() > MAX_FACES:
-        raise OtherSurfaceError("more faces than a part may have")
-    work = _Work(surfaces, grid)
+    work = _Work(surfaces, Grid(surfaces, curves, deviation))
     points: list[Array] = []
     triangles: list[Indices] = []
     owners: list[int] = []
@@ -145,8 +142,7 @@ class _Work:
         if np.diff(angles).min() <= 0.0:
             raise OtherSurfaceError("an edge that turns back")
         # Unwrapped, angles of an edge may be off the stops by whole turns.
-        rounds = 2.0 * np.pi * np.arange(-2, 3)
-        wanted = np.sort((turns * cuts.stops[:, None] + rounds).ravel())
+        wanted = np.sort((turns * cuts.stops[:, None] + 2.0 * np.pi * np.arange(-2, 3)).ravel())
         slack = _SLIVER
         inside = wanted[(wanted > angles[0] + slack) & (wanted < angles[-1] - slack)]
         if curve.closed:
@@ -163,8 +159,7 @@ class _Work:
         low, high = float(parameters[after - 1]), float(parameters[after])
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
-            here = _angle(curve.at(middle), cuts)
-            beyond = rising * ((here - angle + np.pi) % (2.0 * np.pi) - np.pi)
+            beyond = rising * ((_angle(curve.at(middle), cuts) - angle + np.pi) % (2.0 * np.pi) - np.pi)
             low, high = (low, middle) if beyond > 0.0 else (middle, high)
         return curve.at(0.5 * (low + high))
 
@@ -235,8 +230,7 @@ class _Work:
 
     def _height(self, edge: Same, surface: Surface) -> tuple[float, ...]:
         curve = self._grid.curves[edge]
-        middle = curve.at(0.5 * (curve.first + curve.last)) - surface.origin
-        return tuple(np.round(middle @ surface.axes, 9))
+        return tuple(np.round((curve.at(0.5 * (curve.first + curve.last)) - surface.origin) @ surface.axes, 9))
 
     def _crossed(self, edge: Same, curve: Curve, cuts: Cuts) -> Iterator[tuple[int, Array, Array]]:
         """The stops between which an edge runs, and its points there, in the direction of the cuts."""
@@ -269,8 +263,7 @@ class _Work:
             surface = self._surfaces[number]
             if surface.kind in ("Cylinder", "Cone") and surface.is_parallel(curve):
                 start = surface.at(surface.u[0], 0.0) - surface.origin
-                mine = curve.ends[0] - surface.origin
-                one, other = (arm @ surface.axes[:, :2] for arm in (start, mine))
+                one, other = (arm @ surface.axes[:, :2] for arm in (start, curve.ends[0] - surface.origin))
                 turned = np.arctan2(one[0] * other[1] - one[1] * other[0], one @ other)
                 return bool(abs(turned) > 1e-6)
         return False
@@ -367,6 +360,5 @@ def _fan(quad: Array, surface: Surface) -> tuple[Array, Indices]:
     if len(corners) < 3:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     sides = np.array([(0, i, i + 1) for i in range(1, len(corners) - 1)], dtype=np.int64)
-    across = cross(corners[1] - corners[0], corners[2] - corners[0])
-    outward = across @ surface.normal(corners.mean(axis=0)) > 0.0
+    outward = cross(corners[1] - corners[0], corners[2] - corners[0]) @ surface.normal(corners.mean(axis=0)) > 0.0
     return corners, sides if outward else sides[:, ::-1]

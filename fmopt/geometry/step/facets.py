@@ -65,8 +65,7 @@ def _from_surfaces(solid: TopoDS_Shape, deviation: float) -> Facets | None:
     BRepGProp.VolumeProperties_s(solid, volume)
     BRepGProp.SurfaceProperties_s(solid, surface)
     # About their middle, where the volumes that add up cancel least.
-    corners = found.points[found.triangles] - found.points.mean(axis=0)
-    held = float(np.linalg.det(corners).sum()) / 6.0
+    held = float(np.linalg.det(found.points[found.triangles] - found.points.mean(axis=0)).sum()) / 6.0
     # What a layer of that thickness all over the surface would hold.
     spare = surface.Mass() * ((found.off or 0.0) + found.around) + _ROUNDING * abs(volume.Mass())
     return found if abs(held - volume.Mass()) <= spare and _closes(found) else None
@@ -128,8 +127,7 @@ def _mesh_of(face: Any) -> tuple[Array, Indices, Array]:
     corners = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])
     sides = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64) - 1
     places = np.array([(uv.X(), uv.Y()) for uv in (mesh.UVNode(i) for i in range(1, mesh.NbNodes() + 1))])
-    reversed_ = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
-    return corners, sides[:, ::-1] if reversed_ else sides, places
+    return corners, sides[:, ::-1] if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else sides, places
 
 
 def _distance(surface: Any, facets: Array, places: Array) -> float:

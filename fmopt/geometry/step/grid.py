@@ -65,11 +65,6 @@ class Grid:
         """The cuts of an edge, or of ("u", face) or ("v", face); None of straight edges."""
         return self._cuts[self._root(member)] if member in self._parent else None
 
-    def strips(self) -> int:
-        """The least number of faces that cylinders and cones become that go all around."""
-        rounds = [("u", k) for k, one in enumerate(self.surfaces) if one.kind in ("Cylinder", "Cone") and _whole(one)]
-        return sum(len(self._cuts[root].stops) for root in {self._root(each) for each in rounds})
-
     def idle(self, point: Array) -> bool:
         """Whether a vertex (3,), mm, is there for the sake of a seam only."""
         return any(np.linalg.norm(point - seam) <= REACH for seam in self._seams)
@@ -259,8 +254,7 @@ def _angles(points: list[Array], origin: Array, axes: Array) -> Array:
         return np.zeros(0)
     flat = (np.array(points) - origin) @ axes[:, :2]
     angles = np.sort(np.arctan2(flat[:, 1], flat[:, 0]) % (2.0 * np.pi))
-    apart = np.diff(angles, append=angles[0] + 2.0 * np.pi) > _SAME
-    return np.asarray(np.sort(angles[apart]))
+    return np.asarray(np.sort(angles[np.diff(angles, append=angles[0] + 2.0 * np.pi) > _SAME]))
 
 
 def _even(given: Array, sides: int) -> Array:

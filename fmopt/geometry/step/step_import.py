@@ -28,7 +28,6 @@ from fmopt.spatial.se3 import Pose
 
 DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
 _MILLIMETRE = 1e-3
-_HEAL = "heal the solid where it was made, leave out what does not mate, or " + COARSER
 _LATEST: dict[tuple[Path, int, int, float], tuple[NamedBody, ...]] = {}  # all bodies of the file that was read last
 _KERNEL = confined.Reader("the CAD kernel", "fmopt.geometry.step.kernel:read", SIMPLER, AGAIN)
 
@@ -147,7 +146,7 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
         else:
             mesh = mesh_polyhedron(points, triangles, curved=one["curved"] > 2 * MAX_FACES)
     except GeometryError as error:
-        raise GeometryError(f"{path}{called}: cut into facets, {error.message}", _HEAL) from error
+        raise GeometryError(f"{path}{called}: cut into facets, {error.message}", error.advice) from error
     notes = mesh.notes
     if one["around"] != 0.0:
         size = f"{1e6 * (_MILLIMETRE * one['around']):.3g} µm"

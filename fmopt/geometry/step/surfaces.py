@@ -229,8 +229,7 @@ def _agreement(adaptor: Any, axes: Array) -> float:
     )
     along_u, along_v = gp_Vec(), gp_Vec()
     adaptor.D1(u, v, gp_Pnt(), along_u, along_v)
-    across = np.cross(_xyz(along_u), _xyz(along_v))
-    return 1.0 if across @ np.cross(axes[:, 0], axes[:, 1]) > 0.0 else -1.0
+    return 1.0 if np.cross(_xyz(along_u), _xyz(along_v)) @ np.cross(axes[:, 0], axes[:, 1]) > 0.0 else -1.0
 
 
 def _curve(edge: Any, face: Any) -> Curve:

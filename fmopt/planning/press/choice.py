@@ -104,8 +104,7 @@ def strength(plan: PressPlan) -> float:
         for press in attempt.presses:
             force, torque = np.linalg.norm(press.wrench[:3]), np.linalg.norm(press.wrench[3:])
             torque = torque + np.linalg.norm(np.cross(press.reference, press.wrench[:3]))
-            speed = max(press.speed[:3])
-            room = robot.limits[0] - _IMPACT * robot.mass * 100.0 * speed
+            room = robot.limits[0] - _IMPACT * robot.mass * 100.0 * max(press.speed[:3])
             if force > 0.0:
                 factors.append(room / (_ABOVE * float(force)))
             if torque > 0.0:

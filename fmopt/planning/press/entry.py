@@ -110,8 +110,7 @@ def corner_entry(
             wanted.append(max(keeps, distance) if pressed and vertex is tip else keeps)
     place, share = _placed(np.array(walls), np.array(offsets), np.array(wanted))
     height = lowest_height(task, R, tip)
-    p = np.append(place, height) - R @ tip
-    return Entry(Pose(p, R), height, share)
+    return Entry(Pose(np.append(place, height) - R @ tip, R), height, share)
 
 
 def lowest_height(task: PressTask, R: Array, tip: Array) -> float:

@@ -103,8 +103,7 @@ def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: 
     """
     lean = corner.angle if lean is None else lean
     below = numbers.down * task.size
-    distance = corner_distance(task, corner, numbers.distance)
-    entry = corner_entry(task, corner, numbers.tilt, lean, distance, below)
+    entry = corner_entry(task, corner, numbers.tilt, lean, corner_distance(task, corner, numbers.distance), below)
     u = direction(corner.angle)
     down = come_down(entry.descent + below)
     return Attempt(numbers_of(entry.pose.vector()), (down, *into_the_mouth(task, u, lean, numbers)), "corner")
@@ -169,8 +168,7 @@ def come_down(way: float) -> Press:
 
 def turn_upright(task: PressTask, tilt: float, lean: float, wrench: Numbers, yaw: bool) -> tuple[Press, Press]:
     """Turn upright about the corner while the force holds, then settle."""
-    axis = np.array([-math.sin(lean), math.cos(lean), 0.0])
-    rx, ry, _ = (-TURNING * axis).tolist()
+    rx, ry, _ = (-TURNING * np.array([-math.sin(lean), math.cos(lean), 0.0])).tolist()
     gives = XYZ_YAW if yaw else XYZ
     reach, floor = in_the_mouth(task), levels(task)
     turn = Press(

@@ -46,5 +46,4 @@ def round_presses(task: PressTask) -> Iterator[Attempt]:
             pose = Pose(np.append(place, height) - R @ tip, R)
             below = chosen.down * task.size
             presses = come_down(height + below), *into_the_mouth(task, u, angle, chosen)
-            attempt = Attempt(numbers(pose.vector()), presses, "round")
-            yield touching_first(task, attempt, edge, u[None, :2], below)
+            yield touching_first(task, Attempt(numbers(pose.vector()), presses, "round"), edge, u[None, :2], below)

@@ -26,8 +26,7 @@ def straight_presses(task: PressTask) -> Iterator[Attempt]:
     if room < min(off, _CHAMFERED * task.size):
         return
     height = lowest_height(task, task.goal.R, task.tip[0])
-    place = np.append(task.goal.p[:2], height - float(task.tip[0, 2]))
-    pose = Pose(place, task.goal.R)
+    pose = Pose(np.append(task.goal.p[:2], height - float(task.tip[0, 2])), task.goal.R)
     down = come_down(height)
     for end in (0.0, 0.05):
         yield Attempt(numbers(pose.vector()), (down, *to_the_goal(task, direction(0.0), end, task.round)), "straight")

@@ -268,8 +268,7 @@ class PressTask:
     @property
     def few_corners(self) -> tuple[Corner, ...]:
         """The sharpest corner, and some of the others in their order."""
-        step = max((len(self.corners) - 1) // (_FEW - 1), 1)
-        return (*self.corners[:1], *self.corners[1::step])[:_FEW]
+        return (*self.corners[:1], *self.corners[1 :: max((len(self.corners) - 1) // (_FEW - 1), 1)])[:_FEW]
 
     @cached_property
     def shelves(self) -> tuple[Shelf, ...]:

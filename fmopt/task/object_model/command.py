@@ -209,8 +209,7 @@ def _goal(task: Task, one: Feature, other: Feature, start: Pose, exchanged: bool
 
 def _check_ends(workcell: Workcell, found: Answer, sides: tuple[str, ...]) -> None:
     """At the start and at the goal what is grasped and carried overlaps nothing of what stands."""
-    grasped = found.fixed if found.exchanged else found.moving
-    body = pieces(grasped.whole)
+    body = pieces((found.fixed if found.exchanged else found.moving).whole)
     still = _given(found)
     solids = [(still.ref.object, still.whole), *((other.name, other.solid) for other in found.obstacles)]
     others = [(name, pieces(solid)) for name, solid in solids]
