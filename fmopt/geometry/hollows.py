@@ -1,7 +1,8 @@
 """Hollows of a part into which the other part never comes, as most holes of a plate: filled, they cost nothing.
 
-A filled part holds the true one, so that what is clear of it is clear of the true one. Hollows are what the convex hull
-has more than the part, piece by piece, and what lies below the holes of plane faces.
+A filled part holds the true one: what is clear of it is clear of the true one, but what touches it where it is filled
+touches nothing there. Hollows are what the convex hull has more than the part, piece by piece, and what lies below the
+holes of plane faces.
 """
 
 from __future__ import annotations
@@ -13,27 +14,30 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.polyhedron import Face, Polyhedron, manifold_of, of_manifold, plane_basis, triangulated
+from fmopt.geometry.convex_pieces import snapped
+from fmopt.geometry.polyhedron import Polyhedron, manifold_of, of_manifold, plane_basis, triangulated, with_vertices
 from fmopt.spatial.se3 import Pose
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-_FEW_REFLEX = 100  # edges: a part with no more of them is cut into convex pieces in no time
+    from fmopt.geometry.polyhedron import Face
+
 _FLAT = 1e-7  # of the diameter: what is thinner is nothing
 _WIDER = 100.0  # times that: by how much what fills a hole goes into its walls
 _SIDES = 16  # of the round by which a footprint grows
 
 
-def filled(body: Polyhedron, other: Polyhedron, upright: Pose, aside: float) -> Polyhedron:
+def filled(body: Polyhedron, other: Polyhedron, upright: Pose, aside: float, few: int) -> Polyhedron:
     """A part with its hollows filled into which another part does not come; itself where there are none.
 
     Args:
         other: the other part, seated, in the frame of `body`.
         upright: takes that frame to one in which the other part leaves along z.
         aside: how far beside its seat and its way the other part may be, m.
+        few: reflex edges; a part with no more of them stays as it is.
     """
-    if sum(not edge.convex for edge in body.edges) <= _FEW_REFLEX:
+    if other.balls or sum(not edge.convex for edge in body.edges) <= few:
         return body
     matrix, thin = np.column_stack([upright.R, upright.p]), _FLAT * body.diameter
     guest = manifold_of(other.vertices, triangulated(other)).transform(matrix)
@@ -46,7 +50,8 @@ def filled(body: Polyhedron, other: Polyhedron, upright: Pose, aside: float) -> 
         # Slivers between what is filled and what is not may leave no polyhedron: the part stays as it is.
         with suppress(GeometryError):
             found = of_manifold(fill(body, own, is_entered).simplify(thin), thin)
-            body = found if len(found.faces) < len(body.faces) else body
+            if len(found.faces) < len(body.faces):
+                body = with_vertices(found, snapped(found.vertices, body.vertices))
     return body
 
 

@@ -196,8 +196,10 @@ def _deepest(file: files.ProblemFile, models: Mapping[str, Model]) -> float | No
 def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Problem:
     """The problem of tables without fault: `said` as they stand in the file, `source` spelled out."""
     mated: Mapping[str, Mated] = {}
-    bodies = _both(_uncut, models)
-    if not all(_is_known(model, file.operand(side).feature) for side, model in models.items()):
+    meshed = any(model.file.mesh is not None for model in models.values())
+    known = all(_is_known(model, file.operand(side).feature) for side, model in models.items())
+    bodies = {} if known and not meshed else _both(_uncut, models)
+    if not known:
         stated_depth = file.goal.depth
         file, mated, models = paired(source, file, models, bodies)
         goal = file.goal.model_copy(update={"depth": stated_depth})  # a head may let the tip stand out of the hole
@@ -206,12 +208,12 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     exchanged = _is_exchanged(file, models)
     peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
     depth, stated = file.goal.depth or _deepest(file, models) or 0.0, as_stated(file.uncertainty.start)
-    if any(model.file.mesh is not None for model in models.values()) and not file.goal.turn:
-        models = without_hollows(models, bodies, {side: file.feature(side) for side in (peg, hole)}, depth, stated.box)
+    if meshed and not file.goal.turn and not any(file.start.turn):
+        models = without_hollows(file, models, bodies, (peg, hole), depth)
     built = _both(_noted, models)  # with their features, at which a mesh is to be whole
     parts = {side: in_order(rebased(part, part.feature(file.feature(side)).frame)) for side, part in built.items()}
     sizes.refuse_reaching(source, parts)
-    if any(model.file.mesh is not None for model in models.values()):
+    if meshed:
         beside = _BESIDE * sizes.tip_radius(parts[peg]) + float(stated.box[:3].max())
         parts[peg], parts[hole] = met(parts[peg], parts[hole], depth, beside)
     trees = _both(lambda model: build_tree(model.source, model.file, model.mesh), models)
@@ -275,7 +277,8 @@ def _is_known(model: Model, name: str | None) -> bool:
 def _noted(model: Model) -> Part:
     """The part of a model in its frame, with what is to be known of how the model was taken."""
     part = build_part(model.source, model.file, model.mesh)
-    return replace(part, notes=(*model.notes, *part.notes)) if model.notes else part
+    # Nothing is certified of a filled part: what touches it may touch nothing.
+    return replace(part, notes=(*model.notes, *part.notes), enclosed=part.enclosed or model.mesh is not None)
 
 
 def _uncut(model: Model) -> Part:

@@ -1,9 +1,10 @@
-"""Which features of two parts mate, and where, as far as their files do not say it: the fit of the two solids."""
+"""Which features of two parts mate, and where, as far as their files do not say it; which hollows matter to neither."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,16 +13,17 @@ import numpy as np
 from fmopt.errors import GeometryError, InputError
 from fmopt.geometry.bodies import bodies_of
 from fmopt.geometry.mating_features import DESCRIBE, FOUND
+from fmopt.geometry.mesh.mesh_solid import MOST_REFLEX
 from fmopt.geometry.polyhedron import placed, triangulated
 from fmopt.spatial.se3 import Pose
 from fmopt.task.mesh_source import imported
+from fmopt.task.sources import as_stated
 from fmopt.task.toml.model_file import MatingFeature
 from fmopt.task.toml.source import Source
 
 if TYPE_CHECKING:
     from fmopt.geometry.fit.find import Fit, Stated
     from fmopt.geometry.part import Part
-    from fmopt.spatial.values import Array
     from fmopt.task.model import Model
     from fmopt.task.toml.problem_file import ProblemFile
 
@@ -30,7 +32,8 @@ Kind = Literal["solid", "hollow"]
 SIDES: tuple[Side, Side] = ("moving", "fixed")
 _FULL = 1e-9  # m
 _HERE = 1e-3  # m: stated features that are no nearer are others than one without a place
-_ASIDE, _FAR = 0.05, 3.0  # of the size of what goes in, and times its start error: what it stays away from by more
+_ASIDE, _FAR = 0.1, 8.0  # of the size of what goes in, and times its start error, which it may be beside its way
+_FEW = 100  # reflex edges: a part with no more of them is cut into convex pieces in no time
 _UPSIDE_DOWN = 0.7  # cosine between the way in and the file's own way down
 
 
@@ -95,41 +98,46 @@ def paired(
 
 
 def without_hollows(
-    models: Mapping[str, Model], parts: Mapping[str, Part], features: Mapping[str, str], depth: float, box: Array
+    file: ProblemFile, models: Mapping[str, Model], parts: Mapping[str, Part], roles: tuple[str, str], depth: float
 ) -> Mapping[str, Model]:
     """The models, hollows of their meshes filled into which the other part never comes.
 
     Args:
         parts: of the models, in their frames.
-        features: by side the one that mates, of what goes in first.
+        roles: the sides of what goes in, and of what it goes into.
         depth: of the tip below the mouth, m.
-        box: start errors (6,), m and rad.
     """
     from fmopt.geometry.hollows import filled
     from fmopt.geometry.mesh.mesh_import import mesh_polyhedron
     from fmopt.geometry.mesh.round_planes import chord_error
 
-    (peg, solid), (hole, hollow) = ((side, _pose(models[side].file.features[name])) for side, name in features.items())
+    solid, hollow = (_pose(models[side].file.features[file.feature(side)]) for side in roles)
     seated = hollow.compose(_along(-depth)).compose(solid.inverse())
     away = Pose(np.zeros(3), np.diag([1.0, -1.0, -1.0])).compose(solid.inverse())  # what it goes into leaves downwards
-    size = parts[peg].polyhedron.diameter
-    aside = max(_ASIDE * size, _FAR * float(box[:3].max() + box[3:].max() * max(depth, 0.0)))
+    size, box = parts[roles[0]].polyhedron.diameter, as_stated(file.uncertainty.start).box
+    # A plan may set down beside the mouth, a few errors off and turned, and slide there.
+    error = float(np.hypot(*box[:2]) + 0.5 * size * np.linalg.norm(box[3:]))
+    aside = 0.5 * size if file.uncertainty.sources else _ASIDE * size + _FAR * error
+    few = _FEW if file.settings.evidence == "tested" else MOST_REFLEX
     changed = dict(models)
-    for side, pose, other, upright in ((peg, seated.inverse(), hole, away), (hole, seated, peg, hollow.inverse())):
-        model = models[side]
-        if model.file.mesh is not None:
-            mesh, guest = imported(model.source, model.file.mesh), placed(parts[other].polyhedron, pose)
-            body = filled(mesh.body, guest, upright, aside)
-            if body is not mesh.body:
-                curved = mesh.chord_error if mesh.kind == "solid" else chord_error(body)
-                found = replace(mesh, body=body, chord_error=curved)
-                if mesh.noise is not None:  # what is left may have faces
-                    found = replace(mesh_polyhedron(body.vertices, triangulated(body), mesh.noise), notes=mesh.notes)
-                note = (
-                    f"filled: hollows of {parts[side].name} into which {parts[other].name} does not come; "
-                    f"{len(body.faces)} of {len(mesh.body.faces)} faces are left"
-                )
-                changed[side] = replace(model, mesh=found, notes=(*model.notes, note))
+    sides = ((roles[0], seated.inverse(), roles[1], away), (roles[1], seated, roles[0], hollow.inverse()))
+    for side, pose, other, upright in sides:
+        if (model := models[side]).file.mesh is None:
+            continue
+        mesh, guest = imported(model.source, model.file.mesh), placed(parts[other].polyhedron, pose)
+        if (body := filled(mesh.body, guest, upright, aside, few)) is mesh.body:
+            continue
+        loose = mesh.kind == "mesh"  # STEP files tell how far facets are off
+        found = replace(mesh, body=body, chord_error=chord_error(body) if loose else mesh.chord_error)
+        if loose and mesh.noise is not None:  # what is left may have faces
+            with suppress(GeometryError):
+                found = mesh_polyhedron(body.vertices, triangulated(body), mesh.noise)
+                found = replace(found, notes=(*mesh.notes, *found.notes))
+        note = (
+            f"warning: {parts[side].name}: its hollows into which {parts[other].name} does not come count as filled; "
+            f"{len(found.body.faces)} of {len(mesh.body.faces)} faces are left"
+        )
+        changed[side] = replace(model, mesh=found, notes=(*model.notes, note))
     return changed
 
 

@@ -164,8 +164,7 @@ def candidates(
 ) -> Iterator[Candidate]:
     """All candidates of some directions, in openings that are closed all round or in those that are not.
 
-    Args:
-        every: whether each is looked for, also in openings that are shifted copies of others.
+    In openings that are shifted copies of others they are looked for only if `every`.
     """
     for led, material in product(solids, materials):
         for slab in led.heights:
@@ -177,7 +176,7 @@ def candidates(
                 for opening, is_closed in material.section(height).openings:
                     if is_closed is closed and least < opening.area < most and not _known(opening, seen):
                         seen.append(opening)
-                        around = [] if every else _around(led, material, opening)
+                        around = [] if every else _around(led, slab, material, opening)
                         copies = next((own for other, own in kinds if around and _equal(around, other)), None)
                         if copies is None:
                             copies = [*_placed(led, slab, material, height, opening, closed)]
@@ -192,10 +191,10 @@ def candidates(
                                 yield from _placed(led, slab, material, height, opening, closed, tongue)
 
 
-def _around(led: Led, material: Layers, opening: shapely.Polygon) -> list[BaseGeometry]:
+def _around(led: Led, slab: int, material: Layers, opening: shapely.Polygon) -> list[BaseGeometry]:
     """What a solid may come near in an opening: the sections of the material there, seen from the opening's middle."""
-    middle, swept = opening.centroid, led.swept[-1].shape
-    solid = swept.convex_hull.exterior.hausdorff_distance(largest(swept).centroid)
+    middle, pivot = opening.centroid, largest(led.swept[slab].shape).centroid
+    solid = led.swept[-1].shape.convex_hull.exterior.hausdorff_distance(pivot)
     far = _AROUND * solid + opening.exterior.hausdorff_distance(middle)
     near = shapely.box(middle.x - far, middle.y - far, middle.x + far, middle.y + far)
     return [translate(one.shape.intersection(near), -middle.x, -middle.y) for one in material.sections]

@@ -202,37 +202,33 @@ def _rounding(points: Array) -> float:
     return 0.5 * float(np.spacing(np.abs(single).max())) if np.array_equal(single, points) else 0.0
 
 
-def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0, curved: bool = False) -> Imported:
+def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0) -> Imported:
     """The polyhedron of loose triangles (m, 3) over points (n, 3) in m, merged, mended and checked as by `load_mesh`.
 
     Args:
         points: (n, 3), m.
         triangles: (m, 3), counter-clockwise seen from outside.
         rounding: by how much numbers of the file may be rounded, m.
-        curved: whether the facets of curved surfaces are too many for faces: planes are fitted only to close gaps.
 
     Raises:
         GeometryError: open or crossing itself.
     """
     shells = united(points, triangles, _MERGE * _span(points))
     try:
-        return _of_shells(shells, rounding, curved)
+        return _of_shells(shells, rounding)
     except GeometryError:
         if not shells.moved:
             raise
-    # Shells that meet but for rounding stay beside each other.
-    return _of_shells(United(points, triangles), rounding, curved)
+    return _of_shells(United(points, triangles), rounding)  # shells that meet but for rounding stay beside each other
 
 
-def _of_shells(shells: United, rounding: float, curved: bool) -> Imported:
+def _of_shells(shells: United, rounding: float) -> Imported:
     """See `mesh_polyhedron`."""
     span = _span(shells.points)
     closed = _best(shells.points, shells.triangles, span)
     try:
-        flat = None
-        if not (curved and closed.is_closed) or closed.mended:
-            flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + shells.moved + rounding)
-        if flat is None or flat.off > _CURVED:
+        flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + shells.moved + rounding)
+        if flat.off > _CURVED:
             raise GeometryError("the facets are those of curved surfaces")
     except GeometryError as error:
         if not closed.is_closed or closed.mended:
@@ -261,10 +257,11 @@ def _as_facets(points: Array, triangles: Indices, notes: tuple[str, ...], noise:
     """A closed surface of triangles (m, 3) over points (n, 3), m, that stand for no faces; see `enclosing`."""
     solid_of(points, triangles)  # for its faults
     try:
-        body = from_triangles(points, triangles)
+        body, off, where = from_triangles(points, triangles), 0.0, points[0]
     except GeometryError:  # of facets that are slivers
-        body = enclosing(points, triangles, noise).boundary
-    return Imported(body, sagitta(points, triangles), notes=notes, noise=noise)
+        found = enclosing(points, triangles, noise)
+        body, off, where = found.boundary, found.off, found.where
+    return Imported(body, sagitta(points, triangles), notes=notes, off=off, where=where, noise=noise)
 
 
 def _best(points: Array, triangles: Indices, span: float) -> _Closed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 from fmopt.errors import GeometryError
@@ -15,7 +16,7 @@ from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed
 from fmopt.runtime.store import kept
 from fmopt.spatial.values import Value, remembered
 
-_MOST_REFLEX = 350  # edges: to cut through more of them exactly takes minutes
+MOST_REFLEX = 350  # edges: to cut through more of them exactly takes minutes
 _VOLUME = 1e-4  # of the volume, by which pieces may be off
 
 
@@ -51,18 +52,16 @@ def decomposed(mesh: Imported) -> Decomposed:
 
 
 def _decomposed(body: Polyhedron, noise: float | None) -> Decomposed:
-    try:
+    with suppress(GeometryError):  # of too many faces or reflex edges, or pieces that do not make it up
         if noise is None:
             return _exact(body)
-    except GeometryError:
-        noise = 0.0
     enclosure = enclosing(body.vertices, triangulated(body), noise or 0.0)
     return Decomposed(_less_others(enclosure), enclosure.boundary, enclosure.bodies, _enclosure_notes(enclosure), True)
 
 
 def _exact(body: Polyhedron) -> Decomposed:
     require_few(len(body.faces))
-    if (count := sum(not edge.convex for edge in body.edges)) > _MOST_REFLEX:
+    if (count := sum(not edge.convex for edge in body.edges)) > MOST_REFLEX:
         raise GeometryError(f"{count} reflex edges are too many")
     solid, boundary = apart(body, MESH_NOISE * body.diameter)
     if abs((volume := manifold(solid).volume()) - boundary.volume) > _VOLUME * boundary.volume:

@@ -32,8 +32,8 @@ def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
     """The boundary of a solid: {"points": (n, 3) in mm, "triangles": (m, 3) outward, "off", …}.
 
     "off" is how far curved faces are from the facets, mm, None where there are none; "around" how much larger the
-    facets are than fillets of the solid; "own" whether they are of its own surfaces and close by themselves; "curved"
-    how many others are of curved faces. A solid of other surfaces than `exact_facets` follows is cut by the kernel.
+    facets are than fillets of the solid; "own" whether they are of its own surfaces and close by themselves. A solid of
+    other surfaces than `exact_facets` follows is cut by the kernel.
 
     Args:
         solid: in mm.
@@ -44,11 +44,11 @@ def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
     """
     _require_closed(solid)
     found = _from_surfaces(solid, deviation)
-    own, curved = found is not None, 0
+    own = found is not None
     if found is None:
-        points, triangles, off, curved = _facets(solid, deviation)
+        points, triangles, off = _facets(solid, deviation)
         found = Facets(points, triangles, None if off is None else max(deviation, off), 0.0)
-    told = {"off": found.off, "around": found.around, "own": own, "curved": curved}
+    told = {"off": found.off, "around": found.around, "own": own}
     return {"points": found.points.tolist(), "triangles": found.triangles.tolist(), **told}
 
 
@@ -88,8 +88,8 @@ def _require_closed(solid: TopoDS_Shape) -> None:
         raise GeometryError(f"its shell is not closed: {where}", _HEAL)
 
 
-def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, float | None, int]:
-    """Points (n, 3), outward triangles (m, 3), how far off those of curved faces are, mm, if any, and how many."""
+def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, float | None]:
+    """Points (n, 3), outward triangles (m, 3), and how far they are from curved faces, mm; None if none is."""
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
@@ -98,16 +98,15 @@ def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, floa
     points: list[Array] = []
     triangles: list[Indices] = []
     off: list[float] = []
-    count = curved = 0
+    count = 0
     for face in inside(shape, "FACE"):
         corners, sides, places = _mesh_of(face)
         if plane_of(face) is None:
             off.append(_distance(BRepAdaptor_Surface(face), corners[sides], places[sides]))
-            curved += len(sides)
         points.append(corners)
         triangles.append(sides + count)
         count += len(corners)
-    return np.vstack(points), np.vstack(triangles), max(off, default=None), curved
+    return np.vstack(points), np.vstack(triangles), max(off, default=None)
 
 
 def _mesh_of(face: Any) -> tuple[Array, Indices, Array]:

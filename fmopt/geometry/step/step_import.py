@@ -17,7 +17,6 @@ import numpy as np
 from fmopt.errors import GeometryError, ResourceError, SizeError
 from fmopt.geometry.body_names import chosen
 from fmopt.geometry.csg import exact_pose
-from fmopt.geometry.facets import MAX_FACES
 from fmopt.geometry.mesh.mesh_import import Imported, NamedBody, mesh_polyhedron
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.polyhedron import from_triangles
@@ -134,19 +133,13 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
     try:
         points, triangles, off = _facets(one)
         require_plausible(points)
+        # Facets of its own surfaces are known to close: nothing is to be mended, and no plane to be fitted.
+        mesh = Imported(from_triangles(points, triangles), 0.0) if one["own"] else mesh_polyhedron(points, triangles)
     # It is a GeometryError, but would lose its size as one.
     except SizeError:
         raise
     except GeometryError as error:
         raise GeometryError(f"{path}{called}: {error.message}", error.advice) from error
-    try:
-        # Facets of its own surfaces are known to close: nothing is to be mended, and no plane to be fitted.
-        if one["own"]:
-            mesh = Imported(from_triangles(points, triangles), 0.0)
-        else:
-            mesh = mesh_polyhedron(points, triangles, curved=one["curved"] > 2 * MAX_FACES)
-    except GeometryError as error:
-        raise GeometryError(f"{path}{called}: cut into facets, {error.message}", error.advice) from error
     notes = mesh.notes
     if one["around"] != 0.0:
         size = f"{1e6 * (_MILLIMETRE * one['around']):.3g} µm"

@@ -149,8 +149,7 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
     inside = Pose(np.append(place, -shape.depth) - R @ corner, R)
     sunk = -lowest_point(moving, inside)
     above = inside.moved([0.0, 0.0, approach + sunk, 0.0, 0.0, 0.0])
-    walls = None if shape.between is None else mouth.inward[:2]
-    entry = Entry(above, inside, corner, shape, walls=walls)
+    entry = Entry(above, inside, corner, shape, walls=None if shape.between is None else mouth.inward[:2])
     if shape.flat is not None:
         return _laid_flat(moving, approach, shape, mouth, entry)
     if shape.touch is None:
@@ -218,8 +217,7 @@ def deeper(moving: Part, fixed: Part, pose: Pose, corner: Array, spread: Array) 
     times what the errors displace its height by, of their `spread` (3,), m, between the middle and the wall on the side
     from which it leans.
     """
-    tip = leading_corners(moving)
-    width = float(np.ptp(tip[:, 0]))
+    width = float(np.ptp(leading_corners(moving)[:, 0]))
     level = _levels(fixed, width)[0]
     side = math.copysign(0.5 * width, float(corner[0]))
     height = max(float(spread[2]), _LEAST * width)

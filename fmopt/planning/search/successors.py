@@ -175,8 +175,7 @@ def successor_by(task: Task, node: Node, move: Move, name: str, care: Care = Car
         reached = unroll(task.assembly, move, node.reached, task.tolerance, costs.coarse, care)
     except InfeasibleError:
         return None
-    margin = min(c.margin for c in reached.claims[before:])
-    cost = node.cost + costs.transition + danger(margin, costs)
+    cost = node.cost + costs.transition + danger(min(c.margin for c in reached.claims[before:]), costs)
     if not math.isfinite(cost):
         return None
     cost += costs.signature * signature(task.assembly, move, task.tolerance, reached.errors)
