@@ -126,7 +126,9 @@ def with_balls(part: Part, balls: Sequence[tuple[ArrayLike, float]]) -> Part:
     return replace(part, polyhedron=Polyhedron(points, body.faces, body.edges, rounds))
 
 
-def mesh_part(name: str, mesh: Imported, features: Sequence[Feature] = (), chord_error: float | None = None) -> Part:
+def mesh_part(
+    name: str, mesh: Imported, features: Sequence[Feature] = (), chord_error: float | None = None, few: float = np.inf
+) -> Part:
     """The part of an imported mesh; it gets convex pieces by way of `mesh_solid.decomposed`.
 
     >>> from fmopt.geometry import csg, convex_pieces as pieces, polyhedron
@@ -139,19 +141,23 @@ def mesh_part(name: str, mesh: Imported, features: Sequence[Feature] = (), chord
     Args:
         mesh, features: in the model frame.
         chord_error: how far the true curved surfaces lie from the mesh, m; the mesh's own estimate if not given.
+        few: reflex edges; a mesh with more of them gets no convex pieces.
 
     Raises:
         GeometryError: the mesh has no convex pieces, or it is open at a mating face.
     """
     from fmopt.geometry.mesh.mesh_solid import decomposed
 
-    found = decomposed(mesh)
-    part = Part(name, found.boundary, found.pieces, tuple(features), 0.0, (), mesh.off, mesh.where)
+    if sum(not edge.convex for edge in mesh.body.edges) > few:
+        part = Part(name, mesh.body, (), tuple(features), 0.0, mesh.notes, mesh.off, mesh.where)
+    else:
+        cut = decomposed(mesh)
+        notes = (*mesh.notes, *cut.notes)
+        part = Part(name, cut.boundary, cut.pieces, tuple(features), 0.0, notes, mesh.off, mesh.where, cut.enclosed)
     for feature in features:
         _require_intact(name, mesh, feature)
     true = mesh.chord_error if chord_error is None else chord_error
-    notes = tuple(f"warning: {name}: {note}" for note in (*mesh.notes, *found.notes))
-    return replace(part, chord_error=true, notes=notes, enclosed=found.enclosed)
+    return replace(part, chord_error=true, notes=tuple(f"warning: {name}: {note}" for note in part.notes))
 
 
 def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from fmopt.errors import FmoptError, InputError
 from fmopt.geometry.bodies import bodies_of, lie_apart
+from fmopt.geometry.mesh.mesh_solid import FEW_REFLEX
 from fmopt.plan import STDIO
 from fmopt.task.mesh_source import MESHES
 from fmopt.task.model import Bare, load_model
@@ -71,7 +72,7 @@ def _loaded(file: Path, said: Bare) -> Part:
     model, faults = load_model(file, Place(str(file)), {}, said)
     if model is None:
         raise InputError(*faults)
-    part = build_part(model.source, model.file)
+    part = build_part(model.source, model.file, few=FEW_REFLEX)  # what is in its hollows is not known yet
     if part.features:
         build_tree(model.source, model.file)  # for its faults: nothing here needs the tree
     return replace(part, notes=(*model.notes, *part.notes))
@@ -81,7 +82,8 @@ def part_words(part: Part) -> Iterator[str]:
     """What is found on a part, one statement a line, lengths in mm and angles in degrees."""
     shape = part.polyhedron
     extent = " x ".join(_mm(width) for width in np.ptp(shape.vertices, axis=0).tolist())
-    pieces = "1 convex piece" if len(part.pieces) == 1 else f"{len(part.pieces)} convex pieces"
+    pieces = "1 convex piece" if len(part.pieces) == 1 else f"{len(part.pieces) or 'no'} convex pieces"
+    pieces += "" if part.pieces else " before it is known what it mates with"
     yield f"{'part':<10} {part.name}: {extent} mm, volume {1e9 * shape.volume:.6g} mm3"
     sizes = f"{len(shape.faces)} faces, {len(shape.edges)} edges, {len(shape.vertices)} corners"
     yield f"{'surface':<10} {sizes}, closed; {pieces}"

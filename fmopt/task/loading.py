@@ -20,7 +20,6 @@ from fmopt.geometry.mesh.round_planes import met
 from fmopt.geometry.part import Part, Profiles, in_order, outline, rebased, settled
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task import sizes
-from fmopt.task.mesh_source import imported
 from fmopt.task.model import Bare, Model, load_model, overrides_of
 from fmopt.task.pairing import paired, without_hollows
 from fmopt.task.problem import Attributes, Problem, RobotProperties, Settings, Specification, VelocityError
@@ -198,7 +197,7 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     mated: Mapping[str, Mated] = {}
     meshed = any(model.file.mesh is not None for model in models.values())
     known = all(_is_known(model, file.operand(side).feature) for side, model in models.items())
-    bodies = {} if known and not meshed else _both(_uncut, models)
+    bodies = {} if known and not meshed else _both(lambda model: build_part(model.source, model.file, few=-1), models)
     if not known:
         stated_depth = file.goal.depth
         file, mated, models = paired(source, file, models, bodies)
@@ -279,13 +278,6 @@ def _noted(model: Model) -> Part:
     part = build_part(model.source, model.file, model.mesh)
     # Nothing is certified of a filled part: what touches it may touch nothing.
     return replace(part, notes=(*model.notes, *part.notes), enclosed=part.enclosed or model.mesh is not None)
-
-
-def _uncut(model: Model) -> Part:
-    """The part of a model in its frame, of a mesh its boundary alone."""
-    if model.file.mesh is None:
-        return build_part(model.source, model.file)
-    return Part(model.file.name, imported(model.source, model.file.mesh).body, (), (), 0.0)
 
 
 def _declared(file: files.ProblemFile, planar: bool) -> tuple[float, float] | None:

@@ -13,7 +13,7 @@ import numpy as np
 from fmopt.errors import GeometryError, InputError
 from fmopt.geometry.bodies import bodies_of
 from fmopt.geometry.mating_features import DESCRIBE, FOUND
-from fmopt.geometry.mesh.mesh_solid import MOST_REFLEX
+from fmopt.geometry.mesh.mesh_solid import FEW_REFLEX, MOST_REFLEX
 from fmopt.geometry.polyhedron import placed, triangulated
 from fmopt.spatial.se3 import Pose
 from fmopt.task.mesh_source import imported
@@ -33,7 +33,6 @@ SIDES: tuple[Side, Side] = ("moving", "fixed")
 _FULL = 1e-9  # m
 _HERE = 1e-3  # m: stated features that are no nearer are others than one without a place
 _ASIDE, _FAR = 0.1, 8.0  # of the size of what goes in, and times its start error, which it may be beside its way
-_FEW = 100  # reflex edges: a part with no more of them is cut into convex pieces in no time
 _UPSIDE_DOWN = 0.7  # cosine between the way in and the file's own way down
 
 
@@ -117,8 +116,8 @@ def without_hollows(
     size, box = parts[roles[0]].polyhedron.diameter, as_stated(file.uncertainty.start).box
     # A plan may set down beside the mouth, a few errors off and turned, and slide there.
     error = float(np.hypot(*box[:2]) + 0.5 * size * np.linalg.norm(box[3:]))
-    aside = 0.5 * size if file.uncertainty.sources else _ASIDE * size + _FAR * error
-    few = _FEW if file.settings.evidence == "tested" else MOST_REFLEX
+    aside = 0.5 * size if file.uncertainty.sources else max(_ASIDE * size, _FAR * error)
+    few = FEW_REFLEX if file.settings.evidence == "tested" else MOST_REFLEX
     changed = dict(models)
     sides = ((roles[0], seated.inverse(), roles[1], away), (roles[1], seated, roles[0], hollow.inverse()))
     for side, pose, other, upright in sides:
@@ -127,9 +126,8 @@ def without_hollows(
         mesh, guest = imported(model.source, model.file.mesh), placed(parts[other].polyhedron, pose)
         if (body := filled(mesh.body, guest, upright, aside, few)) is mesh.body:
             continue
-        loose = mesh.kind == "mesh"  # STEP files tell how far facets are off
-        found = replace(mesh, body=body, chord_error=chord_error(body) if loose else mesh.chord_error)
-        if loose and mesh.noise is not None:  # what is left may have faces
+        found = replace(mesh, body=body, chord_error=chord_error(body) if mesh.kind == "mesh" else mesh.chord_error)
+        if mesh.kind == "mesh" and mesh.noise is not None:  # what is left may have faces
             with suppress(GeometryError):
                 found = mesh_polyhedron(body.vertices, triangulated(body), mesh.noise)
                 found = replace(found, notes=(*mesh.notes, *found.notes))

@@ -99,11 +99,12 @@ def part_reach(source: Source, file: files.ModelFile) -> Array:
     return np.array([(x, 0.0, z) for polygon in file.profile.polygons for x, z in polygon])
 
 
-def build_part(source: Source, file: files.ModelFile, mesh: Imported | None = None) -> Part:
+def build_part(source: Source, file: files.ModelFile, mesh: Imported | None = None, few: float = np.inf) -> Part:
     """The part of a checked model file, in its model frame.
 
     Args:
         mesh: what stands for the one of the file, if anything.
+        few: reflex edges; a mesh with more of them gets no convex pieces.
 
     Raises:
         InputError: no solid comes out; at the place of the solid or mesh in the file.
@@ -112,7 +113,7 @@ def build_part(source: Source, file: files.ModelFile, mesh: Imported | None = No
     if file.mesh is not None:
         mesh = mesh or imported(source, file.mesh)
         with source.place(("mesh", "file")).solid():
-            return mesh_part(file.name, mesh, features, None if file.mesh.is_step else file.mesh.deviation)
+            return mesh_part(file.name, mesh, features, None if file.mesh.is_step else file.mesh.deviation, few)
     if file.profile is not None:
         with source.place(("profile", "polygons")).solid():
             return part_of(file.name, _extruded(file, file.profile), features)

@@ -16,6 +16,7 @@ from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed
 from fmopt.runtime.store import kept
 from fmopt.spatial.values import Value, remembered
 
+FEW_REFLEX = 100  # edges: a part with no more of them is cut in no time
 MOST_REFLEX = 350  # edges: to cut through more of them exactly takes minutes
 _VOLUME = 1e-4  # of the volume, by which pieces may be off
 
