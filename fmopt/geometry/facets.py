@@ -230,14 +230,14 @@ def _regions(parts: Patchwork, tol: float) -> Indices:
     return region
 
 
-def require_few(count: int) -> None:
-    """Refuses more faces than are planned with.
+def require_few(count: int, most: int = MAX_FACES) -> None:
+    """Refuses more faces than are taken.
 
     Raises:
-        GeometryError: there are more than `MAX_FACES`.
+        GeometryError: there are more.
     """
-    if count > MAX_FACES:
-        message = f"it has {count} faces, of which {MAX_FACES} are taken"
+    if count > most:
+        message = f"it has {count} faces, of which {most} are taken"
         raise GeometryError(message, "give curved surfaces fewer facets, by a coarser export or by lower 'sides'")
 
 

@@ -16,7 +16,7 @@ from heapq import heapify, heappop, heappush
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.facets import Indices, Loop, Patchwork, faces_of, patchwork, require_few
+from fmopt.geometry.facets import MAX_FACES, Indices, Loop, Patchwork, faces_of, patchwork, require_few
 from fmopt.geometry.mesh.fitted_planes import EXACT, Fits, aligned, corners_of
 from fmopt.geometry.mesh.open_edges import MOST_OFF
 from fmopt.geometry.mesh.round_planes import evenly_out, is_even, through_columns
@@ -183,7 +183,7 @@ def _made_plane(parts: Patchwork, region: Indices, noise: float) -> Flattened:
     Normals are made to belong together as far as the noise may have turned them. Of few corners nothing much follows
     about the noise: more is tried first, and kept where it takes the surface no farther off.
     """
-    require_few(len(np.unique(region)))
+    require_few(len(np.unique(region)), 2 * MAX_FACES)  # more of them are rather taken as the facets that they are
     faces, region = faces_of(parts, region)
     region = np.unique(region, return_inverse=True)[1].astype(np.int64)
     members = [np.flatnonzero(region == k) for k in range(int(region.max()) + 1)]
