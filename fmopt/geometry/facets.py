@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from fmopt.geometry.polyhedron import Polyhedron
 
 MAX_FACES = 2_000  # what is planned with them takes a time that grows by their square, at least
+FEW_REFLEX, MOST_REFLEX = 100, 350  # reflex edges of a part that is cut through them in no time, and in a minute
 _SLANTED = np.array([0.57, 0.52, 0.6361])  # a direction, nearly a unit vector, along which no corners of parts line up
 _SLACK = 1.01  # times the reach: how much more heights may differ for rounding
 _MOST_PAIRS = 2_000_000  # of vertices near each other: more than any honest mesh has

@@ -37,7 +37,7 @@ def filled(body: Polyhedron, other: Polyhedron, upright: Pose, aside: float, few
         aside: how far beside its seat and its way the other part may be, m.
         few: reflex edges; a part with no more of them stays as it is.
     """
-    if other.balls or sum(not edge.convex for edge in body.edges) <= few:
+    if other.balls or body.reflex <= few:
         return body
     matrix, thin = np.column_stack([upright.R, upright.p]), _FLAT * body.diameter
     guest = manifold_of(other.vertices, triangulated(other)).transform(matrix)
@@ -59,8 +59,9 @@ def _in_hull(body: Polyhedron, own: Manifold, is_entered: Callable[[Manifold], b
     """The hull less those pieces of what it has more than the part that are entered."""
     from manifold3d import Manifold, OpType
 
-    entered = [hollow for hollow in (own.hull() - own).decompose() if is_entered(hollow)]
-    return Manifold.batch_boolean([own.hull(), *entered], OpType.Subtract)
+    whole = own.hull()
+    entered = [hollow for hollow in (whole - own).decompose() if is_entered(hollow)]
+    return Manifold.batch_boolean([whole, *entered], OpType.Subtract)
 
 
 def _below_faces(body: Polyhedron, own: Manifold, is_entered: Callable[[Manifold], bool]) -> Manifold:

@@ -148,7 +148,7 @@ def mesh_part(
     """
     from fmopt.geometry.mesh.mesh_solid import decomposed
 
-    if sum(not edge.convex for edge in mesh.body.edges) > few:
+    if mesh.body.reflex > few:
         part = Part(name, mesh.body, (), tuple(features), 0.0, mesh.notes, mesh.off, mesh.where)
     else:
         cut = decomposed(mesh)

@@ -94,6 +94,11 @@ class Polyhedron(Value):
         round_ = self.radii[:, None]
         return np.asarray((self.vertices + round_).max(axis=0) - (self.vertices - round_).min(axis=0))
 
+    @cached_property
+    def reflex(self) -> int:
+        """The number of edges along which it is not convex."""
+        return sum(not edge.convex for edge in self.edges)
+
     @property
     def vertex_faces(self) -> tuple[tuple[int, ...], ...]:
         """For each vertex the indices of its faces, ascending."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from fmopt.errors import FmoptError, InputError
 from fmopt.geometry.bodies import bodies_of, lie_apart
-from fmopt.geometry.mesh.mesh_solid import FEW_REFLEX
+from fmopt.geometry.facets import FEW_REFLEX
 from fmopt.plan import STDIO
 from fmopt.task.mesh_source import MESHES
 from fmopt.task.model import Bare, load_model

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from os.path import normpath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from fmopt.geometry.part import Part, Profiles, in_order, outline, rebased, sett
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task import sizes
 from fmopt.task.model import Bare, Model, load_model, overrides_of
-from fmopt.task.pairing import paired, without_hollows
+from fmopt.task.pairing import Mated, paired, without_hollows
 from fmopt.task.problem import Attributes, Problem, RobotProperties, Settings, Specification, VelocityError
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.sources import (
@@ -41,9 +41,6 @@ from fmopt.task.toml import problem_file as files
 from fmopt.task.toml.source import NAME_PROBLEM, Source, read_bytes
 from fmopt.task.toml.tables import Reading, checked
 from fmopt.task.toml.units import LENGTH, at_most, did_you_mean, in_words
-
-if TYPE_CHECKING:
-    from fmopt.task.pairing import Mated
 
 T = TypeVar("T")
 _BESIDE = 0.25  # of the radius of a leading face, by which a part may be beside its way, besides its errors

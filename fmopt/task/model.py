@@ -129,7 +129,7 @@ def _bare_model(
     file, more = checked(ModelFile, source, Reading())
     if file is None or faults or more:
         return None, [*faults, *more]
-    notes = () if own or said.unit is not None else (assumed(source, build_part(source, file)),)
+    notes = () if own or said.unit is not None else (assumed(source, build_part(source, file, few=-1)),)
     return Model(source, file, given=False, notes=notes), []
 
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from fmopt.errors import GeometryError, InputError
 from fmopt.geometry.bodies import bodies_of
+from fmopt.geometry.facets import FEW_REFLEX, MOST_REFLEX
 from fmopt.geometry.mating_features import DESCRIBE, FOUND
-from fmopt.geometry.mesh.mesh_solid import FEW_REFLEX, MOST_REFLEX
 from fmopt.geometry.polyhedron import placed, triangulated
 from fmopt.spatial.se3 import Pose
 from fmopt.task.mesh_source import imported

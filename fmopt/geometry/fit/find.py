@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 import shapely
@@ -137,17 +137,16 @@ def _find(
             found += [(one, a) for one in search.candidates(*way, closed, bool(frames)) if _is_stated(one, frames)]
         if any(abs(one.clearance) < _FITS * one.width and one.walls[-1] > 0.0 for one, _ in found):
             break
-    best = _best([one for one, _ in found if one.twin is None])
+    every = [one for one, _ in found]
+    best = _best([one for one in every if one.twin is None])
     if not best:
-        raise _no_fit([one for one, _ in found])
+        raise _no_fit(every)
     seats = [_Seat(one, depth) for one in _places(best)]
     chosen = _first(seats, depth)
     side = next(a for one, a in found if one.led is chosen.candidate.led)
     like = [seat for seat in seats if abs(seat.clearance - chosen.clearance) <= _EQUALLY]
     feet = list[Array]()
-    for foot in (
-        foot for seat in like if seat.other is chosen.other for foot in seat.all_feet(one for one, _ in found)
-    ):
+    for foot in chain.from_iterable(seat.all_feet(every) for seat in like if seat.other is chosen.other):
         if all(float(np.linalg.norm(foot - other)) > _FITS * chosen.candidate.width for other in feet):
             feet.append(foot)
     return _fit(chosen, side == 1, max(len(feet), 1))

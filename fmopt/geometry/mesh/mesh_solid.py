@@ -9,15 +9,13 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import manifold, pieces
 from fmopt.geometry.csg import Difference, Hull, Placed, Solid, Union, exact_pose
 from fmopt.geometry.enclosing import Enclosure, enclosing
-from fmopt.geometry.facets import place, require_few
+from fmopt.geometry.facets import MOST_REFLEX, place, require_few
 from fmopt.geometry.inverse_csg import MESH_NOISE, apart
 from fmopt.geometry.mesh.mesh_import import TOLD, Imported
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed, triangulated
 from fmopt.runtime.store import kept
 from fmopt.spatial.values import Value, remembered
 
-FEW_REFLEX = 100  # edges: a part with no more of them is cut in no time
-MOST_REFLEX = 350  # edges: to cut through more of them exactly takes minutes
 _VOLUME = 1e-4  # of the volume, by which pieces may be off
 
 
@@ -62,8 +60,8 @@ def _decomposed(body: Polyhedron, noise: float | None) -> Decomposed:
 
 def _exact(body: Polyhedron) -> Decomposed:
     require_few(len(body.faces))
-    if (count := sum(not edge.convex for edge in body.edges)) > MOST_REFLEX:
-        raise GeometryError(f"{count} reflex edges are too many")
+    if body.reflex > MOST_REFLEX:
+        raise GeometryError(f"{body.reflex} reflex edges are too many")
     solid, boundary = apart(body, MESH_NOISE * body.diameter)
     if abs((volume := manifold(solid).volume()) - boundary.volume) > _VOLUME * boundary.volume:
         raise GeometryError(f"it has {boundary.volume:.6g} m³, its convex pieces {volume:.6g} m³")

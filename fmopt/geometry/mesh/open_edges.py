@@ -61,8 +61,7 @@ def open_sides(triangles: Indices) -> Indices:
 
 def closes(triangles: Indices) -> bool:
     """Whether every side of triangles (m, 3) has one other across it."""
-    there, back = _directed(triangles)
-    return len(np.unique(there)) == len(there) and bool(np.isin(back, there).all())
+    return len(np.unique(_directed(triangles)[0])) == triangles.size and not len(open_sides(triangles))
 
 
 def _rim(triangles: Indices, sides: Indices) -> Indices:
@@ -174,12 +173,12 @@ def patches(points: Array, triangles: Indices, tol: float) -> tuple[Patch, ...]:
 
 def _gaps(triangles: Indices) -> list[_Gap]:
     """The gaps of a mesh; none where they are too many."""
-    there, loose = _directed(triangles)[0], open_sides(triangles)
+    loose = open_sides(triangles)
     beside = loose // 3
     starts, ends = triangles.ravel()[loose], triangles[beside, (loose + 1) % 3]
     # The missing surface runs the other way; fewer starts than edges tell that rims meet in a vertex.
     following = dict(zip(ends.tolist(), zip(starts.tolist(), beside.tolist(), strict=True), strict=True))
-    if len(np.unique(there)) < len(there) or len(following) < len(loose):
+    if len(np.unique(_directed(triangles)[0])) < triangles.size or len(following) < len(loose):
         return []
     found = list[_Gap]()
     while following:
