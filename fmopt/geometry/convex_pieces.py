@@ -56,6 +56,7 @@ _SLIVER = 1e-9  # of the volume of the piece that was cut
 _NOISE = 1e-13  # relative, of volumes
 _MANY = 16  # bodies, from which prisms are united by their sections
 _DECIMALS = 12  # of levels in m
+_HERE = Pose.identity()
 _MERIDIANS = 32  # of the polyhedra that stand for balls where those are only shown
 
 
@@ -68,7 +69,7 @@ def pieces(solid: Solid) -> tuple[Polyhedron, ...]:
     Raises:
         GeometryError: nothing is left.
     """
-    made = _pieces(solid, Pose.identity())
+    made = _pieces(solid, _HERE)
     if not made:
         raise GeometryError("the solid is empty: its tools take all of its base away", "make the tools smaller")
     return made
@@ -119,7 +120,7 @@ def polyhedron(solid: Solid) -> Polyhedron:
         GeometryError: the solid is empty, has too many faces, or touches itself along an edge or at a corner.
     """
     stock: list[Array] = []
-    shells = [s.to_mesh64() for s in _manifold(solid, Pose.identity(), stock).decompose() if _is_thick(s)]
+    shells = [s.to_mesh64() for s in _manifold(solid, _HERE, stock).decompose() if _is_thick(s)]
     if not shells:
         raise GeometryError("the solid is empty: its tools take all of its base away", "make the tools smaller")
     points = np.vstack([np.asarray(shell.vert_properties)[:, :3] for shell in shells])
@@ -140,14 +141,33 @@ def polyhedron(solid: Solid) -> Polyhedron:
 
 def bounded(solid: Solid, body: Polyhedron) -> Polyhedron:
     """The boundary of a solid that is known but for rounding, coordinates of its operands kept to the bit."""
-    found = operands(solid, Pose.identity())
+    found = operands(solid, _HERE)
     known = np.vstack([convex_polyhedron(operand.primitive, operand.pose).vertices for operand in found])
     return from_faces(snapped(body.vertices, known), [face.loops for face in body.faces])
 
 
+def volume(solid: Solid) -> float:
+    """The volume of a CSG tree, m³."""
+    match solid:
+        case Placed(inner, _):
+            return volume(inner)
+        case Difference(Hull() as base, tools) if all(isinstance(tool, Hull) for tool in tools):
+            return _volume_less(_pieces(base, _HERE), [body for tool in tools for body in _pieces(tool, _HERE)])
+        case _:
+            return float(manifold(solid).volume())
+
+
+def _volume_less(stock: Sequence[Polyhedron], tools: Sequence[Polyhedron]) -> float:
+    """The volume of the union of convex polyhedra less that of others, m³."""
+    if prisms := _prisms([*stock, *tools]):
+        lost = prisms.with_all(range(len(stock), len(stock) + len(tools)))
+        return prisms.with_all(range(len(stock))) - lost
+    return float((union_manifold(stock) - union_manifold(tools)).volume())
+
+
 def manifold(solid: Solid) -> Manifold:
     """The manifold3d solid of a CSG tree."""
-    return _manifold(solid, Pose.identity(), [])
+    return _manifold(solid, _HERE, [])
 
 
 def convex_manifold(body: Polyhedron) -> Manifold:
@@ -200,7 +220,7 @@ def _minus(stock: tuple[Polyhedron, ...], tool: Solid, pose: Pose) -> tuple[Poly
             body = convex_polyhedron(tool, pose)
             if len(stock) == 1:
                 return tuple(_slabs(stock[0], body))  # each alone has what is right outside its own face of the tool
-            whole = (union_manifold(stock) - convex_manifold(body)).volume()
+            whole = _volume_less(stock, [body])
             slabs = [slab for some in [_slabs(piece, body) for piece in stock] for slab in some]
             # What the tool leaves whole is needed still: of the others there is less than before.
             intact = {id(piece) for piece in stock}
@@ -242,12 +262,20 @@ def _common(piece: Polyhedron, other: Polyhedron) -> Polyhedron | None:
 def _within(body: Polyhedron, other: Polyhedron) -> Polyhedron | None:
     """What a convex polyhedron has inside of another one, None when there is nothing."""
     heed()
-    for face in other.faces:
+    if any(np.any(_heights(one, two).min(axis=0) >= -ROUNDING) for one, two in ((body, other), (other, body))):
+        return None
+    for k in np.flatnonzero(_heights(body, other).max(axis=0) > ROUNDING).tolist():
+        face = other.faces[k]
         left = clip(body, face.normal, face.offset)
         if left is None:
             return None
         body = left
     return body
+
+
+def _heights(body: Polyhedron, other: Polyhedron) -> Array:
+    """Heights (n, m) of the vertices of a polyhedron above the faces of another one, m."""
+    return body.vertices @ other.normals.T - other.offsets
 
 
 def _irredundant(bodies: Sequence[Polyhedron], whole: float, needed: Sequence[int] = ()) -> tuple[Polyhedron, ...]:

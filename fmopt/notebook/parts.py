@@ -11,7 +11,6 @@ import numpy as np
 
 from fmopt.errors import FmoptError, InputError
 from fmopt.geometry.bodies import bodies_of, lie_apart
-from fmopt.geometry.facets import FEW_REFLEX
 from fmopt.plan import STDIO
 from fmopt.task.mesh_source import MESHES
 from fmopt.task.model import Bare, load_model
@@ -22,6 +21,7 @@ from fmopt.task.toml.source import Place, read
 if TYPE_CHECKING:
     from fmopt.geometry.part import Part
 
+_FEW_REFLEX = 24  # reflex edges of a part that is cut into convex pieces in a second
 _OF_PART = {"features", "solids", "mesh", "profile", "part", "parameters"}
 
 
@@ -72,7 +72,7 @@ def _loaded(file: Path, said: Bare) -> Part:
     model, faults = load_model(file, Place(str(file)), {}, said)
     if model is None:
         raise InputError(*faults)
-    part = build_part(model.source, model.file, few=FEW_REFLEX)  # what is in its hollows is not known yet
+    part = build_part(model.source, model.file, few=_FEW_REFLEX)  # what is in its hollows is not known yet
     if part.features:
         build_tree(model.source, model.file)  # for its faults: nothing here needs the tree
     return replace(part, notes=(*model.notes, *part.notes))

@@ -67,6 +67,11 @@ class Outline:
         return self.shape.convex_hull
 
     @cached_property
+    def sides(self) -> shapely.STRtree:
+        """The sides of the region, to be found by where they are."""
+        return shapely.STRtree(shapely.linestrings(np.stack([self.start, self.end], axis=1)))
+
+    @cached_property
     def openings(self) -> list[tuple[shapely.Polygon, bool]]:
         """The free regions inside the hull, each with whether it is closed all round."""
         return [
@@ -151,8 +156,11 @@ class Layers:
 
     @cached_property
     def sections(self) -> tuple[Outline, ...]:
-        """Sections half-way up the slabs of a search."""
-        return tuple(map(self.section, self.middles))
+        """Sections half-way up the slabs of a search, one and the same where neighbours are alike."""
+        found = list[Outline]()
+        for section in map(self.section, self.middles):
+            found.append(found[-1] if found and section.is_like(found[-1]) else section)
+        return tuple(found)
 
     def section(self, height: float) -> Outline:
         """The section at a height that is none of a corner, m."""

@@ -27,6 +27,8 @@ _STEPS = 60  # programs of one placement
 _TOUCH = 1e-11  # m: nearer points have no direction from one to the other
 _AHEAD = 4.0  # trust regions, by which rows that do not bind are asked too
 _NEARBY = 0.3  # of how far corners are from the pivot: as near are sides to corners for which they are rows
+_MANY = 150  # sides of an outline that moves: with more, sides are as much nearer
+_FAR = 1.6  # times how far corners are from the pivot: material beyond that is left out
 _GIVE = 1e-7  # of the size, by which rows that are held may give way
 _BINDS = 1e-7  # of the size, by which rows that bind lie above the least one
 
@@ -41,11 +43,12 @@ class Facing:
             pivot: (2,) of the outline, m, which is put at (x, y) and about which it is turned.
         """
         self.pivot, self._material = pivot, material.shape
+        self._own_sides, self._material_sides = moving.sides, material.sides
         self._own, self._walls = (moving.start - pivot, moving.end - pivot), (material.start, material.end)
         self._shape = moved(moving.shape, pivot, np.zeros(3))
         shapely.prepare(self._shape)
         self._arm = float(np.hypot(*self._own[0].T).max())
-        self._reach = _NEARBY * self._arm
+        self._reach = _NEARBY * self._arm * min(1.0, _MANY / len(moving.start))
         self._about: Array | None = None
 
     def rows(self, at: Array) -> tuple[Array, Array, NDArray[np.int64]]:
@@ -62,7 +65,13 @@ class Facing:
         sides = ((start, walls, within[0], 1.0), (walls[0], (start, end), within[1], -1.0))
         if self._about is None or self._far(at) > 0.25 * self._reach:
             self._about = at
-            self._pairs = [_close(points, other, self._reach) for points, other, _, _ in sides]
+            far = np.hypot(*back.T)
+            near = far <= max(_FAR * self._arm, float(far.min()))
+            every = np.ones(len(start), dtype=np.bool_)
+            self._pairs = (
+                _close(start, every, self._material_sides, self._reach),
+                _close(back + self.pivot, near, self._own_sides, self._reach),
+            )
         found = [_distances(*side, at, pairs) for side, pairs in zip(sides, self._pairs, strict=True)]
         distance, gradient, number = zip(*found, strict=True)
         return (
@@ -82,15 +91,17 @@ Sides = tuple[Array, Array]
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
-def _close(points: Array, sides: Sides, reach: float) -> Pairs:
-    """Points (n, 2) and sides (m, 2) that may come to be the nearest while both move by a quarter of `reach` (m)."""
-    along = sides[1] - sides[0]
-    ahead = points[:, None] - sides[0]
-    share = np.clip(np.einsum("ijk,jk->ij", ahead, along) / np.sum(along**2, axis=1), 0.0, 1.0)
-    way = ahead - share[..., None] * along
-    far = np.hypot(way[..., 0], way[..., 1])
-    i, j = np.nonzero(far <= np.maximum(far.min(axis=1) + 0.5 * reach, reach)[:, None])
-    return i, j
+def _close(points: Array, used: NDArray[np.bool_], sides: shapely.STRtree, reach: float) -> Pairs:
+    """Points (n, 2) and sides that may come to be the nearest while both move by a quarter of `reach` (m).
+
+    Args:
+        used: of the points (n,).
+    """
+    points, at = points[used], np.flatnonzero(used)
+    _, far = sides.query_nearest(shapely.points(points), return_distance=True, all_matches=False)
+    around = np.maximum(far + 0.5 * reach, reach)[:, None]
+    i, j = sides.query(shapely.box(*(points - around).T, *(points + around).T))
+    return at[i], j
 
 
 def _distances(

@@ -31,12 +31,13 @@ _ALONG, _DRAFT, _ACROSS = 0.01, 0.1, 0.9999  # cosines of normals across a direc
 _HEIGHTS = 5  # at which what sweeps by is held against openings
 _GROWN = 1.002  # times the area of a section, below which what sweeps by further up is the same
 _MOST_ROOM, _MOST_ROOM_OPEN = 4.0, 6.0  # area of an opening: of the section's hull
+_TIGHTEST, _LOOSEST = -0.08, 0.25  # of the width: clearances of candidates
+_NARROWEST = 1.0 + 4.0 * _TIGHTEST  # of the width of a section: closed openings are wider
 _LIKE = 1e-3  # of their areas: openings that differ by less are one
 _LONGEST = 3  # sides of an outline that are turned to those of an opening
 _TURN_GRID = 12
 _ONE_TURN = 0.02  # rad: turns that differ by less are one
 _PLACED, _MOST_PLACED = 3, 8  # turns of least overlap that are placed, and of none at all
-_TIGHTEST, _LOOSEST = -0.08, 0.25  # of the width: clearances of candidates
 _OVERLAP, _MORE = 0.15, 1.5  # of the section's area, and of the least, by which it may overlap before it is placed
 _IN_HULL = 0.5  # of the section's area, which is to lie inside the hull of the material
 _ROUGHLY = 1e-5  # of the width: accuracy of a clearance in the search
@@ -170,14 +171,18 @@ def candidates(
         for slab in led.heights:
             swept, seen = led.swept[slab], list[shapely.Polygon]()
             part, most = largest(swept.shape), (_MOST_ROOM if closed else _MOST_ROOM_OPEN) * swept.hull.area
-            least = part.area - _spare(part)
+            least, narrowest = part.area - _spare(part), closed * _NARROWEST * width_of(part)
             for height in reversed(material.middles):
                 kinds = list[tuple[list[BaseGeometry], list[Candidate]]]()
-                for opening, is_closed in material.section(height).openings:
-                    if is_closed is closed and least < opening.area < most and not _known(opening, seen):
+                openings = material.section(height).openings
+                areas = np.array([opening.area for opening, _ in openings])
+                for opening, is_closed in openings:
+                    fits = least < opening.area < most and narrowest < width_of(opening)
+                    if is_closed is closed and fits and not _known(opening, seen):
                         seen.append(opening)
-                        around = [] if every else _around(led, slab, material, opening)
-                        copies = next((own for other, own in kinds if around and _equal(around, other)), None)
+                        alone = every or np.sum(np.abs(areas - opening.area) < _LIKE * opening.area) < 2
+                        around = [] if alone else _around(led, slab, material, opening)
+                        copies = next((own for other, own in kinds if around and other and _equal(around, other)), None)
                         if copies is None:
                             copies = [*_placed(led, slab, material, height, opening, closed)]
                             kinds.append((around, copies))
@@ -202,7 +207,10 @@ def _around(led: Led, slab: int, material: Layers, opening: shapely.Polygon) -> 
 
 def _equal(some: Sequence[BaseGeometry], others: Sequence[BaseGeometry]) -> bool:
     least = _GIVEN * max(float(one.length) for one in some)
-    return all(a.symmetric_difference(b).area <= least for a, b in zip(some, others, strict=True))
+    pairs = [*zip(some, others, strict=True)]
+    return all(abs(a.area - b.area) <= least for a, b in pairs) and all(
+        a.symmetric_difference(b).area <= least for a, b in pairs
+    )
 
 
 def _shifted(one: Candidate, opening: shapely.Polygon) -> Candidate:
@@ -229,7 +237,8 @@ def largest(shape: BaseGeometry) -> shapely.Polygon:
 
 def _known(opening: shapely.Polygon, seen: Sequence[shapely.Polygon]) -> bool:
     most = _LIKE * opening.area
-    return any(abs(o.area - opening.area) < most and o.symmetric_difference(opening).area < 2.0 * most for o in seen)
+    near = [o for o in seen if abs(o.area - opening.area) < most and o.intersects(opening)]
+    return any(o.symmetric_difference(opening).area < 2.0 * most for o in near)
 
 
 def width_of(shape: BaseGeometry) -> float:
@@ -297,10 +306,13 @@ def placements(
         tolerance: of the clearance, m.
     """
     middle, found = np.array(opening.centroid.coords[0]), list[tuple[float, float, Array]]()
+    far = float(np.hypot(*(outline.start - pivot).T).max())
+    near = material.shape.intersection(shapely.box(*(middle - far), *(middle + far)))
     for turn in turns(outline, material, opening):
         at = np.append(middle, turn)
         put = moved(outline.shape, pivot, at)
-        found.append((common(put, material.shape), -common(put, material.hull), at))
+        overlap = common(put, near)
+        found.append((overlap, 0.0 if overlap else -common(put, material.hull), at))
     found.sort(key=lambda one: one[:2])
     none = sum(overlap < _GIVEN**2 for overlap, _, _ in found)
     size, most = math.sqrt(outline.hull.area), max(_OVERLAP * outline.shape.area, _MORE * found[0][0])
@@ -368,16 +380,16 @@ def walls(candidate: Candidate) -> tuple[float, ...]:
     own, material = candidate.led.layers, candidate.material
     shift = material.high - candidate.depth - own.low
     cuts = np.unique(np.concatenate([own.edges + shift, material.edges]))
-    found, known = np.zeros(len(SHARES)), dict[tuple[int, int], Array]()
+    found, known = np.zeros(len(SHARES)), dict[tuple[Outline, Outline], Array]()
     for low, high in pairwise(cuts):
         middle = 0.5 * (low + high)
         if material.low < middle < material.high and own.low < middle - shift < own.high:
             key = (
-                int(np.searchsorted(own.edges, middle - shift)) - 1,
-                int(np.searchsorted(material.edges, middle)) - 1,
+                own.sections[int(np.searchsorted(own.edges, middle - shift)) - 1],
+                material.sections[int(np.searchsorted(material.edges, middle)) - 1],
             )
             if key not in known:
-                known[key] = _beside(candidate, own.sections[key[0]], material.sections[key[1]])
+                known[key] = _beside(candidate, *key)
             found += (high - low) * known[key]
     return tuple(found.tolist())
 

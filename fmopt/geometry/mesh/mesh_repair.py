@@ -20,6 +20,7 @@ _MOST_SHELLS = 100  # beyond which they are no bodies
 Crossing: TypeAlias = tuple[int, int, Array]
 _AT_ONCE = 100_000  # pairs of triangles looked at together
 _ROWS = 200  # triangles whose neighbours are looked for together
+_LARGE = 50  # triangles of one plane that are held against what crosses it alone
 _MOST_PAIRS = 10_000_000  # of triangles whose boxes meet: a mesh that is no heap has some dozens for each triangle
 
 
@@ -119,10 +120,10 @@ def first_crossing(points: Array, triangles: Indices, tol: float) -> Crossing | 
         GeometryError: the triangles lie in heaps.
     """
     corners = points[triangles]
-    one, other = _near(corners)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normals, axis=1)
     normals /= np.where(size > 0.0, size, 1.0)[:, None]
+    one, other = _near(corners, normals, size, tol)
     for start in range(0, len(one), _AT_ONCE):
         i, j = one[start : start + _AT_ONCE], other[start : start + _AT_ONCE]
         heights = np.einsum("ij,ikj->ik", normals[i], corners[j] - corners[i, :1])
@@ -135,26 +136,43 @@ def first_crossing(points: Array, triangles: Indices, tol: float) -> Crossing | 
     return None
 
 
-def _near(corners: Array) -> tuple[Indices, Indices]:
-    """Ordered pairs of triangles whose boxes meet."""
+def _near(corners: Array, normals: Array, size: Array, tol: float) -> tuple[Indices, Indices]:
+    """Ordered pairs of triangles that may cross: their boxes meet, and one in a large face has the other through it."""
+    kinds = np.round(np.column_stack([normals, np.vecdot(normals, corners[:, 0]) / tol * 1e-3]), 3)
+    _, kind, count = np.unique(kinds, axis=0, return_inverse=True, return_counts=True)
+    left, pairs = np.ones(len(corners), dtype=bool), list[Indices]()
+    for number in np.flatnonzero(count > _LARGE):
+        widest = int(np.argmax(np.where(kind.ravel() == number, size, 0.0)))
+        heights = (corners - corners[widest, 0]) @ normals[widest]
+        low, high = heights.min(axis=1), heights.max(axis=1)
+        on = left & (low > -0.25 * tol) & (high < 0.25 * tol)
+        met = _met(corners, on, (low < -0.25 * tol) & (high > 0.25 * tol))
+        pairs += [met, met[::-1]]
+        left &= ~on
+    one, other = np.hstack([*pairs, _met(corners, left, left)])
+    # In the order of the file, so that the same crossing is named whatever the tree does.
+    order = np.lexsort((other, one))
+    return one[order], other[order]
+
+
+def _met(corners: Array, some: NDArray[np.bool_], others: NDArray[np.bool_]) -> Indices:
+    """Pairs (2, k) of some triangles and others whose boxes meet."""
     from shapely import STRtree, box
 
     low, high = corners.min(axis=1), corners.max(axis=1)
     # The tree knows x and y only; heights are compared for what it finds.
     flat = box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
-    tree, pairs, seen = STRtree(flat), [np.zeros((2, 0), dtype=np.int64)], 0
-    for start in range(0, len(flat), _ROWS):
-        one, other = tree.query(flat[start : start + _ROWS])
-        one += start
+    within, asked = np.flatnonzero(others), np.flatnonzero(some)
+    tree, pairs, seen = STRtree(flat[within]), [np.zeros((2, 0), dtype=np.int64)], 0
+    for start in range(0, len(asked), _ROWS):
+        found = tree.query(flat[asked[start : start + _ROWS]])
+        one, other = asked[start + found[0]], within[found[1]]
         meet = (one != other) & (low[one, 2] <= high[other, 2]) & (low[other, 2] <= high[one, 2])
         pairs.append(np.array([one[meet], other[meet]]))
         seen += len(one)
         if seen > _MOST_PAIRS:
             raise GeometryError(f"too many of the {len(flat)} triangles lie over each other", "export the mesh coarser")
-    one, other = np.hstack(pairs)
-    # In the order of the file, so that the same crossing is named whatever the tree does.
-    order = np.lexsort((other, one))
-    return one[order], other[order]
+    return np.hstack(pairs)
 
 
 def _pierced(triangles: Array, start: Array, end: Array, tol: float) -> tuple[np.ndarray, Array]:

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.convex_pieces import manifold, pieces
+from fmopt.geometry.convex_pieces import pieces, volume
 from fmopt.geometry.csg import Difference, Hull, Placed, Solid, Union, exact_pose
 from fmopt.geometry.enclosing import Enclosure, enclosing
 from fmopt.geometry.facets import MOST_REFLEX, place, require_few
@@ -63,8 +63,8 @@ def _exact(body: Polyhedron) -> Decomposed:
     if body.reflex > MOST_REFLEX:
         raise GeometryError(f"{body.reflex} reflex edges are too many")
     solid, boundary = apart(body, MESH_NOISE * body.diameter)
-    if abs((volume := manifold(solid).volume()) - boundary.volume) > _VOLUME * boundary.volume:
-        raise GeometryError(f"it has {boundary.volume:.6g} m³, its convex pieces {volume:.6g} m³")
+    if abs((found := volume(solid)) - boundary.volume) > _VOLUME * boundary.volume:
+        raise GeometryError(f"it has {boundary.volume:.6g} m³, its convex pieces {found:.6g} m³")
     return Decomposed(solid, boundary, _upright_pieces(solid))
 
 

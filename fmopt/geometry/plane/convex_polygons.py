@@ -17,7 +17,10 @@ from functools import cached_property, lru_cache
 from itertools import compress, pairwise
 from typing import TypeAlias
 
+import numpy as np
+
 from fmopt.errors import GeometryError
+from fmopt.spatial.values import Array
 
 Point: TypeAlias = tuple[Fraction, Fraction]
 Side: TypeAlias = tuple[Point, Point, int | None]
@@ -169,21 +172,31 @@ def _grown(piece: Convex, hull: Convex, tools: Sequence[Convex]) -> Convex:
         more = hull.before([(end, start, None), ends[number - 1], ends[(number + 1) % len(ends)]])
         if more is None or more.area * 10**9 <= piece.area:
             continue
-        body = hull.before(ends[:number] + ends[number + 1 :])
+        body: Convex | None = _joined(piece, number, more)
         for tool in tools:
-            body = None if body is None else _clear(body, tool, piece)
+            body = body if body is None or _is_apart(more, tool) else _clear(body, tool, piece)
         # Larger by `_SLIVER` at least, in integers as areas are fractions.
         if body is not None and body.area * 10**9 > piece.area * (10**9 + 1):
             return _grown(body, hull, tools)
     return piece
 
 
+def _joined(piece: Convex, number: int, more: Convex) -> Convex:
+    """A convex piece with what lies beyond a side of it between the lines of its neighbours."""
+    at = more.corners.index(piece.corners[number])
+    corners, sides = (values[at:] + values[:at] for values in (more.corners, more.sides))
+    # The last corner of the one is the end of the side, from which on the other goes on.
+    kept = piece.corners[:number] + corners[:-1] + piece.corners[number + 1 :]
+    return _straight(Convex(kept, piece.sides[:number] + sides[:-1] + piece.sides[number + 1 :]))
+
+
 def _clear(body: Convex, tool: Convex, kept: Convex) -> Convex | None:
     """The most of a convex polygon that a side of a tool leaves of it, with a part that is to be kept."""
-    left = list(slabs(body, tool))
-    if left == [body]:
+    if _is_apart(body, tool):
         return body
-    return max((slab for slab in left if _holds(slab, kept)), key=lambda slab: slab.area, default=None)
+    sides = (tool.ends[k] for k in _beyond(tool, kept) if tool.sides[k] != _LID)
+    left = (body.beyond(b, a, side) for a, b, side in sides)
+    return max((slab for slab in left if slab is not None), key=lambda slab: slab.area, default=None)
 
 
 def _pockets(points: tuple[Point, ...]) -> tuple[Convex, list[Convex]]:
@@ -278,7 +291,8 @@ def _straight(polygon: Convex) -> Convex:
 def slabs(piece: Convex, tool: Convex) -> Iterator[Convex]:
     """What is left of a convex piece without a convex tool: one polygon for each side of the tool that bounds both."""
     # Sides that the tool cuts get numbers below `_LID`, which no side of an outline has.
-    common = piece.before((a, b, _LID - 1 - number) for number, (a, b, _) in enumerate(tool.ends))
+    cuts = ((a, b, _LID - 1 - number) for number, (a, b, _) in enumerate(tool.ends))
+    common = None if _is_apart(piece, tool) else piece.before(cuts)
     if common is None or common.area == 0:
         yield piece
         return
@@ -299,7 +313,39 @@ def _largest(bodies: Sequence[Convex]) -> tuple[Convex, ...]:
 
 
 def _holds(outer: Convex, inner: Convex) -> bool:
-    return all(height >= 0 for a, b, _ in outer.ends for height in inner.heights(a, b))
+    heights, unsure = _heights(outer, inner)
+    if heights.min() < -unsure:
+        return False
+    near = np.argwhere(heights <= unsure).tolist()
+    return all(_left(*outer.ends[k][:2], inner.corners[n]) >= 0 for k, n in near)
+
+
+def _is_apart(one: Convex, other: Convex) -> bool:
+    """Whether two polygons have no area in common."""
+    return bool(_beyond(one, other) or _beyond(other, one))
+
+
+def _beyond(outer: Convex, inner: Convex) -> list[int]:
+    """The numbers of the sides of a polygon outside of which another one lies."""
+    heights, unsure = _heights(outer, inner)
+
+    def is_beyond(k: int) -> bool:
+        near = np.flatnonzero(heights[k] >= -unsure).tolist()
+        return all(_left(*outer.ends[k][:2], inner.corners[n]) <= 0 for n in near)
+
+    return [k for k in np.flatnonzero(heights.max(axis=1) <= unsure).tolist() if is_beyond(k)]
+
+
+def _heights(outer: Convex, inner: Convex) -> tuple[Array, float]:
+    """Numbers (n, m) as of `Convex.heights`, of each corner of a polygon above each side of another one.
+
+    Returns:
+        They, and by how much floats may be off.
+    """
+    start, points = np.array(outer.outline), np.array(inner.outline)
+    along, ahead = np.roll(start, -1, axis=0) - start, points - start[:, None]
+    heights = along[:, :1] * ahead[..., 1] - along[:, 1:] * ahead[..., 0]
+    return heights, _UNSURE * max(outer.reach, inner.reach) ** 2
 
 
 def _few(bodies: Sequence[Convex], whole: float) -> tuple[Convex, ...]:
