@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from fmopt.plan import Plan
     from fmopt.plan.press import PressPlan
 
+_KNOWN = 3  # runs that tell what the rest takes
 _WIDE = 120  # columns that the whole table of moves needs
 
 
@@ -58,6 +59,7 @@ class Runs(_Progress):
         columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.fields[words]}"))
         self._bar = Progress(*columns, console=console, disable=silent or not console.is_terminal)
         self._task = self._bar.add_task(one_line(title), total=None, words="")
+        self._forecast = silent
 
     def __call__(self, tally: Any) -> None:
         """Shows how far a study is."""
@@ -65,6 +67,10 @@ class Runs(_Progress):
         pace = f", {tally.rate:.3g} a second, {duration(tally.left)} left" if tally.fresh else ""
         words = f"{tally.done} of {tally.total}{failed}{pace}"
         self._bar.update(self._task, total=tally.total, completed=tally.done, words=words)
+        if tally.fresh >= _KNOWN and not self._forecast and tally.left > 0.0:
+            self._forecast = True
+            words = f"the other runs take about {duration(tally.left)}; Ctrl-C stops, the same command goes on"
+            self._bar.console.print(words, highlight=False)
 
 
 def duration(seconds: float) -> str:

@@ -23,12 +23,14 @@ class Examination:
         min_rate: that the bound has to reach.
         seed: of the draws.
         examined: number of the plan among those examined for the problem, from 1.
+        threads: of the physics engine, None for as many as there are cores.
     """
 
     draws: int
     min_rate: float
     seed: int
     examined: int = 1
+    threads: int | None = None
 
 
 def examine(
@@ -36,7 +38,7 @@ def examine(
     progress: Callable[[str], None] = lambda _: None,
 ) -> Evidence:  # fmt: skip
     """Carries a plan out for all draws and vertices, whatever comes of the first ones."""
-    presses, threads = count_presses(plan), cores()
+    presses, threads = count_presses(plan), asked.threads or cores()
     progress(f"evidence: {asked.draws} draws and {VERTICES} vertices")
     numbers = range(asked.draws + VERTICES)
     drawn_part = drawn_errors(conditions, presses, asked.seed, numbers[: asked.draws])

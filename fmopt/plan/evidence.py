@@ -74,6 +74,13 @@ class Evidence:
     outcomes: tuple[TrialOutcome, ...]
     vertex_outcomes: tuple[TrialOutcome, ...]
 
+    @property
+    def cycle_times(self) -> tuple[float, float] | None:
+        """Median and 95 % of the cycle times of the draws that seat, s; None where none does."""
+        seconds = sorted(one.seconds for one in self.outcomes if one.seated)
+        late = min(int(0.95 * len(seconds)), len(seconds) - 1)
+        return (seconds[len(seconds) // 2], seconds[late]) if seconds else None
+
 
 def evidence_of(value: Any) -> Evidence:
     """The evidence of a plan file.

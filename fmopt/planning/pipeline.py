@@ -25,6 +25,7 @@ from fmopt.plan import Plan
 from fmopt.plan.description import CarriedOut, Description
 from fmopt.plan.diagnostics import ErrorTolerance, Reduced
 from fmopt.plan.field_types import numbers
+from fmopt.plan.press import PressPlan
 from fmopt.planning.control.controlled_motion import controlled
 from fmopt.planning.motion import Attempt, motion
 from fmopt.planning.optimise.bisection import ATTEMPTS, largest_share
@@ -156,6 +157,31 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
     document, verdict = _checked(press_document(posed, found.plan, found.evidence, found.trace, **described), TESTED)
     stages.ended("verify")
     return Synthesis(document, verdict, stages.seconds)
+
+
+@undisturbed()
+def tried_presses(problem: Problem, known: PressPlan | None = None) -> dict[str, Any]:
+    """The sealed plan of presses with its evidence; of known presses as they are, if any.
+
+    Raises:
+        InterferenceError, SearchError: there are no presses, or there is no time for their trials.
+    """
+    from fmopt.planning.press.record import press_document, subject
+    from fmopt.planning.press.solve import press_solution, tried_again
+
+    with until(clock() + problem.settings.time_limit):
+        posed = Posed.of(problem)
+
+        def subject_of(presses: PressPlan) -> str:
+            return subject(press_document(posed, presses, None))
+
+        try:
+            found = press_solution(posed, subject_of) if known is None else tried_again(posed, known, subject_of)
+        except OverdueError as error:
+            raise SearchError(error.message, error.advice, late=True) from error
+    if found.evidence is None:
+        raise SearchError(found.untried, late=True)
+    return _checked(press_document(posed, found.plan, found.evidence, found.trace), TESTED)[0]
 
 
 def _is_enclosed(problem: Problem) -> bool:

@@ -121,12 +121,10 @@ def _kind(reasons: Sequence[str]) -> str:
 
 def timing_words(evidence: Evidence) -> str:
     """Cycle time of the draws that seat, and their greatest force."""
-    seconds = sorted(one.seconds for one in evidence.outcomes if one.seated)
-    if not seconds:
+    if (times := evidence.cycle_times) is None:
         return ""
-    late = seconds[min(int(0.95 * len(seconds)), len(seconds) - 1)]
     peak = max(one.peak_force for one in evidence.outcomes)
-    return f"Cycle time {seconds[len(seconds) // 2]:.1f} s, 95 % within {late:.1f} s; force up to {peak:.1f} N."
+    return f"Cycle time {times[0]:.1f} s, 95 % within {times[1]:.1f} s; force up to {peak:.1f} N."
 
 
 def press_chapters(plan: Plan) -> list[tuple[str, str, str]]:

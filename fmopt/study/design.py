@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from os.path import isfile, normpath
 from pathlib import Path
 
-from fmopt.errors import Fault, InputError
+from fmopt.errors import Fault, FmoptError, InputError
+from fmopt.plan import read as read_plan
 from fmopt.study import study_file as files
 from fmopt.study.axes import Axis, Number, assignments, axes_of, count_of, points_of, unusable
 from fmopt.study.evaluation import QUANTITIES, missing
@@ -39,7 +40,7 @@ class Study:
     @property
     def question(self) -> Question:
         """What is computed of each run."""
-        return Question(self.base.name, self.file.compute, self.file.keep)
+        return Question(self.base.name, self.file.compute, self.file.keep, self.base.plan)
 
     @property
     def limits(self) -> Limits:
@@ -119,7 +120,9 @@ def load_study(path: Path) -> Study:
         raise InputError(*faults, place.fault("file-kind", f"{problem} is a study, not a problem", advice))
     # Its faults are told by themselves, with places in its own file: what follows takes it for sound.
     load(problem)
-    base = Base.read(problem)
+    plan = None if file.plan is None else Path(normpath(path.parent / file.plan))
+    unusable([*faults, *_plan_faults(source, file, plan)])
+    base = Base.read(problem, plan)
     axes, more = axes_of(source, file, reading, base.targets())
     faults += [*more, *_quantity_faults(source, file), *_sampling_faults(source, file)]
     unusable(faults)
@@ -128,6 +131,24 @@ def load_study(path: Path) -> Study:
     study = Study(source, file, base, tuple(axes), points_of(axes, file.sampling))
     unusable(_value_faults(study))
     return study
+
+
+def _plan_faults(source: Source, file: files.StudyFile, plan: Path | None) -> Iterator[Fault]:
+    """What speaks against trials of presses."""
+    others = {"plan", "margins", "tolerated_error", "bias", "execution"} & set(file.compute)
+    if "evidence" in file.compute and others:
+        message = f"'evidence' is of presses, {', '.join(map(repr, sorted(others)))} of guarded moves"
+        yield source.place(("compute",)).fault("conflict", message, "compute them in two studies")
+    if plan is None:
+        return
+    place = source.place(("plan",))
+    if "evidence" not in file.compute:
+        yield place.fault("conflict", "a plan is named, but no evidence is computed", 'add "evidence" to compute')
+    try:
+        if read_plan(plan).press_plan is None:
+            yield place.fault("conflict", f"{plan} has no presses", "name a plan of presses, or leave it out")
+    except FmoptError as error:
+        yield place.fault("file-missing", error.message, error.advice)
 
 
 def _quantity_faults(source: Source, file: files.StudyFile) -> Iterator[Fault]:
@@ -148,7 +169,7 @@ def _quantity_faults(source: Source, file: files.StudyFile) -> Iterator[Fault]:
             advice = "choose another name, such as " + repr(axis.name + "_set")
             place = source.place(("axes", n, "name"))
             yield place.fault("bad-name", f"a column is called {axis.name!r} already", advice)
-    if file.keep and not {"plan", "margins"} & set(file.compute):
+    if file.keep and not {"plan", "margins", "evidence"} & set(file.compute):
         place = source.place(("keep",))
         yield place.fault("conflict", "plans are to be kept but none is computed", 'add "plan" to compute')
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 from fmopt import plan
 from fmopt.errors import FmoptError, InfeasibleError, InputError, InterferenceError, SearchError
 from fmopt.plan import Plan
-from fmopt.study.running.batch import Run
+from fmopt.study.running.batch import Question, Run
 from fmopt.study.running.store import Row, Scalar
 from fmopt.study.targets import assigned, canonical_digest
 from fmopt.task.loading import problem_of
@@ -42,8 +42,9 @@ class Quantity:
 class Solved:
     """One problem, and what is known of it so far: each stage is done when it is first asked for, wholly if `kept`."""
 
-    def __init__(self, source: Source, problem: Problem, inputs: str, kept: bool) -> None:
-        self._source, self.problem, self._inputs, self._kept = source, problem, inputs, kept
+    def __init__(self, source: Source, problem: Problem, inputs: str, question: Question, presses: Path | None) -> None:
+        self._source, self.problem, self._inputs, self._presses = source, problem, inputs, presses
+        self._kept, self._tests = "plan" in question.keep, "evidence" in question.quantities
 
     @cached_property
     def clearance(self) -> Clearance:
@@ -90,8 +91,11 @@ class Solved:
 
     @cached_property
     def _written(self) -> dict[str, Any] | NoAnswer:
-        from fmopt.planning.pipeline import planned, proved
+        from fmopt.planning.pipeline import planned, proved, tried_presses
 
+        if self._tests:
+            known = None if self._presses is None else plan.read(self._presses).press_plan
+            return _tried(lambda: tried_presses(self.problem, known))
         return _tried(lambda: (planned if self._kept else proved)(self.problem, self.motion)[0])
 
 
@@ -111,16 +115,18 @@ def _given(found: T | NoAnswer) -> T:
 
 def evaluate(run: Run, folder: Path) -> Row:
     """The row of a run: depends on the run, the files in the folder, and the program alone."""
-    source = assigned(read(folder / run.question.problem), run.assigned)
+    question = run.question
+    source = assigned(read(folder / question.problem), run.assigned)
     try:
-        solved = Solved(source, problem_of(source), folder.name, "plan" in run.question.keep)
+        presses = folder / question.plan if question.plan else None
+        solved = Solved(source, problem_of(source), folder.name, question, presses)
     except InputError as error:
         words = "; ".join(f"{fault.key}: {fault.message}" for fault in error.faults)
         # The folder has another name on each host, and a row is the same on all of them.
         return Row(run.key, "input", words.replace(f"{folder}/", "")[:_LONGEST], {})
     answers: dict[str, Scalar] = {}
     reason = ""
-    for name in run.question.quantities:
+    for name in question.quantities:
         quantity = QUANTITIES[name]
         # Columns without an answer are there, and empty; what an earlier quantity answered stays.
         answers = {**dict.fromkeys(quantity.columns), **answers}
@@ -131,14 +137,14 @@ def evaluate(run: Run, folder: Path) -> Row:
             answers |= {"verdict": verdict, "shortfall": _shortfall(error)}
             reason = reason or _why(error)
     kept = b""
-    if "plan" in run.question.keep and answers.get("verdict") in ("CERTIFIED", "NOT_PROVED", "REFUTED", "TESTED"):
+    if "plan" in question.keep and answers.get("verdict") in ("CERTIFIED", "NOT_PROVED", "REFUTED", "TESTED"):
         kept = zlib.compress(plan.canonical(solved.document).encode(), 6)
     return Row(run.key, "done", reason, answers, kept)
 
 
 def missing(name: str) -> str:
     """Why a quantity cannot be computed here; nothing when it can."""
-    if name == "execution" and find_spec("mujoco") is None:
+    if name in ("execution", "evidence") and find_spec("mujoco") is None:
         return "it needs MuJoCo"
     return ""
 
@@ -231,6 +237,25 @@ def _execution(solved: Solved) -> dict[str, Scalar]:
     }
 
 
+def _evidence(solved: Solved) -> dict[str, Scalar]:
+    """Trials of presses, their errors the same draws in every run; `seats` has a digit for each, 1 where it seats."""
+    found = solved.plan.trials
+    assert found is not None  # else there is no plan
+    median, late = found.cycle_times or (None, None)
+    return {
+        "verdict": solved.plan.verdict,
+        "draws": found.draws,
+        "seated": found.seated,
+        "rate": found.seated / found.draws,
+        "bound": found.bound,
+        "first_tries": found.first_tries,
+        "vertices_seated": found.vertices_seated,
+        "cycle_time": median,
+        "cycle_time_95": late,
+        "seats": "".join(str(int(one.seated)) for one in found.outcomes),
+    }
+
+
 # Each has a verdict and a shortfall, which `evaluate` fills in where it has no answer.
 QUANTITIES: Mapping[str, Quantity] = {
     "clearance": Quantity(("clearance", "clearance_x", "clearance_y", "verdict", "shortfall"), _clearance),
@@ -243,5 +268,21 @@ QUANTITIES: Mapping[str, Quantity] = {
     "bias": Quantity(("verdict", "shortfall", "holds", "least_normal_force", "greatest_push"), _bias),
     "execution": Quantity(
         ("verdict", "shortfall", "trials", "successes", "success", "success_low", "success_high"), _execution
+    ),
+    "evidence": Quantity(
+        (
+            "verdict",
+            "shortfall",
+            "draws",
+            "seated",
+            "rate",
+            "bound",
+            "first_tries",
+            "vertices_seated",
+            "cycle_time",
+            "cycle_time_95",
+            "seats",
+        ),
+        _evidence,
     ),
 }

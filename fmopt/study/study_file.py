@@ -75,6 +75,8 @@ class StudyFile(Table):
     units: Units
     compute: Annotated[tuple[Name, ...], Field(min_length=1, max_length=32)]
     """What to compute of each run."""
+    plan: File | None = None
+    """A plan of presses, relative to this file, whose evidence is computed as it is; without it, of one plan a run."""
     keep: tuple[Literal["plan"], ...] = ()
     """What to keep of each run beside its row of the table."""
     axes: tuple[Axis, ...]

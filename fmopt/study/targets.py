@@ -57,10 +57,11 @@ class Base:
     inputs: Mapping[str, bytes]
     name: str
     content: str
+    plan: str = ""
 
     @staticmethod
-    def read(path: Path) -> Base:
-        """The base problem of a file, which loads without fault.
+    def read(path: Path, plan: Path | None = None) -> Base:
+        """The base problem of a file, which loads without fault, and a plan that its runs carry out.
 
         Raises:
             InputError: a file cannot be read.
@@ -85,12 +86,15 @@ class Base:
                 files[Path(normpath(mesh.absolute()))] = mesh
                 content = read_bytes(mesh, models[side].place(("mesh", "file")), MAX_MESH_BYTES)
                 said[f"{side} mesh"] = hashlib.sha256(content).hexdigest()
+        if plan is not None:
+            files[Path(normpath(plan.absolute()))] = plan
+            said["plan"] = hashlib.sha256(read_bytes(plan, source.place(()), MAX_MESH_BYTES)).hexdigest()
         # Laid out below the folder that they share, files find each other by the relative names that are in them.
         root = os.path.commonpath([file.parent for file in files])
         place = source.place(())
         inputs = {os.path.relpath(f, root): read_bytes(given, place, MAX_MESH_BYTES) for f, given in files.items()}
-        name = os.path.relpath(normpath(path.absolute()), root)
-        return Base(source, MappingProxyType(models), MappingProxyType(inputs), name, canonical_digest(said))
+        name, also = (os.path.relpath(normpath(one.absolute()), root) if one else "" for one in (path, plan))
+        return Base(source, MappingProxyType(models), MappingProxyType(inputs), name, canonical_digest(said), also)
 
     def targets(self) -> dict[str, Target]:
         """What may vary, by path."""

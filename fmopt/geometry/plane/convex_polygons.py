@@ -184,10 +184,10 @@ def _grown(piece: Convex, hull: Convex, tools: Sequence[Convex]) -> Convex:
 def _joined(piece: Convex, number: int, more: Convex) -> Convex:
     """A convex piece with what lies beyond a side of it between the lines of its neighbours."""
     at = more.corners.index(piece.corners[number])
-    corners, sides = (values[at:] + values[:at] for values in (more.corners, more.sides))
     # The last corner of the one is the end of the side, from which on the other goes on.
-    kept = piece.corners[:number] + corners[:-1] + piece.corners[number + 1 :]
-    return _straight(Convex(kept, piece.sides[:number] + sides[:-1] + piece.sides[number + 1 :]))
+    corners, sides = (more.corners[at:] + more.corners[:at])[:-1], (more.sides[at:] + more.sides[:at])[:-1]
+    kept = piece.corners[:number] + corners + piece.corners[number + 1 :]
+    return _straight(Convex(kept, piece.sides[:number] + sides + piece.sides[number + 1 :]))
 
 
 def _clear(body: Convex, tool: Convex, kept: Convex) -> Convex | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmopt.errors import OverdueError
-from fmopt.execution.evidence import Examination
+from fmopt.execution.evidence import Examination, examine
 from fmopt.execution.press_rig import PressRig
 from fmopt.execution.press_servo import RUNNING
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
@@ -72,6 +72,17 @@ def press_solution(
     with until(clock() + _TRACE_SECONDS), suppress(OverdueError):
         return replace(solution, trace=traced(task, plan, conditions))
     return solution
+
+
+def tried_again(posed: Posed, plan: PressPlan, subject_of: Callable[[PressPlan], str]) -> PressSolution:
+    """Presses that were chosen for another variant, tried as they are: parts, errors and hardware are of this one."""
+    problem, settings = posed.problem, posed.problem.settings
+    task = PressTask(problem, problem.moving, problem.fixed, posed.clearance, problem.start_box)
+    stated = robot_for(task)
+    robot = replace(plan.robot, stiffness=stated.stiffness, mass=stated.mass, inertia=stated.inertia)
+    same = replace(plan, robot=robot, seat=task.seat, filled=task.filled)
+    asked = Examination(settings.draws, settings.min_rate, settings.seed, threads=1)
+    return PressSolution(same, examine(task.bodies, same, conditions_of(problem), asked, subject_of(same)))
 
 
 def robot_for(task: PressTask) -> PressRobot:

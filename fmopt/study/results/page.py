@@ -13,12 +13,13 @@ from fmopt.report import shell
 from fmopt.report.scene import resource
 from fmopt.report.shell import Chapter, chaptered, figure, table
 from fmopt.study.results.figures import binding
-from fmopt.study.results.shares import Bin, Estimate, bins, rank_correlation, share, sobol_indices, trials
+from fmopt.study.results.shares import Bin, Estimate, bins, difference, rank_correlation, share, sobol_indices, trials
 from fmopt.study.results.table import Varied
 from fmopt.study.results.view import View, answer_label, axis_label, ticks
 from fmopt.study.sampling import CUBES
 
 _NUMBER = re.compile(r"(?<![\w])-?\d+(?:\.\d+)?(?:e-?\d+)?")  # none within a name, as in v3-f1
+_COMPARED = 100  # runs that are held against the first one
 _LISTED = 6  # numbers of runs that a group of failures names
 
 
@@ -31,6 +32,7 @@ def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
         ("figures", "Over the axes", "".join(picture(*figures[name]) for name in figures)),
         ("share", f"How often {view.goodness}", "".join(_bin_table(view, a, bins(view, a), shares) for a in mixed)),
         ("success", "How often it succeeds", "".join(_bin_table(view, a, trials(view, a), tried) for a in view.free)),
+        ("differences", "Run by run", _differences(view)),
         ("sensitivity", "What matters", _correlations(view) + _sobol(view)),
         ("binding", "What binds", _binding(view)),
         ("failures", "What failed", _failures(view)),
@@ -84,6 +86,18 @@ def _bin_table(view: View, axis: Varied, found: Sequence[Bin], words: tuple[str,
     places = _places(view, axis, [(b.low, b.high) for b in found])
     rows = [(p, str(b.good), str(b.total), _interval(b.share, 100.0)) for p, b in zip(places, found, strict=True)]
     return table(f"Over {axis_label(axis)}", (axis_label(axis), *words, "% (95 % interval)"), rows, "nnnn")
+
+
+def _differences(view: View) -> str:
+    """Runs against the first one whose draws are known: the draws are the same, so that noise is in common."""
+    seats = [line.get("seats") for line in view.results.lines]
+    known = [number for number, one in enumerate(seats) if isinstance(one, str)]
+    first, others = known[:1], known[1 : _COMPARED + 1]
+    found = [difference(str(seats[number]), str(seats[first[0]])) for number in others]
+    values = [_places(view, axis, [(x, x) for x in view.axis(axis)[others].tolist()]) for axis in view.free if others]
+    rows = list(zip(map(str, others), *values, (_interval(one, 100.0) for one in found), strict=True))
+    head = ("run", *map(axis_label, view.free), "points of % (95 % interval)")
+    return table(f"More draws that seat than in run {first[0]}" if first else "", head, rows, "n" * len(head))
 
 
 def _correlations(view: View) -> str:

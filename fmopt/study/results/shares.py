@@ -50,9 +50,10 @@ def bins(view: View, axis: Varied) -> list[Bin]:
 
 def trials(view: View, axis: Varied) -> list[Bin]:
     """The trials of all runs that were executed, by the values of an axis."""
-    if "trials" not in view.results.columns:
+    names = ("successes", "trials") if "trials" in view.results.columns else ("seated", "draws")
+    if names[1] not in view.results.columns:
         return []
-    good, total = view.column("successes"), view.column("trials")
+    good, total = map(view.column, names)
     known = np.flatnonzero(np.isfinite(total))
     return _bins(view, axis, known, good[known], total[known])
 
@@ -92,6 +93,17 @@ def share(successes: int, trials: int) -> Estimate:
     if not 0 <= successes <= trials or trials == 0:
         raise ValueError(f"{successes} of {trials} is no share")
     return Estimate(successes / trials, *success_interval(successes, trials))
+
+
+def difference(seats: str, others: str) -> Estimate:
+    """By how much more of the same draws seat in one run than in another, each digit 1 where one does.
+
+    The 95 % interval takes what is gained from what is lost, each with a Clopper–Pearson interval of 97.5 %.
+    """
+    pairs = [*zip(seats, others, strict=True)]
+    gained, lost = pairs.count(("1", "0")), pairs.count(("0", "1"))
+    more, less = (success_interval(count, len(pairs), 0.975) for count in (gained, lost))
+    return Estimate((gained - lost) / len(pairs), more[0] - less[1], more[1] - less[0])
 
 
 def rank_correlation(x: Array, y: Array) -> Estimate | None:

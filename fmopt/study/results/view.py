@@ -23,6 +23,9 @@ READ: Mapping[str, tuple[float, str]] = {
 ANSWERS: Mapping[str, tuple[str, float, str]] = {
     "margin": ("least margin", 1e6, "µm"),
     "tolerated_factor": ("tolerated start error, as a factor", 1.0, ""),
+    "rate": ("draws that seat", 100.0, "%"),
+    "bound": ("lower bound of their rate", 100.0, "%"),
+    "cycle_time": ("median cycle time", 1.0, "s"),
     "success": ("success when executed", 100.0, "%"),
     "least_normal_force": ("least normal force of the bias", 1.0, "N"),
     "clearance": ("measured clearance a side", 1e3, "mm"),
@@ -55,7 +58,7 @@ class View:
 
     @cached_property
     def good(self) -> Truth:
-        """Which runs came out well: certified, or held by their bias; all that are done where neither was asked."""
+        """Which runs came out well: certified, tested, held by their bias; all that are done where none was asked."""
         return np.array([line["outcome"] == "done" and self._well(line) for line in self.results.lines], dtype=bool)
 
     @cached_property
@@ -65,14 +68,16 @@ class View:
         # Columns of the quantities that make a plan, whose verdict then decides.
         if {"margin", "moves", "trials"} & set(columns):
             return "certified"
+        if "bound" in columns:
+            return "tested"
         return "held" if "holds" in columns else "feasible"
 
     def _well(self, line: Mapping[str, Scalar]) -> bool:
         match self.goodness:
             case "held":
                 return line["holds"] is True
-            case "certified":
-                return line["verdict"] == "CERTIFIED"
+            case "certified" | "tested":
+                return line["verdict"] == self.goodness.upper()
         return line.get("verdict") is None
 
     @cached_property

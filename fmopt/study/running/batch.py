@@ -17,11 +17,12 @@ Assigned = str | int | float | bool
 
 @dataclass(frozen=True)
 class Question:
-    """What all runs of a study have in common; the problem's file is relative to the folder of inputs."""
+    """What all runs of a study have in common; files of problem and plan are relative to the folder of inputs."""
 
     problem: str
     quantities: tuple[str, ...]
     keep: tuple[str, ...] = ()
+    plan: str = ""
 
 
 @dataclass(frozen=True)
