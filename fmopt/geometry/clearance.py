@@ -23,7 +23,7 @@ from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron, diameter, placed, plane_basis
 from fmopt.geometry.section import section_limit, shrunk
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 if TYPE_CHECKING:
     from shapely import MultiPolygon
@@ -83,7 +83,7 @@ def _directions(body: Polyhedron) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Clearance(Value):
+class Clearance(Value, where=(3,), labels={"where": "place of the smallest gap"}):
     """Measured clearance of a mating.
 
     Args:
@@ -100,9 +100,6 @@ class Clearance(Value):
     moving_face: int
     fixed_face: int
     half_diagonal: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "where", frozen(self.where, 3, name="place of the smallest gap"))
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from fmopt.geometry.convex_pieces import snapped
 from fmopt.geometry.facets import Indices, require_few
 from fmopt.geometry.polyhedron import Polyhedron, manifold_of, of_manifold, plane_basis, with_vertices
 from fmopt.runtime.clock import heed
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -48,16 +48,13 @@ _CHUNK_PLANES = 256  # planes that points are measured from at once
 
 
 @dataclass(frozen=True, eq=False)
-class Enclosure(Value):
+class Enclosure(Value, where=(3,), labels={"where": "place"}):
     """Convex bodies that enclose a solid, the boundary of all, by how much it stands out at most, m, and where (3,)."""
 
     bodies: tuple[Polyhedron, ...]
     boundary: Polyhedron
     off: float
     where: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
 
 
 def enclosing(points: Array, triangles: Indices, noise: float = 0.0) -> Enclosure:

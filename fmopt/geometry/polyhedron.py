@@ -30,15 +30,12 @@ _DECIMALS = 15  # of coordinates in m, once rounded: the normals of faces of 1 m
 
 
 @dataclass(frozen=True, eq=False)
-class Face(Value):
+class Face(Value, normal=(3,), labels={"normal": "face normal"}):
     """A planar face: its loops, and its plane normal·x = offset with the unit normal (3,) pointing outward."""
 
     loops: tuple[Loop, ...]
     normal: Array
     offset: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "normal", frozen(self.normal, 3, name="face normal"))
 
     @property
     def vertices(self) -> Loop:
@@ -56,7 +53,7 @@ class Edge:
 
 
 @dataclass(frozen=True, eq=False)
-class Polyhedron(Value):
+class Polyhedron(Value, vertices=(None, 3)):
     """A closed polyhedron, oriented outward: vertices (n, 3) in m, planar faces, edges; and exact balls beside it.
 
     `balls` are (vertex, radius in m): the vertex, which belongs to no face, is the centre of a ball of the body.
@@ -66,9 +63,6 @@ class Polyhedron(Value):
     faces: tuple[Face, ...]
     edges: tuple[Edge, ...]
     balls: tuple[tuple[int, float], ...] = ()
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", frozen(self.vertices, None, 3, name="vertices"))
 
     @cached_property
     def normals(self) -> Array:

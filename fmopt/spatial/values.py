@@ -57,18 +57,20 @@ class Value:
     """Base of frozen dataclasses that hold arrays: they stay read-only through pickling.
 
     A class names the shapes of its arrays, `class Stop(Value, gain=(6,))`: each is copied and checked as by `frozen`.
-    A name among the numbers of a shape stands for how many entries that field has.
+    A name among the numbers of a shape stands for how many entries that field has; errors call a field by its label.
     """
 
     _shapes: ClassVar[Mapping[str, tuple[int | str | None, ...]]] = {}
+    _labels: ClassVar[Mapping[str, str]] = {}
 
-    def __init_subclass__(cls, **shapes: tuple[int | str | None, ...]) -> None:
-        cls._shapes = {**cls._shapes, **shapes}
+    def __init_subclass__(cls, labels: Mapping[str, str] | None = None, **shapes: tuple[int | str | None, ...]) -> None:
+        cls._shapes, cls._labels = {**cls._shapes, **shapes}, {**cls._labels, **(labels or {})}
 
     def __post_init__(self) -> None:
         for name, shape in self._shapes.items():
             sizes = (len(getattr(self, n)) if isinstance(n, str) else n for n in shape)
-            object.__setattr__(self, name, frozen(getattr(self, name), *sizes, name=name.replace("_", " ")))
+            label = self._labels.get(name, name.replace("_", " "))
+            object.__setattr__(self, name, frozen(getattr(self, name), *sizes, name=label))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for key, value in state.items():

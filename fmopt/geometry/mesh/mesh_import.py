@@ -23,7 +23,7 @@ from fmopt.geometry.mesh.surface import Surface
 from fmopt.geometry.polyhedron import Polyhedron, from_triangles, manifold_of, placed
 from fmopt.geometry.section import require_plausible
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value, frozen, remembered
+from fmopt.spatial.values import Array, Value, remembered
 
 Unit = Literal["m", "dm", "cm", "mm", "um", "in"]
 
@@ -39,7 +39,7 @@ TOLD = 1e-7  # m: what facets are off their faces by more is said
 
 
 @dataclass(frozen=True, eq=False)
-class Imported(Value):
+class Imported(Value, where=(3,), labels={"where": "place"}):
     """A mesh as it came in.
 
     Args:
@@ -58,9 +58,6 @@ class Imported(Value):
     where: Array = field(default_factory=lambda: np.zeros(3))
     kind: Literal["mesh", "solid"] = "mesh"
     noise: float | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
 
     def moved(self, pose: Pose) -> Imported:
         """The mesh moved by a pose."""

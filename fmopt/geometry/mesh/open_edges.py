@@ -15,7 +15,7 @@ import numpy as np
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, first_within
 from fmopt.geometry.polyhedron import plane_basis
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 _BAND = 0.05  # of a loop's size: as far apart as this, two loops run along each other
 _MOST_GAPS = 100  # beyond which nothing is plain to see
@@ -27,7 +27,7 @@ _MOST_SPLITS = 10  # times that triangles are split at the rims of gaps
 
 
 @dataclass(frozen=True, eq=False)
-class Patch(Value):
+class Patch(Value, corners=(None, 3), labels={"corners": "rim of a gap"}):
     """What closes a gap of a mesh.
 
     Args:
@@ -40,9 +40,6 @@ class Patch(Value):
     corners: Array
     beside: int
     flush: bool = False
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "corners", frozen(self.corners, None, 3, name="rim of a gap"))
 
 
 @dataclass(frozen=True)

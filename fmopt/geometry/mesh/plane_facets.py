@@ -21,7 +21,7 @@ from fmopt.geometry.mesh.fitted_planes import EXACT, Fits, aligned, corners_of
 from fmopt.geometry.mesh.open_edges import MOST_OFF
 from fmopt.geometry.mesh.round_planes import evenly_out, is_even, through_columns
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, plane_basis
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 _SHARE = 2.5e-3  # of the diameter: the same for small parts
 _NOISE = 2e-6  # of the diameter: facets this close to one plane are one face, whatever the gap
@@ -35,15 +35,12 @@ _TINY = 1e-300  # m², in place of the square of no length
 
 
 @dataclass(frozen=True, eq=False)
-class Flattened(Value):
+class Flattened(Value, where=(3,), labels={"where": "place"}):
     """A surface of plane faces, how far the facets that it stands for lie off at most, m, and where (3,), m."""
 
     body: Polyhedron
     off: float
     where: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
 
 
 def flattened(points: Array, triangles: Indices, numbers: Indices, noise: float = 0.0) -> Flattened:

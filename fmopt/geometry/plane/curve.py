@@ -21,15 +21,11 @@ Side: TypeAlias = Literal["on", "left", "right"]
 
 
 @dataclass(frozen=True, eq=False)
-class Segment(Value):
+class Segment(Value, start=(2,), end=(2,)):
     """The straight piece from `start` (2,) to `end` (2,), both in m."""
 
     start: Array
     end: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "start", frozen(self.start, 2, name="start"))
-        object.__setattr__(self, "end", frozen(self.end, 2, name="end"))
 
     def point(self, t: ArrayLike) -> Array:
         """Points (…, 2) in m at parameters t (…)."""

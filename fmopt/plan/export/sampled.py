@@ -12,7 +12,7 @@ from fmopt.plan import Plan
 from fmopt.plan.export.cautions import check_rate
 from fmopt.plan.position_force import AXES
 from fmopt.runtime.escape import csv_comment
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 FORMAT = "fmopt.samples/1"
 COLUMNS = ("t", *(f"{name}_{axis}" for name in ("s", "pa", "fa") for axis in AXES))
@@ -26,18 +26,13 @@ _NOTES = (
 
 
 @dataclass(frozen=True, eq=False)
-class Samples(Value):
+class Samples(Value, t=(None,), s=("t", 6), pa=("t", 6), fa=("t", 6), labels={"t": "times"}):
     """Times (n,), s; S (n, 6); Pₐ (n, 6), m and rad; Fₐ (n, 6), the reaction, N and N·m."""
 
     t: Array
     s: Array
     pa: Array
     fa: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "t", frozen(self.t, None, name="times"))
-        for name in ("s", "pa", "fa"):
-            object.__setattr__(self, name, frozen(getattr(self, name), len(self.t), 6, name=name))
 
     @property
     def table(self) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.spatial.se3 import Pose, cross, hat, length
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 _RANK = 1e-6  # singular values of unit rows below this are zero
 _FREE = 1e-6  # of unit twists: a smaller part is none
@@ -23,7 +23,7 @@ _ALIGNED = 2e-12  # sine between an axis of the frame and a space that still hol
 
 
 @dataclass(frozen=True, eq=False)
-class Axes(Value):
+class Axes(Value, position=(None, 6), force=(None, 6), labels={n: f"{n} axes" for n in ("position", "force")}):
     """Position axes, twists (6 − r, 6), and force axes, wrenches (r, 6), in the coordinates of one frame.
 
     Position axes are orthonormal in the metric diag(1, 1, 1, ρ², ρ², ρ²), force axes in its dual; each position axis
@@ -33,10 +33,6 @@ class Axes(Value):
     position: Array
     force: Array
     aligned: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "position", frozen(self.position, None, 6, name="position axes"))
-        object.__setattr__(self, "force", frozen(self.force, None, 6, name="force axes"))
 
 
 def twist_scale(rho: float) -> Array:

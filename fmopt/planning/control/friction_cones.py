@@ -30,7 +30,7 @@ from fmopt.planning.optimise.cone_program import ConeProgram, Norm
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.se3 import cross, length
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 Places = NDArray[np.intp]
 
@@ -168,7 +168,9 @@ def _dot(a: Array, b: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionCones(Value):
+class FrictionCones(
+    Value, normal=(None, 6), tangent=("normal", 2, 6), labels={n: f"{n} rows" for n in ("normal", "tangent")}
+):
     """The friction cones of held contacts, by what a scaled twist does at their points.
 
     Args:
@@ -179,10 +181,6 @@ class FrictionCones(Value):
     normal: Array
     tangent: Array
     rho: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "normal", frozen(self.normal, None, 6, name="normal rows"))
-        object.__setattr__(self, "tangent", frozen(self.tangent, len(self.normal), 2, 6, name="tangent rows"))
 
     @staticmethod
     def of(wrenches: Array, arms: Array, rho: float, friction: float) -> FrictionCones:

@@ -36,7 +36,7 @@ _WORTH = 1e-3  # rad: a proof of less is left out
 
 
 @dataclass(frozen=True, eq=False)
-class Termination(Value):
+class Termination(Value, wrench=(6,), labels={"wrench": "termination wrench"}):
     """When a move ends: the reaction wrench (6,) that reaches the threshold (N), or the travel (m) or time (s) used up.
 
     The wrench is zero where no contact is expected; then the move ends with its travel.
@@ -46,9 +46,6 @@ class Termination(Value):
     threshold: float
     max_travel: float
     timeout: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "wrench", frozen(self.wrench, 6, name="termination wrench"))
 
 
 @dataclass(frozen=True, eq=False)
