@@ -99,16 +99,14 @@ class Assembly:
         """
         # Two planes that are not quite parallel part with the distance from the origin: the angle counts on the whole
         # reach.
-        turn = length(normal - other)
-        return turn * self.radius + abs(offset - other_offset) <= NEAR
+        return length(normal - other) * self.radius + abs(offset - other_offset) <= NEAR
 
 
 def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
     """See `Assembly.carried`; only what lies in a box around the piece is held against it."""
     # Twice the tolerance on every side: nothing within it is lost to the box.
     low, high = piece.vertices.min(axis=0) - 2.0 * TOUCH, piece.vertices.max(axis=0) + 2.0 * TOUCH
-    inside = np.all((part.vertices >= low) & (part.vertices <= high), axis=1)
-    near = np.flatnonzero(inside).tolist()
+    near = np.flatnonzero(np.all((part.vertices >= low) & (part.vertices <= high), axis=1)).tolist()
     vertices = [n for n in near if (lengths(piece.vertices - part.vertices[n]) <= TOUCH).any()]
     if piece.balls:
         # A ball is a piece of its own, a point without edges or faces.

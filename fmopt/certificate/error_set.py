@@ -224,5 +224,4 @@ class Linkage(Value, hole=(None, 3), hand=(None, 6), sizes=(4,)):
 
     def turned(self, turn: Array) -> Linkage:
         """The linkage after the part has turned by a rotation (3, 3)."""
-        hand = np.hstack([self.hand[:, :3] @ turn.T, self.hand[:, 3:] @ turn.T])
-        return replace(self, hand=hand)
+        return replace(self, hand=np.hstack([self.hand[:, :3] @ turn.T, self.hand[:, 3:] @ turn.T]))

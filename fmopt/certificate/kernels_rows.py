@@ -92,9 +92,7 @@ def _columns(row: Row) -> tuple[Vector, Vector, Vector]:
 def remainder(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], half: tuple[Vector, Vector]) -> float:
     """What the linear picture of a row leaves over a twist (Δ, τ) with errors in a box of half-widths, m and rad."""
     # Bilinear rows have products of translation and turn as well, and terms of third order.
-    if row["bilinear"]:
-        return _bent(row, ends, twist, half)
-    return _straight(row, ends, twist, half)
+    return _bent(row, ends, twist, half) if row["bilinear"] else _straight(row, ends, twist, half)
 
 
 @part

@@ -31,7 +31,6 @@ from fmopt.spatial.se3 import Pose, cross, lengths
 from fmopt.spatial.values import Array, fixed
 
 Mask = NDArray[np.bool_]
-Places = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

@@ -334,7 +334,7 @@ def _move(scale: Array, step: Array, T: Array, moved: Array) -> None:
     angle = max(math.sqrt(square), 1e-9)
     a, b = math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2
     for j in range(3):
-        column = _column(T, 0, j)
+        column = T[0, j], T[1, j], T[2, j]
         aside, along = cross(w, column), dot(w, column)
         for i in range(3):
             moved[i, j] = (1.0 - b * square) * column[i] + a * aside[i] + b * along * w[i]
@@ -373,11 +373,6 @@ def _surface(tables: Tables, number: int, T: Array, row: Array) -> float:
 @part
 def _position(T: Array) -> Vector:
     return T[0, 3], T[1, 3], T[2, 3]
-
-
-@part
-def _column(table: Array, n: int, j: int) -> Vector:
-    return table[n, j], table[n + 1, j], table[n + 2, j]
 
 
 @part

@@ -309,9 +309,7 @@ def _cosine(j: int, n: int) -> float:
 
 def _sine(j: int, n: int) -> float:
     """sin(π j / n) for 0 ≤ j ≤ 2n, equal up to sign for mirrored j."""
-    if j > n:
-        return -_sine(2 * n - j, n)
-    return math.sin(math.pi * min(j, n - j) / n)
+    return -_sine(2 * n - j, n) if j > n else math.sin(math.pi * min(j, n - j) / n)
 
 
 def _floats(name: str, values: tuple[float, ...], count: int) -> tuple[float, ...]:

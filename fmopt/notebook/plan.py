@@ -181,9 +181,7 @@ class Plan:
             found = verify(dict(self.document))
         except PlanError as error:
             raise PlanFormatError(str(error), "solve the problem with this version") from error
-        if problem is None:
-            return found
-        return found.unless(differences(self.stated, problem), (REMARK,))
+        return found if problem is None else found.unless(differences(self.stated, problem), (REMARK,))
 
     def placement(self, problem: task.Problem, radius: float | None = None) -> Placing:
         """The cone program that places the goal poses of this plan, as a CVXPY problem to be changed and solved.

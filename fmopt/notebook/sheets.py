@@ -39,8 +39,7 @@ def problem_sheet(problem: Problem) -> str:
         rows = [(line[:10].strip(), line[11:]) for line in lines]
     except InterferenceError as error:
         rows = [("infeasible", str(error))]
-    said = table(problem.title, ("", ""), rows)
-    return _sheet(said + show(problem, "parts")._repr_html_())
+    return _sheet(table(problem.title, ("", ""), rows) + show(problem, "parts")._repr_html_())
 
 
 def plan_sheet(plan: Plan) -> str:

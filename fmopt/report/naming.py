@@ -100,8 +100,7 @@ def touched_words(plan: Plan, contact: str) -> str:
     record = next((c for c in plan.contacts if c.id == contact), None)
     if record is None:
         return f"contact {contact}"
-    wall = _points(plan.fixed, record.fixed)
-    return f"{_fixed_words(wall)} {contact.partition('-')[2]}"
+    return f"{_fixed_words(_points(plan.fixed, record.fixed))} {contact.partition('-')[2]}"
 
 
 def _points(part: Part, vertices: Sequence[int]) -> Array:
@@ -165,9 +164,7 @@ def binding_label(plan: Plan, binding: str) -> str:
     if pair:
         return f"against {_side_words(plan.fixed, int(pair[2]))}"
     early = re.fullmatch(r"(\S+) too early", binding)
-    if early:
-        return f"{early[1]} made too early"
-    return f"bounds of {binding}" if binding else "nothing"
+    return f"{early[1]} made too early" if early else f"bounds of {binding}" if binding else "nothing"
 
 
 def _side_words(part: Part, number: int) -> str:

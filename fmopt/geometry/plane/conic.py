@@ -24,7 +24,7 @@ _MAX_HALVINGS = 40  # of the arc: 2⁻⁴⁰ of its parameters, where nothing is
 
 
 @dataclass(frozen=True, eq=False)
-class ConicArc(Value):
+class ConicArc(Value, first=(2,), shoulder=(2,), last=(2,)):
     """The conic arc from `first` to `last` (2,) in m, of weight w > 0, whose end tangents meet in `shoulder` (2,)."""
 
     first: Array
@@ -33,8 +33,7 @@ class ConicArc(Value):
     weight: float
 
     def __post_init__(self) -> None:
-        for name in ("first", "shoulder", "last"):
-            object.__setattr__(self, name, frozen(getattr(self, name), 2, name=name))
+        super().__post_init__()
         if not (math.isfinite(self.weight) and self.weight > 0.0):
             raise ValueError(f"a conic arc of weight {self.weight}")
 
@@ -232,7 +231,7 @@ def unit_roots(coefficients: Sequence[float], touch: float) -> list[float]:
         return []
     if len(coefficients) == 2:
         root = -coefficients[0] / coefficients[1] if coefficients[1] != 0.0 else math.nan
-        return [root] if 0.0 <= root <= 1.0 else _touching_ends(coefficients, touch)
+        return [root] if 0.0 <= root <= 1.0 else [t for t in (0.0, 1.0) if abs(_value(coefficients, t)) <= touch]
     derivative = [k * c for k, c in enumerate(coefficients)][1:]
     # Between roots of the derivative a polynomial is monotonic: one sign change is one root, none is none.
     stops = [0.0, *unit_roots(derivative, 0.0), 1.0]
@@ -244,10 +243,6 @@ def unit_roots(coefficients: Sequence[float], touch: float) -> list[float]:
             found.append(brentq(lambda t: _value(coefficients, t), a, b, xtol=1e-17, rtol=1e-15))
     # A turning point at 0 or 1 is a stop twice.
     return sorted(set(found))
-
-
-def _touching_ends(coefficients: Sequence[float], touch: float) -> list[float]:
-    return [t for t in (0.0, 1.0) if abs(_value(coefficients, t)) <= touch]
 
 
 def _value(coefficients: Sequence[float], t: float) -> float:

@@ -172,8 +172,7 @@ def _equation(b: Curve, own: Array) -> list[float] | None:
         return [float(c) for c in 0.5 * square / b.radius]
     # Seen from a point of the arc, since far from 0 its three corners make a matrix next to singular.
     origin = b.point(0.5)
-    local = ConicArc(b.first - origin, b.shoulder - origin, b.last - origin, b.weight)
-    matrix = local.implicit()
+    matrix = ConicArc(b.first - origin, b.shoulder - origin, b.last - origin, b.weight).implicit()
     # By the size of the gradient at the middle, for the same reason.
     gradient = 2.0 * float(np.hypot(*matrix[:2, 2]))
     rows = np.stack([x - origin[0] * w, y - origin[1] * w, w])
@@ -182,11 +181,9 @@ def _equation(b: Curve, own: Array) -> list[float] | None:
 
 
 def _flat(arc: ConicArc, tolerance: float) -> bool:
-    chord = float(np.hypot(*(arc.last - arc.first)))
-    return abs(arc.turn) <= tolerance * chord
+    return abs(arc.turn) <= tolerance * float(np.hypot(*(arc.last - arc.first)))
 
 
 def _straightened(a: ConicArc, b: Curve, tolerance: float) -> list[tuple[float, float]]:
     chord = Segment(a.first, a.last)
-    crossing = meet(chord, b, tolerance)
-    return [(float(a.nearest(chord.point(s)[None])[0]), t) for s, t in crossing]
+    return [(float(a.nearest(chord.point(s)[None])[0]), t) for s, t in meet(chord, b, tolerance)]

@@ -108,8 +108,7 @@ def cast(shape: TopoDS_Shape, kind: str) -> Any:
     from OCP.TopoDS import TopoDS
 
     name = kind.capitalize()
-    made = getattr(TopoDS, f"{name}_s" if hasattr(TopoDS, f"{name}_s") else name)
-    return made(shape)
+    return getattr(TopoDS, f"{name}_s" if hasattr(TopoDS, f"{name}_s") else name)(shape)
 
 
 def whole(solid: TopoDS_Shape) -> TopoDS_Shape:
@@ -167,8 +166,7 @@ def _name(label: TDF_Label) -> str:
     if not label.FindAttribute(TDataStd_Name.GetID_s(), found):
         return ""
     name: str = " ".join(found.Get().ToExtString().split())
-    own = name.lower() in _NAMELESS or name.isdigit() or name.startswith(_WRITER)
-    return "" if own else name
+    return "" if name.lower() in _NAMELESS or name.isdigit() or name.startswith(_WRITER) else name
 
 
 def openings(shapes: list[TopoDS_Shape]) -> str:

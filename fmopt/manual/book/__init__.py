@@ -127,9 +127,7 @@ def _turned(child: Token, name: str) -> None:
 def inside(link: str, name: str) -> str:
     """Where a link of page `name` leads within the one page; links to elsewhere stay as they are."""
     told = re.fullmatch(r"(?:(\w+)\.md)?(?:#([\w\-]+))?", link)
-    if told is None:
-        return link
-    return f"#{told[1] or name}.{told[2] or 'top'}"
+    return link if told is None else f"#{told[1] or name}.{told[2] or 'top'}"
 
 
 def blocks(text: str) -> list[tuple[str, str, int]]:

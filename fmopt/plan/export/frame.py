@@ -70,8 +70,7 @@ def _split(rows: Array) -> tuple[Array, Array, Array]:
     left, size, right = np.linalg.svd(rows[:, :3])
     # Axes as they are planned are orthonormal once scaled: sizes lie between 0 and 1, and the bound needs no scale.
     b = int(np.sum(size > _ALIGNED))
-    pure = left[:, b:].T @ rows[:, 3:]
-    _, extent, basis = np.linalg.svd(pure, full_matrices=False)
+    _, extent, basis = np.linalg.svd(left[:, b:].T @ rows[:, 3:], full_matrices=False)
     linked = (left[:, :b].T @ rows[:, 3:]) / size[:b, None]
     return np.asarray(basis[extent > _ALIGNED]), np.asarray(right[:b]), np.asarray(linked)
 

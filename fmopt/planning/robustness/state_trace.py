@@ -171,8 +171,7 @@ def _touching(assembly: Assembly, pose: Pose, start: Pose) -> frozenset[str]:
     """The contacts that touch at a pose; on the end of a face or an edge one counts if it did so at the start."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     near = near_contacts(body, fixed, pose, _NEAR, _TURNED)
-    level = np.abs(Surfaces.of(near, body, fixed).values(pose)) <= INSIDE
-    met = list(compress(near, level))
+    met = list(compress(near, np.abs(Surfaces.of(near, body, fixed).values(pose)) <= INSIDE))
     inside = BoundTable.of(met, body, fixed, pose).insides(pose)
     doubtful = list(compress(met, np.abs(inside) <= INSIDE))
     found = (*compress(met, inside > INSIDE), *touching(doubtful, body, fixed, start))

@@ -63,6 +63,4 @@ def answered(evaluate: Evaluate, run: Run, folder: Path) -> Row:
         words = " ".join(str(error).replace(str(folder) + "/", "").split())
         return Row(run.key, "error", f"{type(error).__name__}: {words}"[:500], {})
     strange = [name for name, x in row.answers.items() if isinstance(x, float) and not math.isfinite(x)]
-    if strange:
-        return Row(run.key, "error", f"not a finite number: {', '.join(strange)}", {})
-    return row
+    return Row(run.key, "error", f"not a finite number: {', '.join(strange)}", {}) if strange else row

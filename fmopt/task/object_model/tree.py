@@ -83,9 +83,7 @@ def moved(solid: Solid, pose: Pose) -> Solid:
     """The solid moved by a pose, placements composed."""
     if not pose.vector().any():
         return solid  # the object itself, with what is remembered of it
-    if isinstance(solid, Placed):
-        return Placed(solid.solid, pose.compose(solid.pose))
-    return Placed(solid, pose)
+    return Placed(solid.solid, pose.compose(solid.pose)) if isinstance(solid, Placed) else Placed(solid, pose)
 
 
 def moved_chain(chain: Chain, pose: Pose) -> Chain:

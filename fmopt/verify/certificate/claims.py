@@ -277,9 +277,7 @@ class _Growth:
                 for j, column in enumerate(motion.held_dual)
             ]
             q, most = max(q, sum(differs)), max(most, sum(times(x, y) + 1 for x, y in zip(differs, eta, strict=True)))
-        if q >= ONE:
-            return None
-        return [x + over(most, ONE - q) + 1 for x in eta]
+        return None if q >= ONE else [x + over(most, ONE - q) + 1 for x in eta]
 
     def _combined(self, mu: Row) -> tuple[int, int]:
         """Of r·μ what it is where the piece starts, and by how much it may differ from its values at both ends."""

@@ -286,12 +286,9 @@ class Facts:
     def _on_wall(self, plane: Plane, v: Vector) -> bool:
         return v in self.on(plane).points
 
-    def _beside(self, plane: Plane) -> tuple[Plane, ...]:
-        """Body planes that lie in a plane, as follows from a face beside them in a wall parallel to it."""
-        return self._planes_beside(len(self.turns), plane)
-
     @remembered
     def _planes_beside(self, turns: int, plane: Plane) -> tuple[Plane, ...]:
+        """Body planes that lie in a plane, as follows from a face beside them in a wall parallel to it."""
         assembly = self.assembly
         if assembly.form or not assembly.agree(plane, plane):
             return ()  # faces of a part may be off each other, or the plane is none of the parts' own
@@ -311,7 +308,7 @@ class Facts:
         them. All are in m.
         """
         wall = self.on(wall_plane)
-        raised, beside = list(above), self._beside(wall_plane)
+        raised, beside = list(above), self._planes_beside(len(self.turns), wall_plane)
         if self.turns and raised:
             raised += [v for v in self.assembly.body_points if any(self.level(wall_plane, v, p) for p in raised)]
         lines = wall.lines(self.assembly)
