@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -70,9 +70,9 @@ class HybridStrategy(Value):
     speed: float
     bias_wrench: Array
     push: float
-    termination: Termination
-    normal_forces: Array
     stays: Hold
+    normal_forces: Array
+    termination: Termination
 
     def __post_init__(self) -> None:
         for name in ("frame", "velocity", "bias_wrench"):
@@ -83,26 +83,12 @@ class HybridStrategy(Value):
 
     def document(self, held: Sequence[str], made: Sequence[str]) -> dict[str, Any]:
         """As in the plan file, with the names of the held and of the made contacts in the order of the guarded move."""
-        end = self.termination
+        forces = zip(held, self.normal_forces.tolist(), strict=True)
         return {
-            "frame": self.frame.tolist(),
-            "position_axes": self.position_axes.tolist(),
-            "force_axes": self.force_axes.tolist(),
-            "velocity": self.velocity.tolist(),
-            "speed": self.speed,
-            "bias_wrench": self.bias_wrench.tolist(),
-            "push": self.push,
+            **_plain(self),
             "stays": self.stays.value,
-            "normal_forces": [
-                {"contact": name, "force": force} for name, force in zip(held, self.normal_forces.tolist(), strict=True)
-            ],
-            "termination": {
-                "contacts": list(made),
-                "wrench": end.wrench.tolist(),
-                "threshold": end.threshold,
-                "max_travel": end.max_travel,
-                "timeout": end.timeout,
-            },
+            "normal_forces": [{"contact": name, "force": force} for name, force in forces],
+            "termination": {"contacts": list(made), **_plain(self.termination)},
         }
 
 
@@ -128,9 +114,9 @@ def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification)
         specification.speed,
         bias.wrench,
         bias.push,
-        Termination(threshold * move.reaction, threshold, travel, 2.0 * travel / specification.speed),
-        bias.normal_forces,
         bias.stays,
+        bias.normal_forces,
+        Termination(threshold * move.reaction, threshold, travel, 2.0 * travel / specification.speed),
     )
 
 
@@ -162,13 +148,13 @@ class JamFree(Value):
 
     def document(self) -> dict[str, Any]:
         """As in the plan file."""
-        return {
-            "push": self.push,
-            "least_push": self.least_push,
-            "angle": self.angle,
-            "planes": [{"towards": name, "angles": list(angles)} for name, angles in self.planes],
-            "twists": self.twists.tolist(),
-        }
+        planes = [{"towards": name, "angles": list(angles)} for name, angles in self.planes]
+        return {**_plain(self), "planes": planes}
+
+
+def _plain(value: Termination | HybridStrategy | JamFree) -> dict[str, Any]:
+    """The fields of a value, arrays as lists."""
+    return {name: x.tolist() if isinstance(x, np.ndarray) else x for name, x in asdict(value).items()}
 
 
 def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specification: Specification) -> JamFree | None:
