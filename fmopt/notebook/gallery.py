@@ -17,14 +17,8 @@ from fmopt.task.toml.source import read
 if TYPE_CHECKING:
     from fmopt.task.object_model.command import Answer
 
-_SAID = {  # what people call drawings of a plan, beside their names
-    "moves": "cut",
-    "motion": "scene",
-    "3d": "scene",
-    "graph": "states",
-    "margins": "margin",
-    "errors": "tube",
-}
+# What people call drawings of a plan, beside their names.
+_SAID = {"moves": "cut", "motion": "scene", "3d": "scene", "graph": "states", "margins": "margin", "errors": "tube"}
 _RHO = 0.01  # m: an assembly states no errors, so that the characteristic length plays no part
 
 

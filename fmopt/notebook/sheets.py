@@ -115,10 +115,6 @@ def segment_row(segment: Segment) -> dict[str, Any]:
         "margin": segment.margin,
         "clearance": segment.clearance,
         "binds": segment.binds,
-        "speed": hybrid.speed,
-        "push": hybrid.push,
-        "threshold": hybrid.threshold,
-        "max_travel": hybrid.max_travel,
-        "timeout": hybrid.timeout,
+        **{name: getattr(hybrid, name) for name in ("speed", "push", "threshold", "max_travel", "timeout")},
         **poses,
     }

@@ -73,17 +73,7 @@ def seating(moving: Part, fixed: Part, nodes: Sequence[Numbers]) -> str:
 def part_scene(part: Part) -> str:
     """A part alone, as a fragment of HTML: it can be turned and cut open, and nothing moves."""
     body, stock, quarter = faceted(body_of(part.body)), [*map(faceted, pieces_of(part))], (1, -1)
-    nothing: dict[str, Any] = {"polygons": [], "lines": []}
-    data = {
-        "moving": nothing,
-        "fixed": {"polygons": _skin(body, stock), "lines": _rounded(_creases(body))},
-        "open": _opened(body, stock, quarter),
-        "quarter": list(quarter),
-        "azimuth": _into(quarter),
-        "path": [_leg(Leg(0, (0.0,) * 6, (0.0,) * 6))],
-        "moves": [],
-        "contacts": {},
-    }
+    data = _fixed_data(body, stock, (quarter, _into(quarter)), [Leg(0, (0.0,) * 6, (0.0,) * 6)])
     return _viewer(data, f"Picture in three dimensions of {part.name}", " scene-still")
 
 
@@ -141,10 +131,19 @@ def _press_data(plan: Plan) -> dict[str, Any]:
 
 def _data(moving: Part, fixed: Part, legs: Sequence[Leg]) -> dict[str, Any]:
     """What the viewer shows of two parts on a way without moves."""
-    peg, block, stock = faceted(body_of(moving.body)), body_of(fixed.body), pieces_of(fixed)
-    quarter, azimuth = _opening(legs)
+    peg = faceted(body_of(moving.body))
+    skin = _skin(peg, [*map(faceted, pieces_of(moving))])
+    data = _fixed_data(body_of(fixed.body), pieces_of(fixed), _opening(legs), legs)
+    return {**data, "moving": {"polygons": skin, "lines": _rounded(_creases(peg))}}
+
+
+def _fixed_data(
+    block: Polyhedron, stock: Sequence[Polyhedron], view: tuple[tuple[int, int], float], legs: Sequence[Leg]
+) -> dict[str, Any]:
+    """What the viewer shows where nothing moves; `view` is the quarter to take away and the azimuth, rad."""
+    quarter, azimuth = view
     return {
-        "moving": {"polygons": _skin(peg, [*map(faceted, pieces_of(moving))]), "lines": _rounded(_creases(peg))},
+        "moving": {"polygons": [], "lines": []},
         "fixed": {"polygons": _skin(block, stock), "lines": _rounded(_creases(block))},
         "open": _opened(block, stock, quarter),
         "quarter": list(quarter),
@@ -183,8 +182,7 @@ def _pair(plan: Plan, contact: Contact) -> list[list[Any]]:
 
 
 def _places(part: Part, vertices: Sequence[int]) -> list[list[float]]:
-    points: list[list[float]] = _rounded([part.body.vertices[i] for i in vertices])
-    return points
+    return list(_rounded([part.body.vertices[i] for i in vertices]))
 
 
 def _rounded(points: Any) -> Any:

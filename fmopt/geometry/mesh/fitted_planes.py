@@ -20,19 +20,8 @@ _LEAST_SLACK = 1e-12  # rad
 _LEAST_LEAN = 1e-3  # of planes that are to fix a corner
 _STRAY = 100.0  # times how far facets are off their planes: corners may move so far along an edge
 _ROUNDS = 20  # of Newton's method
-_TURNS = (
-    4,
-    24,  # with it thirds, sixths, eighths and twelfths
-    5,
-    7,
-    9,
-    11,
-    16,
-    18,
-    22,
-    32,
-    36,
-)  # into how many parts a turn is divided by normals that belong together
+# Into how many parts a turn is divided by normals that belong together; 24 has thirds, sixths, eighths and twelfths.
+_TURNS = (4, 24, 5, 7, 9, 11, 16, 18, 22, 32, 36)
 
 Planes = tuple[Array, Array]
 

@@ -45,11 +45,8 @@ class Segment(Value, start=(2,), end=(2,)):
 
     def part(self, a: float, b: float) -> Segment:
         """The piece between the parameters a < b."""
-        return Segment(
-            # Ends are kept to the bit: shared vertices stay shared.
-            self.start if a == 0.0 else self.point(a),
-            self.end if b == 1.0 else self.point(b),
-        )
+        # Ends are kept to the bit: shared vertices stay shared.
+        return Segment(self.start if a == 0.0 else self.point(a), self.end if b == 1.0 else self.point(b))
 
     def moved(self, R: ArrayLike, offset: ArrayLike) -> Segment:
         """The image under p ↦ R p + offset with R (2, 2) orthogonal."""

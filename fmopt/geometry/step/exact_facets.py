@@ -134,19 +134,14 @@ class _Work:
             return [curve.at(float(t), float(s)) for t, s in zip(at, cuts.stretch[1:-1], strict=True)]
         parameters = np.linspace(curve.first, curve.last, _SAMPLES)
         angles = np.unwrap([_angle(curve.at(t), cuts) for t in parameters])
-        if angles[-1] < angles[0]:
-            angles = -angles
-            turns = -1.0
-        else:
-            turns = 1.0
+        turns = -1.0 if angles[-1] < angles[0] else 1.0
+        angles = turns * angles
         if np.diff(angles).min() <= 0.0:
             raise OtherSurfaceError("an edge that turns back")
         # Unwrapped, angles of an edge may be off the stops by whole turns.
         wanted = np.sort((turns * cuts.stops[:, None] + 2.0 * np.pi * np.arange(-2, 3)).ravel())
-        slack = _SLIVER
-        inside = wanted[(wanted > angles[0] + slack) & (wanted < angles[-1] - slack)]
-        if curve.closed:
-            inside = wanted[(wanted > angles[0] - slack) & (wanted < angles[-1] - slack)]
+        first = angles[0] - _SLIVER if curve.closed else angles[0] + _SLIVER
+        inside = wanted[(wanted > first) & (wanted < angles[-1] - _SLIVER)]
         return [self._on(curve, cuts, float(turns * angle), parameters, turns * angles) for angle in inside]
 
     def _on(self, curve: Curve, cuts: Cuts, angle: float, parameters: Array, angles: Array) -> Array:
@@ -168,12 +163,10 @@ class _Work:
         curve = self._grid.curves[edge]
         if curve.point_like:
             return []
-        first, last = curve.ends
-        inner = self._inner[edge]
-        start = first if forward else last
-        corners = inner if forward else inner[::-1]
-        alone = curve.closed and bool(inner)
-        return list(corners) if alone or self._passed(edge, start) else [start, *corners]
+        start = curve.ends[0 if forward else 1]
+        corners = self._inner[edge][:: 1 if forward else -1]
+        alone = curve.closed and bool(corners)
+        return corners if alone or self._passed(edge, start) else [start, *corners]
 
     def _passed(self, edge: Same, end: Array) -> bool:
         """Whether the facets run on past an end of an edge, which is there for the sake of a seam only."""
@@ -278,14 +271,11 @@ class _Work:
             raise OtherSurfaceError("a profile that is no arc")
         heights = surface.v[0] + profile.stops * (surface.v[1] - surface.v[0])
         for ends, stretch in _meridians(surface, around):
-            for j in range(len(heights) - 1):
-                low, high = (
-                    [
-                        surface.at(u, float(heights[i]), across, float(profile.stretch[i]))
-                        for u, across in zip(ends, stretch, strict=True)
-                    ]
-                    for i in (j, j + 1)
-                )
+            levels = [
+                [surface.at(u, float(height), across, float(along)) for u, across in zip(ends, stretch, strict=True)]
+                for height, along in zip(heights, profile.stretch, strict=True)
+            ]
+            for low, high in pairwise(levels):
                 yield np.array([low[0], low[1], high[1], high[0]])
 
     def _require_rectangle(self, number: int, surface: Surface) -> None:
@@ -296,13 +286,8 @@ class _Work:
             middle = curve.at(0.5 * (curve.first + curve.last))
             x, y, z = (middle - surface.origin) @ surface.axes
             if surface.is_parallel(curve):
-                rims = [surface.at(0.0, v) - surface.origin for v in surface.v]
-                off = min(
-                    float(
-                        np.hypot(np.hypot(x, y) - np.hypot(*(rim @ surface.axes[:, :2])), z - rim @ surface.axes[:, 2])
-                    )
-                    for rim in rims
-                )
+                rims = [(surface.at(0.0, v) - surface.origin) @ surface.axes for v in surface.v]
+                off = min(float(np.hypot(np.hypot(x, y) - np.hypot(*rim[:2]), z - rim[2])) for rim in rims)
             else:
                 angle = surface.around(middle)
                 off = min(float(np.hypot(x, y)) * abs(np.sin(0.5 * (angle - u))) for u in surface.u)

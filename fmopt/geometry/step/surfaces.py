@@ -220,13 +220,8 @@ def _agreement(adaptor: Any, axes: Array) -> float:
     """1 where d/du × d/dv of a surface looks to the side that the cross product of the first two axes does, else -1."""
     from OCP.gp import gp_Pnt, gp_Vec
 
-    u, v = (
-        0.5 * (first + last)
-        for first, last in (
-            (adaptor.FirstUParameter(), adaptor.LastUParameter()),
-            (adaptor.FirstVParameter(), adaptor.LastVParameter()),
-        )
-    )
+    u = 0.5 * (adaptor.FirstUParameter() + adaptor.LastUParameter())
+    v = 0.5 * (adaptor.FirstVParameter() + adaptor.LastVParameter())
     along_u, along_v = gp_Vec(), gp_Vec()
     adaptor.D1(u, v, gp_Pnt(), along_u, along_v)
     return 1.0 if np.cross(_xyz(along_u), _xyz(along_v)) @ np.cross(axes[:, 0], axes[:, 1]) > 0.0 else -1.0
