@@ -85,7 +85,7 @@ class Rig:
 
     def __init__(self, engine: Engine, program: Program, robot: Robot, drift: Array, noise: Any) -> None:
         self.engine, self.program, self.robot, self.drift, self.noise = engine, program, robot, drift, noise
-        self.table = Table.of(program)
+        self.table, self.scale = Table.of(program), np.repeat([1.0, program.rho], 3)  # twists to lengths
         self.qpos, self.qvel, self.depth = engine.qpos, engine.qvel, engine.depth
         self.n = n = len(self.qpos)
         self.time = 0.0
@@ -175,15 +175,16 @@ class Rig:
         led, going = _through(P, error), _through(P, actual)
         share = np.clip(state.gone / numbers[:, TRAVEL], 0.0, 1.0)[:, None]
         hold = (1.0 - share) * table.hold[here, 0] + share * table.hold[here, 1]
-        rubbed = self._rubbed(A, P, wanted)
-        giving = self._giving(A, P, hold - rubbed)
+        felt = np.asarray(np.linalg.solve(np.swapaxes(A, 1, 2), state.filtered[..., None])[..., 0], dtype=np.float64)
+        rubbed = self._rubbed(felt, P, wanted)
+        giving = self._giving(hold - rubbed + felt, P)
         K = np.repeat(robot.stiffnesses, 3) * numbers[:, SOFT, None]
         D = np.repeat(robot.dampings, 3) * np.sqrt(numbers[:, SOFT, None])  # 2 ζ √(K m): the ratio stays
         push = self._limited(K * led + D * (wanted - going), wanted, self._allowed(here))
         kept = self._cut(K * (error - led))
         press = kept + D * (giving - actual + going) - rubbed
         lead = (push - D * (wanted - going) + kept) / K
-        self._lead(A, lead + (wanted + giving) * robot.period)
+        self._lead(slice(None), A, lead + (wanted + giving) * robot.period)
         self.held = _through(np.swapaxes(A, 1, 2), hold)  # by the transpose, which keeps power
         return _through(np.swapaxes(A, 1, 2), push + press)
 
@@ -204,17 +205,15 @@ class Rig:
         start = np.where(state.moving < robot.starting, robot.mass * self.program.speed / robot.haste, 0.0)
         return np.asarray(np.minimum(push, self.program.limits[0]) + start)
 
-    def _giving(self, A: Array, P: Array, hold: Array) -> Array:
-        """Twists (n, 6) with which the force-controlled axes give way to what is missing of their wrench."""
-        felt = np.linalg.solve(np.swapaxes(A, 1, 2), self.state.filtered[..., None])[..., 0]
-        missing = hold + felt
+    def _giving(self, missing: Array, P: Array) -> Array:
+        """Twists (n, 6) with which the force-controlled axes give way to what is missing of their wrench (n, 6)."""
         missing = missing - _through(np.swapaxes(P, 1, 2), missing)
         settling = (self.state.moving < 0.0)[:, None]
         robot = self.robot
         given = missing / np.where(settling, np.repeat(robot.settled, 3), np.repeat(robot.resistances, 3))
         return np.asarray(given - _through(P, given))
 
-    def _rubbed(self, A: Array, P: Array, wanted: Array) -> Array:
+    def _rubbed(self, felt: Array, P: Array, wanted: Array) -> Array:
         """Wrenches (n, 6) of friction on force-controlled axes, by the coefficient that the way there tells of.
 
         Along the motion nothing but friction resists before the new contact, so that the power of the reaction along
@@ -223,7 +222,6 @@ class Rig:
         state, robot = self.state, self.robot
         rubbing = self.table.rubbing[state.shown]
         power = np.sum(rubbing * wanted, axis=1)
-        felt = np.linalg.solve(np.swapaxes(A, 1, 2), state.filtered[..., None])[..., 0]
         told = np.sum(felt * wanted, axis=1) / np.minimum(power, -1e-9)
         told = np.where(power < -1e-9, np.clip(told, 0.0, self.program.friction), 0.0)
         state.friction += robot.period / robot.learning * (told - state.friction)
@@ -232,8 +230,7 @@ class Rig:
 
     def _limited(self, push: Array, wanted: Array, limit: Array) -> Array:
         """The servo's wrench with its part along the motion, and then its force and torque, cut to their limits."""
-        rho = self.program.rho
-        scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
+        scale = self.scale
         size = np.linalg.norm(wanted * scale, axis=1, keepdims=True)
         along = wanted * scale / np.maximum(size, 1e-12)
         scaled = push / scale
@@ -247,12 +244,11 @@ class Rig:
         sizes = np.maximum(*(np.linalg.norm(half, axis=1) / limit for half, limit in halves))
         return np.asarray(wrench / np.maximum(sizes, 1.0)[:, None])
 
-    def _lead(self, A: Array, lead: Array) -> None:
-        """Reference poses: the part's, led by these twists (n, 6) of the frames."""
-        state = self.state
+    def _lead(self, bodies: NDArray[np.intp] | slice, A: Array, lead: Array) -> None:
+        """Reference poses of bodies: the parts', led by these twists (n, 6) of the frames."""
         back = np.asarray(np.linalg.solve(A, lead[..., None])[..., 0], dtype=np.float64)
-        state.p = self.qpos[:, :3] + back[:, :3]
-        state.q = product(quaternions(back[:, 3:]), self.qpos[:, 3:])
+        self.state.p[bodies] = self.qpos[bodies, :3] + back[:, :3]
+        self.state.q[bodies] = product(quaternions(back[:, 3:]), self.qpos[bodies, 3:])
 
     def _decide(self, here: Ints, way: Array) -> list[Event]:
         """Felt, deep or late: bodies that leave their step, and where they go."""
@@ -295,8 +291,7 @@ class Rig:
 
     def _gone(self, here: Ints) -> Array:
         """Ways (n,) along the twists of the steps in the last period, m in the metric of ρ."""
-        rho = self.program.rho
-        scaled = np.array([1.0, 1.0, 1.0, rho, rho, rho]) ** 2 * self.table.twist[here]
+        scaled = self.scale**2 * self.table.twist[here]
         return np.asarray(np.sum(self.moved * scaled, axis=1) / np.maximum(self.table.speed[here], 1e-12))
 
     def _enter(self, bodies: NDArray[np.intp], steps: Ints, moves: Array) -> None:
@@ -317,14 +312,11 @@ class Rig:
         """Reference poses where the parts are, but for the lead that presses what is held."""
         if not len(bodies):
             return
-        state, here = self.state, self.state.shown[bodies]
-        numbers = self.table.numbers[here]
+        here = self.state.shown[bodies]
         A = _adjoint(self.table.rotation[here], self.table.origin[here])
-        lead = np.asarray(self.table.hold[here, 0] / (np.repeat(self.robot.stiffnesses, 3) * numbers[:, SOFT, None]))
-        lead = lead - _through(self.table.position[here], lead)
-        back = np.asarray(np.linalg.solve(A, lead[..., None])[..., 0], dtype=np.float64)
-        state.p[bodies] = self.qpos[bodies, :3] + back[:, :3]
-        state.q[bodies] = product(quaternions(back[:, 3:]), self.qpos[bodies, 3:])
+        stiffnesses = np.repeat(self.robot.stiffnesses, 3) * self.table.numbers[here, SOFT, None]
+        lead = np.asarray(self.table.hold[here, 0] / stiffnesses)
+        self._lead(bodies, A, lead - _through(self.table.position[here], lead))
 
 
 def _adjoint(R: Array, r: Array) -> Array:
