@@ -19,7 +19,14 @@ from numpy.typing import NDArray
 from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import snapped
 from fmopt.geometry.facets import Indices, require_few
-from fmopt.geometry.polyhedron import Polyhedron, manifold_of, of_manifold, plane_basis, with_vertices
+from fmopt.geometry.polyhedron import (
+    Polyhedron,
+    halfspace_corners,
+    manifold_of,
+    of_manifold,
+    plane_basis,
+    with_vertices,
+)
 from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array, Value
 
@@ -288,7 +295,7 @@ class _Bounds:
 
     def corners(self, size: float, out: float = 0.0) -> Array:
         """The corners (n, 3) of what the planes bound, m, each of them a distance farther out."""
-        return _corners(self.planes - [0.0, 0.0, 0.0, out], self.inside, size)
+        return halfspace_corners(self.planes[:, :3], out - self.planes[:, 3], self.inside, size)
 
 
 def _bounds(body: _Body, few: int) -> _Bounds:
@@ -303,7 +310,8 @@ def _bounds(body: _Body, few: int) -> _Bounds:
     box = np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.full(6, -2.0)])
     chosen = list[int]()
     while True:
-        corners = _corners(np.vstack([box, planes[chosen]]), np.zeros(3), 1.0)
+        taken = np.vstack([box, planes[chosen]])
+        corners = halfspace_corners(taken[:, :3], -taken[:, 3], np.zeros(3), 1.0)
         beyond = corners @ planes[:, :3].T + planes[:, 3]
         order = np.argsort(-np.round(beyond.max(axis=0), 12), kind="stable")
         most, seen = float(beyond[:, order[0]].max()), set[int]()
@@ -315,15 +323,6 @@ def _bounds(body: _Body, few: int) -> _Bounds:
             if beyond[at, plane] > 0.5 * most and at not in seen and len(chosen) < _MAX_PLANES:
                 seen.add(at)
                 chosen.append(plane)
-
-
-def _corners(planes: Array, middle: Array, size: float) -> Array:
-    """The corners (n, 3) of what planes (k, 4) around a point (3,) bound, m."""
-    from scipy.spatial import HalfspaceIntersection
-
-    # Qhull rounds by the size of numbers: it gets the planes about the point, in sizes.
-    rows = np.column_stack([planes[:, :3], (planes[:, 3] + planes[:, :3] @ middle) / size])
-    return np.asarray(middle + size * HalfspaceIntersection(rows, np.zeros(3)).intersections)
 
 
 def _boundary(bounds: Sequence[_Bounds], size: float) -> Polyhedron:

@@ -24,6 +24,7 @@ from fmopt.geometry.polyhedron import (
     convex_hull_polyhedron,
     from_faces,
     from_triangles,
+    halfspace_corners,
     level,
     manifold_of,
     placed,
@@ -141,13 +142,9 @@ def _is_free(corners: Array, shape: Manifold, part: Polyhedron) -> bool:
 
 def _corners(part: Polyhedron, normal: Array, offset: float, height: float) -> Array:
     """Corners (n, 3), but for rounding, of the part with the face in a plane pushed out to a height; see `_pushed`."""
-    from scipy.spatial import HalfspaceIntersection
-
     own = (part.normals @ normal > 1.0 - 1e-9) & (np.abs(part.offsets - offset) < 1e-9)
     offsets = np.where(own, height, part.offsets)
-    middle, size = part.vertices.mean(axis=0), part.diameter
-    room = np.column_stack([part.normals, (part.normals @ middle - offsets) / size])
-    return np.asarray(middle + size * HalfspaceIntersection(room, np.zeros(3)).intersections)
+    return halfspace_corners(part.normals, offsets, part.vertices.mean(axis=0), part.diameter)
 
 
 def _pushed(part: Polyhedron, normal: Array, offset: float, height: float) -> Polyhedron | None:
@@ -197,15 +194,10 @@ def _opened(tool: Polyhedron, outer: Polyhedron, tol: float) -> Hull:
 
     Only what lies beyond a plane of the hull is added, where there is nothing to cut.
     """
-    from scipy.spatial import HalfspaceIntersection
-
     alike = tool.normals @ outer.normals.T > 1.0 - 1e-9
     at_hull = np.any(alike & (np.abs(tool.offsets[:, None] - outer.offsets) <= 4.0 * tol), axis=1)
     offsets = tool.offsets + np.where(at_hull, _PUSHED * outer.diameter, 0.0)
-    # Qhull wants a point inside, and rounds by the size of numbers: both are seen from the tool's middle, in sizes.
-    middle, size = tool.vertices.mean(axis=0), outer.diameter
-    room = np.column_stack([tool.normals, (tool.normals @ middle - offsets) / size])
-    corners = middle + size * HalfspaceIntersection(room, np.zeros(3)).intersections
+    corners = halfspace_corners(tool.normals, offsets, tool.vertices.mean(axis=0), outer.diameter)
     for normal, offset in zip(tool.normals[~at_hull], offsets[~at_hull], strict=True):
         for axis in np.flatnonzero(np.abs(normal) == 1.0):
             near = np.abs(corners[:, axis] - normal[axis] * offset) <= tol

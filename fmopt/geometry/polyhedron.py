@@ -338,6 +338,15 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
         return of_manifold(Manifold.hull_points(cloud), reach)
 
 
+def halfspace_corners(normals: Array, offsets: Array, inside: Array, size: float) -> Array:
+    """The corners (n, 3) of what planes (k, 3), (k,), m, around a point (3,) inside bound, m; of about this size, m."""
+    from scipy.spatial import HalfspaceIntersection
+
+    # Qhull wants a point inside, and rounds by the size of numbers: it gets the planes seen from there, in sizes.
+    rows = np.column_stack([normals, (normals @ inside - offsets) / size])
+    return np.asarray(inside + size * HalfspaceIntersection(rows, np.zeros(3)).intersections)
+
+
 def manifold_of(points: Array, triangles: NDArray[np.int64]) -> Manifold:
     """The manifold3d solid of triangles (m, 3) over points (n, 3)."""
     from manifold3d import Manifold, Mesh64

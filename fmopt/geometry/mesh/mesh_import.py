@@ -223,8 +223,9 @@ def _of_shells(shells: United, rounding: float) -> Imported:
     """See `mesh_polyhedron`."""
     span = _span(shells.points)
     closed = _best(shells.points, shells.triangles, span)
+    noise = closed.moved + shells.moved + rounding
     try:
-        flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + shells.moved + rounding)
+        flat = flattened(closed.points, closed.triangles, closed.numbers, noise)
         if flat.off > _CURVED:
             raise GeometryError("the facets are those of curved surfaces")
     except GeometryError as error:
@@ -233,7 +234,6 @@ def _of_shells(shells: United, rounding: float) -> Imported:
         crossing = first_crossing(closed.points, closed.triangles, _FLAT * span)
         _require_simple(closed.points, closed.triangles, crossing, closed.numbers)
         try:
-            noise = closed.moved + shells.moved + rounding
             return _as_facets(closed.points, closed.triangles, (*shells.notes, *closed.notes), noise)
         except GeometryError:
             raise error from None
@@ -360,10 +360,8 @@ def _moved(points: Array, merged: Array) -> float:
 
 def _once(triangles: Indices, numbers: Indices) -> tuple[Indices, Indices, int]:
     """Each triangle once, whichever corner comes first, and how many were left out."""
-    first = np.argmin(triangles, axis=1)
-    alike = np.stack(
-        [np.take_along_axis(triangles, ((first + k) % 3)[:, None], axis=1)[:, 0] for k in range(3)], axis=1
-    )
+    first = np.argmin(triangles, axis=1)[:, None]
+    alike = np.take_along_axis(triangles, (first + np.arange(3)) % 3, axis=1)
     kept = np.sort(np.unique(alike, axis=0, return_index=True)[1])
     return triangles[kept], numbers[kept], len(triangles) - len(kept)
 
@@ -380,12 +378,8 @@ def _turned(points: Array, triangles: Indices, corners: Array, called: Indices) 
     if len(turned) >= len(np.unique(called[own])):
         return ["all triangles faced inward and were turned"]
     where = f"triangle {turned[0]} at {place(points[triangles[turned[0], 0]])}"
-    one = len(turned) == 1
-    return [
-        f"{where} faced the other way and was turned"
-        if one
-        else f"{len(turned)} triangles faced the other way and were turned, {where} first"
-    ]
+    many = f"{len(turned)} triangles faced the other way and were turned, {where} first"
+    return [f"{where} faced the other way and was turned" if len(turned) == 1 else many]
 
 
 def _evened(off: float, where: Array) -> list[str]:
@@ -413,11 +407,8 @@ def _left_out(points: Array, triangles: Indices, kept: Indices) -> list[str]:
     if not len(lost):
         return []
     where = f"triangle {lost[0]} at {place(points[triangles[lost[0], 0]])}"
-    return [
-        f"{where} has no area and was left out"
-        if len(lost) == 1
-        else f"{len(lost)} triangles have no area and were left out, {where} first"
-    ]
+    many = f"{len(lost)} triangles have no area and were left out, {where} first"
+    return [f"{where} has no area and was left out" if len(lost) == 1 else many]
 
 
 def _gap(patch: Patch) -> str:

@@ -94,12 +94,7 @@ class _Heap:
         # About the middle: spreads are differences of squares, which would cancel far from it.
         corners = parts.vertices[parts.triangles] - parts.vertices.mean(axis=0)
         count = len(parts.members)
-        self.size, self.sums, self.products, self.areas = (
-            np.zeros(count),
-            np.zeros((count, 3)),
-            np.zeros((count, 3, 3)),
-            np.zeros((count, 3)),
-        )
+        self.size, self.sums, self.products, self.areas = (np.zeros((count, *n)) for n in ((), (3,), (3, 3), (3,)))
         np.add.at(self.size, parts.region, 3.0)
         np.add.at(self.sums, parts.region, corners.sum(axis=1))
         np.add.at(self.products, parts.region, np.einsum("nki,nkj->nij", corners, corners))
