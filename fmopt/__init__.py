@@ -25,8 +25,6 @@ Lengths are in m, angles in rad, forces in N and torques in N·m everywhere but 
 wrong on purpose raises a `fmopt.FmoptError`, which says where, by how much, and what to change.
 """
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

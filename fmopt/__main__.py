@@ -1,7 +1,5 @@
 """`python -m fmopt`, and the command `fmopt`: signals are answered before anything heavy is loaded."""
 
-from __future__ import annotations
-
 from typing import NoReturn
 
 from fmopt.runtime.process import run

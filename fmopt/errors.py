@@ -1,7 +1,5 @@
 """Every error that leaves the package: one tree, each leaf with its exit code, its data and its advice."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

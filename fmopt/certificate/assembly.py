@@ -3,8 +3,6 @@
 The function of a contact as an equality: zero exactly while the contact is held, positive before it is made.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

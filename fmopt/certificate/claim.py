@@ -1,7 +1,5 @@
 """The claim of one piece of motion: every pair of convex pieces apart, every contact inside its facet, with margins."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby

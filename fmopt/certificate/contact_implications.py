@@ -6,8 +6,6 @@ wall altogether, a face hinged in the wall stays on the side on which one of its
 body direction onto a known one of the world, and beside it an edge that lies in another wall does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain

@@ -21,8 +21,6 @@ goal, that one is within Δ (|a Q⁻¹| + W_a |Q⁻¹|) (I − W_Q |Q⁻¹|)⁻�
 direction, with Q the rows of those held alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

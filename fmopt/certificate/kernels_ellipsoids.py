@@ -3,8 +3,6 @@
 An ellipsoid {F u: |u| ≤ 1} is held as its root F (6, k), m and rad; with generators (k, 6) it is a set of errors.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

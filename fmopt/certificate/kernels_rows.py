@@ -7,8 +7,6 @@ A row is a function of the pose p, R of the moving part,
 which is what definitions of contacts come to (`rows`). What the formulas of remainders mean is told in `curvature`.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np

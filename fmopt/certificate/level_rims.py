@@ -4,8 +4,6 @@ A face that two of its edges hold on a rim has all of that rim in its plane, whe
 it. A rim that lies farther out by no more than a parallel face of the part lies farther in is not behind that face.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations

@@ -1,7 +1,5 @@
 """Pairs of convex pieces, the contacts between them, and the planes that may keep them apart."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -3,8 +3,6 @@
 What the formulas mean is told where rows, their curvature and supports of error sets are.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 What is computed is said in `curvature` and `segment`, whose letters these are.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 The application, and what its commands share.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable, Sequence

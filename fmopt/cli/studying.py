@@ -1,7 +1,5 @@
 """`fmopt study` and `fmopt study report`."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is done with a plan: `fmopt export`, `show`, `examples`, `execute`, `compare`; and `fmopt manual`."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

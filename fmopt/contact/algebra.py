@@ -4,8 +4,6 @@ One definition is called with SymPy's matrices (formula, derivatives, kernels), 
 numbers (tests), NumPy's arrays, and names (what a notebook shows). Nothing is parsed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum

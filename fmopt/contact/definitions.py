@@ -7,8 +7,6 @@ fmopt.contact.generate` writes them anew), the functions of nonlinear programs a
 it. [DakinPopplestone1993] section 2 and Appendix I.
 """
 
-from __future__ import annotations
-
 from fmopt.contact.algebra import CONTACTS, Body, Matrix, Scalar, Vector, World, contact, cross, dot, norm, row
 
 __all__ = ["CONTACTS"]

@@ -3,8 +3,6 @@
 What contacts and their bounds ask of a pose is told in `fmopt.contact.realisation`; here is the arithmetic of it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

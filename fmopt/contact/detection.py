@@ -4,8 +4,6 @@ Features can when they are near enough to each other, and when some turn small e
 a normal of the other. The normals of a convex vertex are a cone, those of a convex edge an arc.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

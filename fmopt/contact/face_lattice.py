@@ -1,7 +1,5 @@
 """The face lattice of a pointed polyhedron from the planes that hold each of its corners: combinatorics alone."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

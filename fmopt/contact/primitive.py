@@ -3,8 +3,6 @@
 [DakinPopplestone1993] section 2.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Each attempt after the first has a rig of its own for the bodies that make it, w
 failed: what becomes of a body depends on no other, and those that do not fail see nothing of recovery.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

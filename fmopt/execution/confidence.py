@@ -1,7 +1,5 @@
 """Confidence in success rates: Clopper–Pearson intervals, which hold for few trials and for rates near 0 and 1, too."""
 
-from __future__ import annotations
-
 from scipy.stats import binomtest
 
 from fmopt.plan.evidence import CONFIDENCE

@@ -1,7 +1,5 @@
 """Evidence: a frozen plan of presses carried out for draws that nothing was chosen on, and for all vertices."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Rotations of one body as numbers, for kernels; `rotation` has those of many bodies at once."""
 
-from __future__ import annotations
-
 from math import atan2, cos, sin, sqrt
 from typing import TypeAlias
 

@@ -1,7 +1,5 @@
 """Noise of sensors: standard normal samples, each body from its own stream."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -11,8 +11,6 @@ before each move; the friction there, which would turn the part off what it hold
 What tells a robot that a new contact is made: forces on it, by how long they last and whether they slow the part.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 

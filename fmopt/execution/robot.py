@@ -1,7 +1,5 @@
 """The robot that carries plans out: apparent mass, servo, force sensor, and when it has felt a contact."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import exp, pi, sqrt
 

@@ -1,7 +1,5 @@
 """Rotations of many bodies at once: exponentials, logarithms, quaternions, along the last axes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmopt.spatial.se3 import cross

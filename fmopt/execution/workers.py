@@ -1,7 +1,5 @@
 """Chunks of trials on all cores: processes that are given one chunk after the other, and end with who gives them."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection, wait

@@ -1,7 +1,5 @@
 """Names of bodies of a file that holds several: told apart, and chosen by name or number."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Container, Sequence
 

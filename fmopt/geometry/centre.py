@@ -1,7 +1,5 @@
 """Where the middle of a section is, and which way its x axis points."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmopt.spatial.values import Array

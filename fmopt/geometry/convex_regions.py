@@ -1,7 +1,5 @@
 """Convex parts of a polygon in space, each by edges before which it lies."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

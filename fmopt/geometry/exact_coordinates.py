@@ -8,8 +8,6 @@ planar graph with four sides to each region, in which one has three neighbours a
 order. What is plane in floats stays as it is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Mating features of a part: solid ones (pegs) and hollow ones (holes), each with a frame where it mates."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Literal

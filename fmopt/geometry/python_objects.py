@@ -3,8 +3,6 @@
 None of these libraries is imported here: whoever has such an object has imported its library already.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -3,8 +3,6 @@
 The problem file that such a question stands for is written, so that a plan can be held against it later.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """What has to hold of a plan before it is used: that the check certifies it, or its evidence."""
 
-from __future__ import annotations
-
 from fmopt.errors import PlanFormatError, UnprovedError
 from fmopt.plan import Plan
 from fmopt.verify import CERTIFIED, TESTED, PlanError, judge

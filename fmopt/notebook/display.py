@@ -1,7 +1,5 @@
 """How values show themselves in a notebook: tables, drawings and formulas, told to IPython by name of their types."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The problems and models that come with the program."""
 
-from __future__ import annotations
-
 from os import PathLike
 from pathlib import Path
 

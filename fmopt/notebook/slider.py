@@ -1,7 +1,5 @@
 """A row of drawings behind a slider: one page of HTML that needs neither a kernel nor a network."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from hashlib import sha256

@@ -1,7 +1,5 @@
 """Trials of a plan in a physics engine, from Python: how many seated, with what certainty, and what went wrong."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

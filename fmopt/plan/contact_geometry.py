@@ -1,7 +1,5 @@
 """The contacts of a plan on its own geometry: where they touch at a pose, which way they press, how far they gape."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

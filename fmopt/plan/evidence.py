@@ -1,7 +1,5 @@
 """Evidence that a plan seats: outcomes of trials in the physics engine, with the lower bound of their rate."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field, TypeAdapter

@@ -1,7 +1,5 @@
 """Types of the fields of a plan's description: numbers, texts and lists, each with its bounds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated, Any, TypeVar
 

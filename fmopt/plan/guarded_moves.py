@@ -9,8 +9,6 @@ stops when g · (e − e at its start) exceeds the threshold by what friction al
 and three standard deviations of noise can add.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias

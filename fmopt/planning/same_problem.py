@@ -1,7 +1,5 @@
 """Whether a plan is of a problem as its files stand now: everything that its claims rest on, held against them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any

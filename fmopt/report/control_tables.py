@@ -3,8 +3,6 @@
 How far the applied wrenches of a plan may turn before friction on the held contacts can balance them, in words.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from html import escape

@@ -1,7 +1,5 @@
 """A plan read as moves: the pieces of a motion that belong together, their numbers, and what they do in words."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import groupby

@@ -1,7 +1,5 @@
 """Words for the things a plan names by ids: contacts, pieces, directions, quantities."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

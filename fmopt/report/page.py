@@ -3,8 +3,6 @@
 What the planar sets of possible contact say of a plan, as tables: gross and fine parts, and whether S(t) agrees.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from html import escape
 

@@ -3,8 +3,6 @@
 How much error a plan tolerates, and what each tolerance costs its margin, in words and as a table.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from html import escape

@@ -4,8 +4,6 @@ The fixed part is cut open by a quarter on the side that looks at the viewer, so
 data; the program that draws it is `scene.js`.
 """
 
-from __future__ import annotations
-
 import html
 import json
 import math

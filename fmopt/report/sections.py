@@ -1,7 +1,5 @@
 """The chapters of a report as fragments of HTML: what was asked, found and proved, everything escaped."""
 
-from __future__ import annotations
-
 from html import escape
 
 import numpy as np

@@ -3,8 +3,6 @@
 Tables of HTML for people and screen readers, from plain texts.
 """
 
-from __future__ import annotations
-
 import re
 from base64 import b64encode
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """The clock that time limits go by, which does not count compiling, and the moment that all stages heed."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator

@@ -8,8 +8,6 @@ tuples that they take, is in their own file.
 How Python and the libraries are set while fmopt computes: for many small objects and many small matrices.
 """
 
-from __future__ import annotations
-
 import gc
 import hashlib
 import os

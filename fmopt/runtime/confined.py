@@ -3,8 +3,6 @@
 It ends with its owner, see `child_process`, and answers in JSON: nothing of its answer is executed.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import signal

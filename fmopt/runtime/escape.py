@@ -3,8 +3,6 @@
 One function for each place; none of them trusts that a reader has refused anything before.
 """
 
-from __future__ import annotations
-
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what spreadsheets take for the beginning of a formula
 
 

@@ -4,8 +4,6 @@ A file is written beside its place under another name, synchronised, and moved o
 sockets are no places for files: replacing one by a file would break it for everybody else.
 """
 
-from __future__ import annotations
-
 import atexit
 import itertools
 import os

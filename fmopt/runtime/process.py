@@ -10,8 +10,6 @@ leaves from another thread: all that is finished is on disk anyhow. A library ma
 raised inside it, as some do while they are imported; `interrupted` tells such errors from others.
 """
 
-from __future__ import annotations
-
 import gc
 import io
 import os

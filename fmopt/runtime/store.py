@@ -4,8 +4,6 @@ An entry is a pickle that may name nothing but arrays and value classes of this 
 executed. Where there is no folder for it, all is made anew each time.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

@@ -5,8 +5,6 @@ the reach √(NᵀQN) along a flat direction comes out as 1e-12 m of noise; from
 kept by the caller.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Vectors of three numbers in kernels."""
 
-from __future__ import annotations
-
 import math
 from typing import TypeAlias
 

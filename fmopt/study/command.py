@@ -1,7 +1,5 @@
 """What `fmopt study` does: start or continue, foretell, report."""
 
-from __future__ import annotations
-
 import json
 import math
 import statistics

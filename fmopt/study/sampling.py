@@ -1,7 +1,5 @@
 """Points in the unit cube, and what a quantile of an axis is: the sampling of a study."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

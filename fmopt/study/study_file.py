@@ -1,7 +1,5 @@
 """The tables of a study file: a base problem, axes over its parameters, how they are sampled, what is computed."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field

@@ -3,8 +3,6 @@
 An assembly back in words, task by task, as `fmopt check` prints it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict

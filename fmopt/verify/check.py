@@ -3,8 +3,6 @@
 A proof that two convex pieces overlap at a pose: a point deeper than the tolerance inside both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 

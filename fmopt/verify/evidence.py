@@ -3,8 +3,6 @@
 Outcomes are not rerun: that takes the physics engine.
 """
 
-from __future__ import annotations
-
 import math
 
 from fmopt.verify.findings import NOT_PROVED, TESTED, Notes, Verdict

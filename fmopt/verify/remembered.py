@@ -1,7 +1,5 @@
 """Methods whose results stay with their object: of the few points and contacts of a plan the same is asked again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache, partial
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast

@@ -1,7 +1,5 @@
 """The engines that there are to choose from, by name."""
 
-from __future__ import annotations
-
 from fmopt.execution.engines.drake_engine import DRAKE
 from fmopt.execution.engines.engine import Maker
 from fmopt.execution.engines.mujoco_engine import MUJOCO

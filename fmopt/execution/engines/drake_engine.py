@@ -10,8 +10,6 @@ A piece shrunk about one of its vertices lies in the piece, and so does the hull
 they leave the solid as it is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from itertools import combinations

@@ -1,7 +1,5 @@
 """MuJoCo as the rig's engine: all bodies in one batch of the scene."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

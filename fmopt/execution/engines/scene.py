@@ -4,8 +4,6 @@ Pieces become convex meshes, which the engine collides by their exact hulls; rou
 moving part is one free body about its reference point, with the apparent mass of the robot; its weight is compensated.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Sequence
 from typing import Any

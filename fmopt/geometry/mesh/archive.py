@@ -3,8 +3,6 @@
 lib3mf and trimesh read them, in processes of their own.
 """
 
-from __future__ import annotations
-
 import io
 import struct
 import zipfile

@@ -1,7 +1,5 @@
 """The solid of an imported mesh as convex pieces: exact ones, or bodies that enclose what is curved."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ A gap whose loops lie in one plane is closed by flat triangles. Two loops that r
 ends short of the face below it, are joined by a band. Any other gap stays open.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -6,8 +6,6 @@ facets of one face, above faces that are meant to be two. Normals that are paral
 whole parts of a turn, but for what the fit leaves open, are so exactly afterwards.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

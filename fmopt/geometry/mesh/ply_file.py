@@ -1,7 +1,5 @@
 """PLY files, as text or binary in either order of bytes."""
 
-from __future__ import annotations
-
 import math
 import re
 import struct

@@ -1,7 +1,5 @@
 """Parts that are several closed shells: those that touch or overlap are one solid, and are united."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

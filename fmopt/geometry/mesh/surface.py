@@ -3,8 +3,6 @@
 Work and memory are bounded by the bytes of the file. Comments, names and materials may hold any bytes.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

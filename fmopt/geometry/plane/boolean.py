@@ -1,7 +1,5 @@
 """Regularised union, intersection and difference of regions, from the arrangement of their boundaries."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence

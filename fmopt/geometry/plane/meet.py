@@ -4,8 +4,6 @@ Pieces that run along each other meet in their ends alone, so that splitting at 
 or pieces that share no inner point.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import chain
 

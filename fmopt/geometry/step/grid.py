@@ -5,8 +5,6 @@ rounds and arcs that may mate become polygons with their corners on the surface,
 Fillets become polygons around the solid: tangents where it is convex, chords where it is hollow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """STEP files as the CAD kernel reads them, in a process that it may break down: see `runtime.confined`."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

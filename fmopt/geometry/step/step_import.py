@@ -3,8 +3,6 @@
 The CAD kernel reads them in a process of its own: what breaks it down does not break this one.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version

@@ -1,7 +1,5 @@
 """What to know before a robot runs a plan: whether base and rate can be meant, which way is in, how fast it turns."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

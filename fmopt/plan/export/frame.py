@@ -6,8 +6,6 @@ frame exactly if some orthonormal directions span both T and Φ, that is if thei
 o makes the wrench along each direction of Φ pass through it, up to T: τᵢ − o × fᵢ ∈ T, a linear system in o.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import permutations, product
 

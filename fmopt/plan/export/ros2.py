@@ -6,8 +6,6 @@ The bag holds `geometry_msgs/PoseStamped` on `/cartesian_compliance_controller/t
 axes are stiff and when a move ends, is in `segments.yaml`, with one request for `ur_msgs/srv/SetForceMode` a segment.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate

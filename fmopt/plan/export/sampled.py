@@ -1,7 +1,5 @@
 """The position/force trajectory Pₐ(t), Fₐ(t), S(t) of a plan, sampled at a rate, as CSV and JSON."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ for a frame that stays as it is, and limits: the greatest speed on compliant axe
 programmed motion on stiff ones. `get_tcp_force` returns the reaction on the tool in axes of the base.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """`fmopt export`: a plan into one of the formats, where it belongs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple

@@ -5,8 +5,6 @@ plain product of the two, and the space of motions that held contacts allow is t
 that their wrenches span. [DakinPopplestone1993] section 3.1.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -15,8 +15,6 @@ Cones are taken at the goal of the segment, where its bias is chosen. The certif
 the held contacts is touched before those that end the move, so that no others have a part in it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass

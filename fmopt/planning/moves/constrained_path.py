@@ -4,8 +4,6 @@ Functions of contacts to be kept come as rows of `certificate.rows.Forms` (r,), 
 `contact.c_surface.Surfaces`. A pose is shifted along the compliant twists until the functions vanish.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

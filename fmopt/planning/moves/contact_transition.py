@@ -3,8 +3,6 @@
 Kernels: which vertices and edges that lie in the plane of a fixed face touch it or its rims on a piece of motion.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

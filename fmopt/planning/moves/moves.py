@@ -1,7 +1,5 @@
 """Moves: from pose to pose along held contacts, unrolled into pieces that the certificate can follow."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Kernels: planes through edges, between the two faces of each, that keep a moving piece at most margin."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

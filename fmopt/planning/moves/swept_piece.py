@@ -4,8 +4,6 @@ A plane's row over a vertex v of the moving piece, N = (n, Rv × n), has N·c = 
 errors' support are turned into displacements of the vertices once, and each plane costs a product.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ stands a factor if and only if it stands all smaller ones, which of them are tri
 How much of something can be had, when not all of it can.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ Clarabel's own equilibration is off, since it depends on the first data a solver
 Linear programs of some twenty variables, in plain numbers: daqp, and HiGHS where it proves no optimum.
 """
 
-from __future__ import annotations
-
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass, replace

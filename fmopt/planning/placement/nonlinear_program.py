@@ -13,8 +13,6 @@ A step is taken when the merit falls, −t + μ (what rows are short of), with t
 equalities are followed by solving once more with what the rows came to at the end of the step.
 """
 
-from __future__ import annotations
-
 import threading
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -4,8 +4,6 @@ It goes in at once, touches the top first, or the part lies flat on it, in turn.
 anywhere: what can be certified is spread over cells of heading and tilt, and the rest is for the search to say.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress

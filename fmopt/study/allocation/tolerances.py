@@ -1,7 +1,5 @@
 """The question of a tolerance allocation: read from its file, checked as a whole before anything starts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os.path import isfile, normpath

@@ -1,7 +1,5 @@
 """The report of a study: one page of HTML that holds everything and opens offline."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Results as a report reads them: axes and answers in the units that people read, and whether a run came out well."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What travels between the one who keeps a study and those who work for it: runs, batches and their results."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

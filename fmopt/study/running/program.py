@@ -1,7 +1,5 @@
 """Which program computes: its version and its sources, so that results of different programs are never mixed."""
 
-from __future__ import annotations
-
 import hashlib
 from functools import cache
 from importlib import metadata

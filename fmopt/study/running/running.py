@@ -1,7 +1,5 @@
 """The running of a study: batches to an executor, rows to the store, until none is left or the user has enough."""
 
-from __future__ import annotations
-
 import math
 import signal
 import threading

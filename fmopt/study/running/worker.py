@@ -3,8 +3,6 @@
 It lives and dies with its owner, see `fmopt.runtime.child_process`; a worker without work for a minute ends by itself.
 """
 
-from __future__ import annotations
-
 import math
 import pickle
 import resource

@@ -1,7 +1,5 @@
 """Solids along the z axis, by the operators on their instances, [LeeHuang1985] assertion 2."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import TypeAlias
 

@@ -5,8 +5,6 @@ is made of becomes a feature of its own, which gives shape and takes no part in 
 share is listed for each: A + A = A.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, count

@@ -5,8 +5,6 @@ with the hollow feature fixed. A task the other way round is exchanged for its c
 frame of the grasped hole, by the inverse motion; `papers.lee_huang.hand_position_force` maps results back.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass, field
 

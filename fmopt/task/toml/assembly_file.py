@@ -5,8 +5,6 @@
 [tasks.first]   moving = "bush.shank"     the five attributes of [LeeHuang1985] section 3
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StringConstraints

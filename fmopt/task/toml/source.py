@@ -1,7 +1,5 @@
 """TOML files with the line and column of every key and value; a file that cannot be read becomes a fault."""
 
-from __future__ import annotations
-
 import re
 import stat
 import sys

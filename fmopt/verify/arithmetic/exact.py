@@ -5,8 +5,6 @@ factor, the points with a x + b y + c z = d w, its normal (a, b, c) pointing to 
 point counts: they have integer components and no unit. Nothing is rounded here, and nothing has a tolerance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from math import gcd, isqrt

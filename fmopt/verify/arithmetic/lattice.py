@@ -5,8 +5,6 @@ than `MOVED`. A surface whose vertices are moved by so much bounds the same soli
 Points where planes meet are held as (x, y, z, w), w > 0, for (x, y, z)/w.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from fmopt.verify.arithmetic.exact import height as elevation

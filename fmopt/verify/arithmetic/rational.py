@@ -10,8 +10,6 @@ diagonal of every shape matrix that was computed and under every root, and `SLAC
 bound, are larger than all of them together (√BLUR = 2⁻⁸⁰).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import isqrt
 

@@ -23,8 +23,6 @@ up to the compliance has nothing here. Up to `LEFT_ASIDE` of it is allowed to a 
 the errors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -6,8 +6,6 @@ The distance of the one then has one zero on each execution's way, at which the 
 measured on that way. The distance of the other is zero when its move starts, and positive ever after.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

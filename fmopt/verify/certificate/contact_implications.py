@@ -7,8 +7,6 @@ it, and with two flushes all of them, are known numbers. So they are with one fl
 level with that wall and at a known angle to the flush. Nothing here uses an error set.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 

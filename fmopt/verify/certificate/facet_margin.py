@@ -1,7 +1,5 @@
 """That contacts stay inside their facets: the touching point within the face, or within both edges."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import islice
 from typing import NamedTuple

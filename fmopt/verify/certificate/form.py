@@ -21,8 +21,6 @@ inverse has no negative entry; and what counts is a y with a row a that varies b
 A direction that held contacts have at zero is bounded in the same way, by their rows alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from operator import mul
 from typing import NamedTuple, Protocol

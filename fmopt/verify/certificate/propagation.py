@@ -13,8 +13,6 @@ contacts' rows at either end. A row's linear part is therefore bounded at the tw
 `rows`. Thickness is what a contact's own row leaves: its remainder, and its value at the nominal poses.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 

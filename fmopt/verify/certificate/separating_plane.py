@@ -1,7 +1,5 @@
 """That a moving and a fixed piece stay on two sides of a witness plane, whatever the error does."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

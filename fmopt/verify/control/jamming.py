@@ -19,8 +19,6 @@ decided by least squares over non-negative numbers, after Lawson and Hanson: the
 "none" claims nothing.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

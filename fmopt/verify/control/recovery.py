@@ -13,8 +13,6 @@ Trying again. The plan holds for every start error in its box, wherever the box 
 e with e + o in the box. What the boxes cover together is compared exactly.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

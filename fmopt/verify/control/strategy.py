@@ -27,8 +27,6 @@ shares (e_t, e_r) of velocity error
 φ = 0 on a face of the fixed part, arcsin θ on one of the moving part, arcsin(θ / sin α) for edges that cross at α.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The two parts of a plan with its contacts resolved to points, lines and planes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -9,8 +9,6 @@ on, and together with what the parts deviate by, and their pieces from them, it 
 Body directions that are known to be turned onto world directions, and what follows for others, exactly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple

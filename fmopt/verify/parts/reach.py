@@ -1,7 +1,5 @@
 """Where a contact touches at a pose, how far inside its features, and the wrench that it can exert, in doubles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from operator import mul

@@ -1,7 +1,5 @@
 """The parts and pieces of a plan in fixed point, with their planes and edges, and what is wrong with them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -8,8 +8,6 @@ off the surface is inside once, or not at all.
 Faces cut into triangles: polygons with holes in a plane, exactly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """From JSON to the part of a plan that the check judges; the description is any object, which the seal covers."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

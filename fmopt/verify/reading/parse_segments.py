@@ -1,7 +1,5 @@
 """From JSON to the segments of a plan, with their claims and their control, and to its recovery."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 
