@@ -12,51 +12,25 @@ import pytest
 from fmopt.planning.pipeline import synthesise
 from fmopt.task.problem import Problem, load
 from tests import ROOT
+from tests.shared.files.model_text import cuboid, difference, feature, part
 from tests.shared.parts.outlines import prism
 
-PEG = """
-name = "peg"
-part = "peg"
-[units]
-length = "{unit}"
-angle = "deg"
-[solids.peg]
-shape = "box"
-size = [{width}, {width}, {length}]
-at = [{x}, {y}, {z}]
-turn = [0, 0, {turn}]
-[features.peg]
-kind = "solid"
-at = [{x}, {y}, {z}]
-turn = [0, 0, {turn}]
-length = {length}
-"""
-BLOCK = """
-name = "block"
-part = "drilled"
-[units]
-length = "{unit}"
-angle = "deg"
-[solids.block]
-shape = "box"
-size = [{block}, {block}, {height}]
-at = [{x}, {y}, {z}]
-turn = [0, 0, {turn}]
-[solids.hole]
-shape = "box"
-size = [{hole}, {hole}, {cut}]
-at = [{x}, {y}, {bottom}]
-turn = [0, 0, {turn}]
-[solids.drilled]
-shape = "difference"
-of = "block"
-minus = ["hole"]
-[features.hole]
-kind = "hollow"
-at = [{x}, {y}, {top}]
-turn = [0, 0, {turn}]
-length = {depth}
-"""
+TURN = "0, 0, {turn}"
+UNITS = '[units]\nlength = "{unit}"\nangle = "deg"\n'
+PEG = 'name = "peg"\n' + part(
+    "peg",
+    UNITS,
+    cuboid("peg", "{width}, {width}, {length}", "{x}, {y}, {z}", TURN),
+    feature("peg", "solid", "{x}, {y}, {z}", "{length}", TURN),
+)
+BLOCK = 'name = "block"\n' + part(
+    "drilled",
+    UNITS,
+    cuboid("block", "{block}, {block}, {height}", "{x}, {y}, {z}", TURN),
+    cuboid("hole", "{hole}, {hole}, {cut}", "{x}, {y}, {bottom}", TURN),
+    difference("drilled", "block", "hole"),
+    feature("hole", "hollow", "{x}, {y}, {top}", "{depth}", TURN),
+)
 SIZES = {"width": 20, "length": 40, "block": 60, "height": 40, "hole": 20.2, "cut": 31, "depth": 30}
 
 

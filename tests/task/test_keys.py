@@ -12,13 +12,11 @@ from fmopt.errors import InputError
 from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Cylinder, Placed, Sphere
 from fmopt.spatial.se3 import Pose, exp
-from fmopt.task.model import load_model
 from fmopt.task.object_model.command import answer
 from fmopt.task.object_model.tree import Feature, ObjectTree
 from fmopt.task.problem import Problem, load
-from fmopt.task.solid_tree import build_tree
 from fmopt.task.task_command import is_round, task_command
-from fmopt.task.toml.source import Place
+from tests.shared.files import models
 from tests.shared.files.shipped import shipped, swapped
 from tests.shared.parts.workcells import close
 from tests.shared.solids import contains
@@ -52,10 +50,7 @@ length = 50
 def tree_of(folder: Path, text: str) -> ObjectTree:
     path = folder / "model.toml"
     path.write_text(text, encoding="utf-8")
-    model, faults = load_model(path, Place(str(path)), {})
-    if model is None:
-        raise InputError(*faults)
-    return build_tree(model.source, model.file)
+    return models.tree_of(path)
 
 
 def test_a_sphere_is_a_solid_of_a_model_file(tmp_path: Path) -> None:

@@ -15,16 +15,14 @@ from fmopt.papers.lee_huang.mapping import Mapping, answered, plane_diagrams
 from fmopt.papers.lee_huang.nominal_trajectory import insertion
 from fmopt.papers.lee_huang.plane_freedom import freedom_on_planes
 from fmopt.spatial.se3 import Pose
-from fmopt.task.model import load_model
 from fmopt.task.object_model.command import Answer, Task, answer
 from fmopt.task.object_model.goal import FREE, Goal
 from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.object_model.workcell import Ref, Workcell
 from fmopt.task.problem import load
-from fmopt.task.solid_tree import build_tree
 from fmopt.task.task_command import task_command
-from fmopt.task.toml.source import Place
 from tests import ROOT
+from tests.shared.files.models import tree_of
 from tests.shared.parts.workcells import SPECIFICATION, at, cell, feature, thing
 
 WIDE, RHO = np.array([1e-4, 1e-4, 1e-4, 0.05, 0.05, 0.05]), 0.014
@@ -47,9 +45,7 @@ def object_of_figure_1() -> ObjectTree:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "figure1.toml"
         path.write_text(text.replace("sides = 32", "sides = 16"), encoding="utf-8")
-        model, _ = load_model(path, Place(str(path)), {})
-    assert model is not None
-    return build_tree(model.source, model.file)
+        return tree_of(path)
 
 
 BALL, CONE = WIDE[0], WIDE[3]

@@ -22,6 +22,7 @@ from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.object_model.workcell import LowerPair, Workcell
 from fmopt.task.problem import load
 from tests import ROOT
+from tests.shared.files.model_text import cuboid, union
 from tests.shared.files.shipped import shipped, swapped
 from tests.shared.parts.workcells import at, cell, feature, task, thing
 
@@ -183,17 +184,8 @@ def test_starts_of_problem_files(tmp_path: Path, old: str, new: str, words: str 
 def test_an_obstacle_of_the_fixed_model_off_the_planes_is_reported(tmp_path: Path) -> None:
     """A post on the block, in a corner between the planes: on the way from beside it, clear of it from above."""
     model = (ROOT / "models" / "square_hole_block.toml").read_text(encoding="utf-8")
-    post = """[solids.post]
-shape = "box"
-size = [4, 4, 20]
-at = [18, 18, "block_z - proud"]
-
-[solids.posted]
-shape = "union"
-of = ["drilled", "post"]
-
-[features.hole]"""
-    model = model.replace('part = "drilled"', 'part = "posted"').replace("[features.hole]", post)
+    post = cuboid("post", "4, 4, 20", '18, 18, "block_z - proud"') + union("posted", "drilled", "post")
+    model = model.replace('part = "drilled"', 'part = "posted"').replace("[features.hole]", f"{post}[features.hole]")
     (tmp_path / "block.toml").write_text(model, encoding="utf-8")
     text = shipped("square_peg").replace(str(ROOT / "models" / "square_hole_block.toml"), "block.toml")
     beside = loaded(tmp_path, text.replace("height = 1", "height = 1\nat = [35, 35, 5]"))

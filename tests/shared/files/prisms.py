@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from tests.shared.files.model_text import UNITS, cuboid, difference, feature, part
 from tests.shared.files.own import TASK
 
 Outline = list[list[float]]
-_UNITS = '[units]\nlength = "mm"\nangle = "deg"\n'
 
 
 def prism(
@@ -16,21 +16,19 @@ def prism(
 ) -> Path:
     """The files of a prism and a through hole, with outlines in mm; the problem's."""
     wide = 2.0 * max(abs(x) for corner in hole for x in corner) + 20.0
-    peg = f'[solids.prism]\nshape = "prism"\npolygon = {polygon}\nheight = 40\n'
-    block = f'[solids.block]\nshape = "box"\nsize = [{wide}, {wide}, 25]\n'
-    block += f'[solids.hole]\nshape = "prism"\npolygon = {hole}\nheight = 27\nat = [0, 0, -1]\n'
-    block += '[solids.drilled]\nshape = "difference"\nof = "block"\nminus = ["hole"]\n'
-    (folder / "peg.toml").write_text(
-        f'name = "peg"\npart = "prism"\n{_UNITS}{peg}[features.peg]\nkind = "solid"\nat = [0, 0, 0]\nlength = 40\n'
-    )
-    (folder / "hole.toml").write_text(
-        f'name = "hole"\npart = "drilled"\n{_UNITS}{block}[features.hole]\nkind = "hollow"\nat = [0, 0, 25]\n'
-        "length = 25\nthrough = true\n"
-    )
+    peg = _prism("prism", polygon, 40) + feature("peg", "solid", "0, 0, 0", "40")
+    block = cuboid("block", f"{wide}, {wide}, 25") + _prism("hole", hole, 27) + "at = [0, 0, -1]\n"
+    block += difference("drilled", "block", "hole") + feature("hole", "hollow", "0, 0, 25", "25") + "through = true\n"
+    (folder / "peg.toml").write_text('name = "peg"\n' + part("prism", UNITS, peg))
+    (folder / "hole.toml").write_text('name = "hole"\n' + part("drilled", UNITS, block))
     values = {"moving": "peg", "fixed": "hole", "x": stated, "y": stated, "position": error, "angle": error}
     values |= {"translation": 0.0005, "rotation": 0.0001, "tilt": 25, "limit": limit}
     (folder / "task.toml").write_text(TASK.format(**values))
     return folder / "task.toml"
+
+
+def _prism(name: str, polygon: Outline, height: float) -> str:
+    return f'[solids.{name}]\nshape = "prism"\npolygon = {polygon}\nheight = {height}\n'
 
 
 def regular(n: int, inside: float) -> Outline:

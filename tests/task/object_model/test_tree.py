@@ -16,7 +16,6 @@ from fmopt.geometry.csg import Box, Difference, Hull, Placed, Solid, Union
 from fmopt.geometry.inverse_csg import MESH_NOISE, apart
 from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.spatial.se3 import Pose
-from fmopt.task.model import load_model
 from fmopt.task.object_model.classify import Claim, object_tree
 from fmopt.task.object_model.tree import (
     Feature,
@@ -31,21 +30,15 @@ from fmopt.task.object_model.tree import (
     without,
 )
 from fmopt.task.solid_tree import build_part, build_tree
-from fmopt.task.toml.source import Place
 from tests import ROOT
+from tests.shared.files import model_text
+from tests.shared.files.models import model_of, tree_of
 from tests.shared.parts.workcells import at
 from tests.shared.same_solid import assert_same_volume
 from tests.shared.solids import contains, frustum
 
 MODELS = sorted((ROOT / "models").glob("*.toml"))
 HERE = Pose.identity()
-
-
-def tree_of(path: Path) -> ObjectTree:
-    model, faults = load_model(path, Place(str(path)), {})
-    assert not faults
-    assert model is not None
-    return build_tree(model.source, model.file)
 
 
 def coordinate() -> st.SearchStrategy[float]:
@@ -120,8 +113,7 @@ def test_moving_composes_placements() -> None:
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
 def test_every_shipped_model_has_its_tree(path: Path) -> None:
-    model, _ = load_model(path, Place(str(path)), {})
-    assert model is not None
+    model = model_of(path)
     tree, part = build_tree(model.source, model.file), build_part(model.source, model.file)
     derived = polyhedron(tree.solid)
     body, round_ = part.polyhedron, part.polyhedron.radii[:, None]
@@ -249,10 +241,7 @@ def edited(tmp_path: Path, old: str, new: str, name: str = "lee_huang_block.toml
     assert old in text
     path = tmp_path / name
     path.write_text(text.replace(old, new), encoding="utf-8")
-    model, faults = load_model(path, Place(str(path)), {})
-    if faults or model is None:
-        raise InputError(*faults)
-    return build_tree(model.source, model.file)
+    return tree_of(path)
 
 
 def test_model_files_may_name_classes_and_solids(tmp_path: Path) -> None:
@@ -263,7 +252,7 @@ def test_model_files_may_name_classes_and_solids(tmp_path: Path) -> None:
 def test_a_hole_that_solids_leave_between_them(tmp_path: Path) -> None:
     path = tmp_path / "ring.toml"
     sides = "".join(
-        f'[solids.{name}]\nshape = "box"\nsize = [{x}, {y}, 20]\nat = [{a}, {b}, 0]\n'
+        model_text.cuboid(name, f"{x}, {y}, 20", f"{a}, {b}, 0")
         for name, x, y, a, b in (
             ("west", 10, 40, -15, 0),
             ("east", 10, 40, 15, 0),
@@ -272,9 +261,10 @@ def test_a_hole_that_solids_leave_between_them(tmp_path: Path) -> None:
         )
     )
     path.write_text(
-        'name = "ring"\npart = "ring"\nunits = {length = "mm", angle = "deg"}\n' + sides + "[solids.ring]\n"
-        'shape = "union"\nof = ["west", "east", "south", "north"]\n'
-        '[features.hole]\nkind = "hollow"\nat = [0, 0, 20]\nlength = 20\nthrough = true\n',
+        'name = "ring"\n'
+        + model_text.part("ring", model_text.UNITS, sides, model_text.union("ring", "west", "east", "south", "north"))
+        + model_text.feature("hole", "hollow", "0, 0, 20", "20")
+        + "through = true\n",
         encoding="utf-8",
     )
     tree = tree_of(path)

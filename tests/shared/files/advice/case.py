@@ -9,12 +9,11 @@ from typing import Any, TypeVar
 
 from fmopt.errors import FmoptError, InputError
 from fmopt.geometry.part import Part
-from fmopt.task.model import load_model
 from fmopt.task.solid_tree import build_part
-from fmopt.task.toml.source import Place
+from tests.shared.files.model_text import UNITS
+from tests.shared.files.models import model_of
 
 T = TypeVar("T")
-UNITS = '[units]\nlength = "mm"\nangle = "deg"\n'
 
 
 @dataclass(frozen=True)
@@ -63,9 +62,7 @@ def modelled(folder: Path, text: str) -> Part:
     """
     path = folder / "part.toml"
     path.write_text(f'name = "part"\n{text}\n{UNITS}', encoding="utf-8")
-    model, faults = load_model(path, Place(str(path)), {})
-    if model is None or faults:
-        raise InputError(*faults)
+    model = model_of(path)
     return build_part(model.source, model.file)
 
 

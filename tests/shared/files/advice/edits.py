@@ -7,41 +7,22 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import fmopt
-from fmopt.errors import InputError
 from fmopt.planning.pipeline import tried
 from fmopt.task.assembly import carried_out, load_assembly
-from fmopt.task.model import load_model
 from fmopt.task.solid_tree import build_part, build_tree
-from fmopt.task.toml.source import Place
-from tests.shared.files.advice.case import UNITS, Case
+from tests.shared.files.advice.case import Case
+from tests.shared.files.model_text import UNITS, cuboid, difference, feature, part
+from tests.shared.files.models import model_of
 
 T = TypeVar("T")
-PEG = """part = "peg"
-[solids.peg]
-shape = "box"
-size = [20, 20, 50]
-[features.peg]
-kind = "solid"
-at = [0, 0, 0]
-length = 50
-"""
-BLOCK = """part = "block"
-[solids.block]
-shape = "difference"
-of = "whole"
-minus = ["pocket"]
-[solids.whole]
-shape = "box"
-size = [60, 60, 40]
-[solids.pocket]
-shape = "box"
-size = [20.2, 20.2, 40]
-at = [0, 0, 10]
-[features.hole]
-kind = "hollow"
-at = [0, 0, 40]
-length = 30
-"""
+PEG = part("peg", cuboid("peg", "20, 20, 50"), feature("peg", "solid", "0, 0, 0", "50"))
+BLOCK = part(
+    "block",
+    difference("block", "whole", "pocket"),
+    cuboid("whole", "60, 60, 40"),
+    cuboid("pocket", "20.2, 20.2, 40", "0, 0, 10"),
+    feature("hole", "hollow", "0, 0, 40", "30"),
+)
 PAIR = {"peg.toml": f"{PEG}{UNITS}", "block.toml": f"{BLOCK}{UNITS}"}
 SHORT = 'moving = "peg.toml"\nfixed = "block.toml"\n'
 LONG = '[moving]\nmodel = "peg.toml"\n[fixed]\nmodel = "block.toml"\n'
@@ -74,9 +55,7 @@ def raw_model(folder: Path, text: str | bytes) -> Any:
     """
     path = folder / "part.toml"
     written(folder, {path.name: text})
-    model, faults = load_model(path, Place(str(path)), {})
-    if model is None or faults:
-        raise InputError(*faults)
+    model = model_of(path)
     part = build_part(model.source, model.file)
     if part.features:
         build_tree(model.source, model.file)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.shared.files.advice.case import Case
 from tests.shared.files.advice.edits import edited, model
 from tests.shared.files.advice.models import BAR, ON_IT, PROFILE, WHOLE, of_stl
+from tests.shared.files.model_text import cuboid, difference, part, union
 
 
 def hole(at: str, more: str = "length = 30", solids: str = WHOLE) -> str:
@@ -23,50 +24,24 @@ def rod_end(at: str) -> str:
 
 
 CHECK = "check the feature's frame"
-OWN = '[solids.slit]\nshape = "box"\nsize = [5, 5, 40]\nat = [25, 0, 10]'
-CUTS = """[solids.whole]
-shape = "box"
-size = [60, 60, 40]
-[solids.one]
-shape = "box"
-size = [20, 20, 20]
-at = [0, 0, 25]
-[solids.lid]
-shape = "box"
-size = [60, 60, 5]
-at = [0, 0, -5]
-[solids.other]
-shape = "box"
-size = [20, 20, 20]
-at = [0, 0, 10]
-[features.hole]
-kind = "hollow"
-at = [0, 0, 40]
-"""
+OWN = cuboid("slit", "5, 5, 40", "25, 0, 10")
+CUTS = (
+    cuboid("whole", "60, 60, 40"),
+    cuboid("one", "20, 20, 20", "0, 0, 25"),
+    cuboid("lid", "60, 60, 5", "0, 0, -5"),
+    cuboid("other", "20, 20, 20", "0, 0, 10"),
+    '[features.hole]\nkind = "hollow"\nat = [0, 0, 40]\n',
+)
 ONE, BOTH, OTHER = "length = 15\nsolids = ['one']\n", "length = 30\nsolids = ['one', 'other']\n", "solids = ['other']\n"
 MORE = f'{ONE}[features.more]\nkind = "hollow"\nat = [0, 0, 30]\nlength = 20\n{OTHER}'
-IN_TURN = f"""part = "block"
-[solids.block]
-shape = "difference"
-of = "filled"
-minus = ["other"]
-[solids.filled]
-shape = "union"
-of = ["cut", "lid"]
-[solids.cut]
-shape = "difference"
-of = "whole"
-minus = ["one"]
-{CUTS}"""
-AT_ONCE = f"""part = "block"
-[solids.block]
-shape = "difference"
-of = "filled"
-minus = ["one", "other"]
-[solids.filled]
-shape = "union"
-of = ["whole", "lid"]
-{CUTS}"""
+IN_TURN = part(
+    "block",
+    difference("block", "filled", "other"),
+    union("filled", "cut", "lid"),
+    difference("cut", "whole", "one"),
+    *CUTS,
+)
+AT_ONCE = part("block", difference("block", "filled", "one", "other"), union("filled", "whole", "lid"), *CUTS)
 
 
 def of_solids(name: str) -> str:

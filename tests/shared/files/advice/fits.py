@@ -14,11 +14,12 @@ from fmopt.geometry.csg import Box, Cylinder
 from fmopt.geometry.mating_features import DESCRIBE
 from fmopt.planning.pipeline import tried
 from fmopt.task.explain import facts
-from tests.shared.files.advice.case import UNITS, Case
+from tests.shared.files.advice.case import Case
 from tests.shared.files.advice.edits import BLOCK, LONG, PAIR, PEG, START, edited, files, fitted, problem, written
 from tests.shared.files.advice.problems import MATED, NAMED
 from tests.shared.files.mesh_damage import subdivided
 from tests.shared.files.mesh_files import plate, rounded, stl_text, triangles_of
+from tests.shared.files.model_text import UNITS, cuboid
 from tests.shared.files.packed import packed_stl
 
 
@@ -77,7 +78,7 @@ def round_peg(sides: int) -> dict[str, str]:
     return {"rod.stl": rod, "problem.toml": NAMED_STL.format('unit = "mm"\n')}
 
 
-WIDE = '[solids.wide]\nshape = "box"\nsize = [24, 24, 40]\nat = [60, 0, 10]\n'
+WIDE = cuboid("wide", "24, 24, 40", "60, 0, 10")
 TWO = BLOCK.replace("60, 60, 40", "200, 60, 40").replace('["pocket"]', '["pocket", "wide"]') + WIDE
 BARE_BLOCK = BLOCK[: BLOCK.index("[features")]
 PEG_TOO = '[features.p]\nkind = "solid"\nat = [15, 0, 0]\nlength = 40\n'

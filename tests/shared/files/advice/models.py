@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from fmopt.geometry.csg import Box
-from tests.shared.files.advice.case import UNITS, Case
+from tests.shared.files.advice.case import Case
 from tests.shared.files.advice.edits import BLOCK, PEG, START, edited, files, model, raw_model, written
 from tests.shared.files.mesh_files import glb, stl_text, triangles_of
+from tests.shared.files.model_text import UNITS, cuboid, difference, part
 from tests.shared.files.step_files import write_step
 from tests.shared.files.step_parts import box
 
@@ -33,23 +34,13 @@ IN_UM = '[units]\nlength = "um"\nangle = "deg"\n'
 LARGE = PEG.replace("[20, 20, 50]", "[20e3, 20e3, 50e3]").replace("length = 50", "length = 50e3") + IN_UM
 MORE = f'{BLOCK}[solids.more]\nshape = "box"\nsize = [9, 9, 9]\nat = [20, 20, 35]\n'
 BLOB = f'{BLOCK}[solids.tip]\nshape = "sphere"\nradius = 8\n[solids.all]\nshape = "union"\nof = ["block", "tip"]\n'
-TWINS = """part = "block"
-[solids.block]
-shape = "difference"
-of = "whole"
-minus = ["one", "other"]
-[solids.whole]
-shape = "box"
-size = [60, 60, 40]
-[solids.one]
-shape = "box"
-size = [10, 10, 40]
-at = [-15, 0, 10]
-[solids.other]
-shape = "box"
-size = [10, 10, 40]
-at = [15, 0, 10]
-"""
+TWINS = part(
+    "block",
+    difference("block", "whole", "one", "other"),
+    cuboid("whole", "60, 60, 40"),
+    cuboid("one", "10, 10, 40", "-15, 0, 10"),
+    cuboid("other", "10, 10, 40", "15, 0, 10"),
+)
 
 
 def mesh(folder: Path, lines: str, file: str = "rod.stl", scale: float = 1.0) -> Any:

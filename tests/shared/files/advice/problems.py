@@ -9,9 +9,10 @@ from typer.testing import CliRunner
 
 import fmopt
 from fmopt.cli import app
-from tests.shared.files.advice.case import UNITS, Case
+from tests.shared.files.advice.case import Case
 from tests.shared.files.advice.edits import LONG, PAIR, PEG, SHORT, START, assembled, edited, files, problem, written
 from tests.shared.files.advice.texts import TASK
+from tests.shared.files.model_text import UNITS, cuboid, feature, part
 
 WHOLE = f"{SHORT}{START}"
 MATED = '[moving]\nmodel = "peg.toml"\nfeature = "peg"\n[fixed]\nmodel = "block.toml"\nfeature = "hole"\n'
@@ -147,16 +148,7 @@ PUSH, END = 'contact_force = "1 N"', 'termination_force = "0.2 N"'
 IMPACT = ('impact_force = "30 N"', 'contact_stiffness = "20 N/mm"')
 TURN = 28.6478897  # deg
 LAIN = (f"{POSITION}\n{ANGLE}", KNOWN, POINTS.format(20, 20), PLACED)
-TABLE = """part = "table"
-[solids.table]
-shape = "box"
-size = [60, 60, 40]
-[features.top]
-kind = "solid"
-at = [0, 0, 40]
-turn = [180, 0, 0]
-length = 40
-"""
+TABLE = part("table", cuboid("table", "60, 60, 40"), feature("top", "solid", "0, 0, 40", "40", "180, 0, 0"))
 PUT_ON = TASK.replace('"prismatic"', '"planar"').replace("block.hole", "block.top")
 CASES: tuple[Case, ...] = (
     edited(

@@ -17,6 +17,7 @@ from fmopt.geometry.step.step_import import load_step
 from fmopt.spatial.se3 import Pose
 from tests.shared.files.advice.case import Case, modelled, volume
 from tests.shared.files.mesh_files import at, write_stl
+from tests.shared.files.model_text import cuboid, difference, part
 from tests.shared.files.step_files import write_step
 from tests.shared.files.step_parts import box, cylinder, shell, write_assembly
 
@@ -121,21 +122,13 @@ def named_bare(folder: Path, lines: str) -> float:
     return volume(fmopt.load(folder / "problem.toml").moving)
 
 
-HOLE = """part = "plate"
-[units]
-length = "mm"
-[solids.plate]
-shape = "difference"
-of = "whole"
-minus = ["hole"]
-[solids.whole]
-shape = "box"
-size = [40, 40, 10]
-[solids.hole]
-shape = "box"
-size = [12.4, 8.4, 12]
-at = [0, 0, -1]
-"""
+HOLE = part(
+    "plate",
+    '[units]\nlength = "mm"\n',
+    difference("plate", "whole", "hole"),
+    cuboid("whole", "40, 40, 10"),
+    cuboid("hole", "12.4, 8.4, 12", "0, 0, -1"),
+)
 
 
 def greedy(*_: str) -> int:

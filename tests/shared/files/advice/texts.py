@@ -13,7 +13,7 @@ import fmopt
 from fmopt.geometry.csg import Box
 from fmopt.task.toml import source
 from tests import ROOT
-from tests.shared.files.advice.case import UNITS, Case
+from tests.shared.files.advice.case import Case
 from tests.shared.files.advice.edits import (
     LONG,
     PEG,
@@ -28,6 +28,7 @@ from tests.shared.files.advice.edits import (
     written,
 )
 from tests.shared.files.mesh_files import stl_text, triangles_of
+from tests.shared.files.model_text import UNITS
 
 ROD = triangles_of(Box((0.02, 0.02, 0.05)))
 WHOLE = f"{SHORT}{START}"

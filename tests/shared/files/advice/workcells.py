@@ -17,11 +17,12 @@ from fmopt.task.object_model.command import Specification, answer, completed
 from fmopt.task.object_model.goal import settle
 from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree, Term, chain_solid
 from fmopt.task.object_model.workcell import Ref, Workcell
-from tests.shared.files.advice.case import UNITS, Case
+from tests.shared.files.advice.case import Case
 from tests.shared.files.advice.edits import BLOCK, PAIR, PEG, SHORT, START, assembled, assembly, edited, files, written
 from tests.shared.files.advice.models import TWINS
 from tests.shared.files.advice.texts import LINK
 from tests.shared.files.advice.texts import NAMED_TASK as GIVEN
+from tests.shared.files.model_text import UNITS, cuboid, union
 
 FREE = '["free", "free", "free", "free", "free", "free"]'
 BIT = Box((0.01, 0.01, 0.02))
@@ -100,7 +101,7 @@ def thick(folder: Path, given: tuple[float, float, float]) -> Any:
     """A peg and the lower half of a hole of these widths, and how deep the one goes, mm."""
     wide, hole, depth = given
     block = BLOCK.replace("[20.2, 20.2, 40]", f"[{hole}, {hole}, 40]").replace('["pocket"]', '["pocket", "mouth"]')
-    mouth = '[solids.mouth]\nshape = "box"\nsize = [24, 24, 40]\nat = [0, 0, 25]\n'
+    mouth = cuboid("mouth", "24, 24, 40", "0, 0, 25")
     peg = PEG.replace("20, 20, 50", f"{wide}, {wide}, 50")
     goal = to(f"[0, 0, {-depth}, 0, 0, 0]")
     return assembled(folder, {"peg.toml": peg + UNITS, "block.toml": block + mouth + UNITS, "assembly.toml": goal})
@@ -108,8 +109,8 @@ def thick(folder: Path, given: tuple[float, float, float]) -> Any:
 
 def hung(folder: Path, more: str) -> Any:
     """A peg with a head, and what is told of a bit beside its shaft."""
-    head = '[solids.all]\nshape = "union"\nof = ["peg", "head"]\n[solids.head]\nshape = "box"\nsize = [60, 60, 20]\n'
-    peg = PEG.replace('part = "peg"', 'part = "all"') + f"{head}at = [0, 0, 50]\n"
+    head = union("all", "peg", "head") + cuboid("head", "60, 60, 20", "0, 0, 50")
+    peg = PEG.replace('part = "peg"', 'part = "all"') + head
     bit = PEG.replace("20, 20, 50", "8, 8, 15").replace("length = 50", "length = 15")
     said = {"peg.toml": peg + UNITS, "bit.toml": bit + UNITS}
     return assembled(folder, {**said, "assembly.toml": GIVEN.replace("[0, 0, 100]", "[0, 0, 41]") + more})
