@@ -39,8 +39,9 @@ from tests.shared.files.mesh_files import (
     triangles_of,
     write_stl,
 )
+from tests.shared.files.model_text import of_file
 from tests.shared.files.others import PAIRS, PARTS
-from tests.shared.files.own import MODEL, PROBLEM
+from tests.shared.files.own import PROBLEM
 from tests.shared.files.packed import packed_stl
 
 GAP = 1e-4
@@ -165,7 +166,7 @@ def folder(path: Path, size: float) -> Path:
     for name, solid in (("rod", rounded((0.012, 0.008), 0.03, 0.0005)), ("plate", plate((0.0123, 0.0083)))):
         points, corners = DAMAGES["turned"](*triangles_of(solid), rng)
         (path / f"{name}.stl").write_bytes(packed_stl(points + rng.uniform(-size, size, points.shape), corners))
-        (path / f"{name}.toml").write_text(MODEL.format(name=name))
+        (path / f"{name}.toml").write_text(of_file(f"{name}.stl"))
     (path / "problem.toml").write_text(PROBLEM)
     return path / "problem.toml"
 
@@ -185,7 +186,7 @@ def test_noise_beyond_the_clearance_is_refused_with_its_place(tmp_path: Path) ->
     )
     (tmp_path / "plate.stl").write_bytes(packed_stl(*noisy))
     for name in ("rod", "plate"):
-        (tmp_path / f"{name}.toml").write_text(MODEL.format(name=name))
+        (tmp_path / f"{name}.toml").write_text(of_file(f"{name}.stl"))
     (tmp_path / "problem.toml").write_text(PROBLEM.replace("x = 0.2\ny = 0.15", "x = 0.01\ny = 0.01"))
     with pytest.raises(
         fmopt.FmoptError, match=r"facets of 'plate' are up to [\d.]+ µm off plane faces, most at \("

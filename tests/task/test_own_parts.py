@@ -16,7 +16,8 @@ from fmopt.task.explain import explain, facts
 from fmopt.task.problem import load
 from fmopt.task.sizes import measured_clearance
 from tests.shared.files.mesh_files import at, plate, rounded, stl_text, triangles_of, write_stl
-from tests.shared.files.own import MODEL, PROBLEM
+from tests.shared.files.model_text import of_file
+from tests.shared.files.own import PROBLEM
 from tests.shared.files.step_files import write_step
 
 
@@ -26,7 +27,7 @@ def folder(tmp_path: Path) -> Path:
     write_stl(tmp_path / "rod.stl", rounded((0.012, 0.008), 0.03, 0.0005))
     write_stl(tmp_path / "plate.stl", plate((0.0123, 0.0083)))
     for name in ("rod", "plate"):
-        (tmp_path / f"{name}.toml").write_text(MODEL.format(name=name))
+        (tmp_path / f"{name}.toml").write_text(of_file(f"{name}.stl"))
     (tmp_path / "problem.toml").write_text(PROBLEM)
     return tmp_path
 

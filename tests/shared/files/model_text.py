@@ -10,6 +10,11 @@ def part(name: str, *tables: str) -> str:
     return f'part = "{name}"\n{"".join(tables)}'
 
 
+def of_file(file: str, lines: str = 'unit = "mm"\n') -> str:
+    """A model of a mesh or STEP file, called as it is; lines of text on how to read it."""
+    return f'name = "{file.partition(".")[0]}"\n\n{UNITS}\n[mesh]\nfile = "{file}"\n{lines}'
+
+
 def cuboid(name: str, size: str, at: str = "", turn: str = "") -> str:
     """A box among the solids."""
     return f'[solids.{name}]\nshape = "box"\nsize = [{size}]\n{_where(at, turn)}'

@@ -2,16 +2,6 @@
 
 from __future__ import annotations
 
-MODEL = """name = "{name}"
-
-[units]
-length = "mm"
-angle = "deg"
-
-[mesh]
-file = "{name}.stl"
-unit = "mm"
-"""
 TASK = """title = "Own {moving} into own {fixed}"
 [units]
 length = "mm"
@@ -29,7 +19,7 @@ depth = "full"
 x = {x}
 y = {y}
 [start]
-height = 1
+height = {height}
 [uncertainty.start]
 x = {position}
 y = {position}
@@ -52,4 +42,4 @@ max_tilt = {tilt}
 time_limit = {limit}
 """
 _ERRORS = {"position": 0.03, "angle": 0.05, "translation": 0.001, "rotation": 0.001}
-PROBLEM = TASK.format(moving="rod", fixed="plate", x=0.2, y=0.15, tilt=10, limit=120, **_ERRORS)
+PROBLEM = TASK.format(moving="rod", fixed="plate", x=0.2, y=0.15, height=1, tilt=10, limit=120, **_ERRORS)

@@ -22,7 +22,7 @@ def prism(
     (folder / "peg.toml").write_text('name = "peg"\n' + part("prism", UNITS, peg))
     (folder / "hole.toml").write_text('name = "hole"\n' + part("drilled", UNITS, block))
     values = {"moving": "peg", "fixed": "hole", "x": stated, "y": stated, "position": error, "angle": error}
-    values |= {"translation": 0.0005, "rotation": 0.0001, "tilt": 25, "limit": limit}
+    values |= {"translation": 0.0005, "rotation": 0.0001, "height": 1, "tilt": 25, "limit": limit}
     (folder / "task.toml").write_text(TASK.format(**values))
     return folder / "task.toml"
 

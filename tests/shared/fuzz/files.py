@@ -34,13 +34,13 @@ from tests import ROOT
 from tests.shared.files import own
 from tests.shared.files.mesh_damage import Mesh
 from tests.shared.files.mesh_files import glb, plate, ply_text, rounded, stl_text, three_mf, triangles_of
+from tests.shared.files.model_text import of_file
 from tests.shared.fuzz.damage import damaged
 
 SECONDS = 30  # of the processor, for one file
 WAITED = 600  # s by the clock
 EXPECTED = {0, 1, 2, 3}
 OWN = own.PROBLEM.partition("[settings]")[0].replace("x = 0.2\n", "x = 0.15\n")
-MODEL = 'name = "{name}"\n\n[units]\nlength = "mm"\nangle = "deg"\n\n[mesh]\nfile = "{name}.{kind}"\n{unit}'
 PROBLEMS = ("square_peg", "factory_rect_8mm_sources", "kite_prism", "mit_planar_slot", "square_peg_100um")
 STUDIES = ("square_peg_bias", "square_peg_clearance", "factory_rect_fits", "factory_rect_8mm_position")
 
@@ -193,7 +193,7 @@ def _own(kind: str, content: Callable[[Mesh, str], bytes]) -> Callable[[Path], l
             whole = name not in damaged
             unit = 'unit = "mm"\n' if kind not in ("step", *OWN_UNIT) or whole else ""
             suffix = "stl" if whole else kind
-            (folder / f"{name}.toml").write_text(MODEL.format(name=name, kind=suffix, unit=unit))
+            (folder / f"{name}.toml").write_text(of_file(f"{name}.{suffix}", unit))
             (folder / f"{name}.{suffix}").write_bytes((_stl if whole else content)(triangles_of(solid), name))
         return [Case(f"{name}.{kind}", (("check", "problem.toml"),)) for name in damaged]
 

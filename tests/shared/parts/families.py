@@ -18,6 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tests.shared.files.model_text import UNITS, of_file
+from tests.shared.files.own import TASK
+from tests.shared.files.shipped import swapped
+
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
@@ -255,8 +259,7 @@ def write_stl(pair: Pair, folder: Path, error: tuple[float, float] | None = None
     folder.mkdir(parents=True, exist_ok=True)
     for name, (points, triangles) in zip(("peg", "block"), meshes(pair), strict=True):
         (folder / f"{name}.stl").write_bytes(stl_bytes(points, triangles))
-        lines = [f'name = "{name}"', "", _UNITS, "[mesh]", f'file = "{name}.stl"', 'unit = "mm"', "deviation = 0", ""]
-        (folder / f"{name}.toml").write_text("\n".join(lines))
+        (folder / f"{name}.toml").write_text(of_file(f"{name}.stl", 'unit = "mm"\ndeviation = 0\n'))
     return _write_problem(pair, folder, error or pair.error, time_limit)
 
 
@@ -274,7 +277,7 @@ def write_step(pair: Pair, folder: Path, error: tuple[float, float] | None = Non
     for name, shape, placing in zip(("peg", "block"), (peg, block), pair.placings, strict=True):
         turn = exp(np.array([0.0, 0.0, math.radians(placing.turn)]))
         write(folder / f"{name}.step", shape, pose=Pose(np.array(placing.shift), turn))
-        (folder / f"{name}.toml").write_text(f'name = "{name}"\n\n{_UNITS}\n[mesh]\nfile = "{name}.step"\n')
+        (folder / f"{name}.toml").write_text(of_file(f"{name}.step", ""))
     return _write_problem(pair, folder, error or pair.error, time_limit)
 
 
@@ -370,12 +373,9 @@ def _proud(stack: Stack, low: bool = False, high: bool = False) -> Stack:
     return (*below, *stack, *above)
 
 
-_UNITS = '[units]\nlength = "mm"\nangle = "deg"\n'
-
-
 def _peg_model(pair: Pair) -> str:
     root = "bored" if pair.bore else "shaft"
-    lines = ['name = "peg"', f'part = "{root}"', "", _UNITS]
+    lines = ['name = "peg"', f'part = "{root}"', "", UNITS]
     lines += _stacked("shaft", pair.peg, () if pair.bore else _where(pair.placings[0]))
     if pair.bore:
         lines += _stacked("bore", _proud(pair.bore, low=True))
@@ -385,7 +385,7 @@ def _peg_model(pair: Pair) -> str:
 
 def _block_model(pair: Pair) -> str:
     x, y, z = pair.block
-    lines = ['name = "block"', 'part = "drilled"', "", _UNITS]
+    lines = ['name = "block"', 'part = "drilled"', "", UNITS]
     lines += ["[solids.block]", 'shape = "box"', f"size = [{x}, {y}, {z}]", f"at = [0, 0, {-z}]", ""]
     lines += _stacked("hole", _proud(pair.hole, low=pair.through, high=True))
     return "\n".join(lines + _cut("drilled", "block", "hole", pair.placings[1]))
@@ -406,57 +406,9 @@ def _where(placing: Placing) -> list[str]:
 
 def _write_problem(pair: Pair, folder: Path, error: tuple[float, float], time_limit: float) -> Path:
     shift, turn = error
-    moving, fixed = ("block", "hole"), ("peg", "peg")
-    if not pair.exchanged:
-        moving, fixed = fixed, moving
-    text = f"""title = "{pair.name}"
-
-[units]
-length = "mm"
-angle = "deg"
-speed = "mm/s"
-
-[moving]
-model = "{moving[0]}.toml"
-feature = "{moving[1]}"
-
-[fixed]
-model = "{fixed[0]}.toml"
-feature = "{fixed[1]}"
-
-[goal]
-depth = "full"
-
-[clearance]
-x = {pair.clearance}
-y = {pair.clearance}
-
-[start]
-height = {max(round(0.05 * pair.size, 3), 0.2)}
-
-[uncertainty.start]
-x = {shift}
-y = {shift}
-z = 0
-rx = {turn}
-ry = {turn}
-rz = {turn}
-
-[uncertainty.velocity]
-translation = 0.01
-rotation = 0.01
-
-[specification]
-speed = 20
-contact_force = 20
-torque_limit = 1
-friction = 0.3
-termination_force = 2
-
-[settings]
-evidence = "certified"
-time_limit = {time_limit}
-"""
+    values = {"x": pair.clearance, "y": pair.clearance, "position": shift, "angle": turn, "limit": time_limit}
+    height = max(round(0.05 * pair.size, 3), 0.2)
+    text = TASK.format(moving="peg", fixed="block", height=height, translation=0.01, rotation=0.01, tilt=25, **values)
     path = folder / "problem.toml"
-    path.write_text(text)
+    path.write_text(swapped(text) if pair.exchanged else text)
     return path
