@@ -18,6 +18,7 @@ from fmopt import __version__, plan
 from fmopt.cli import EXIT
 from tests import ROOT
 from tests.shared.commands import ended
+from tests.shared.files.shipped import copied, edit
 
 PROBLEM, PEG, BLOCK = "problems/square_peg.toml", "models/square_peg.toml", "models/square_hole_block.toml"
 
@@ -49,21 +50,9 @@ def fmopt(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) ->
 
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
-    """A folder with the square peg's problem and models."""
-    for name in (PROBLEM, PEG, BLOCK):
-        path = tmp_path / name
-        path.parent.mkdir(exist_ok=True)
-        path.write_bytes((ROOT / name).read_bytes())
+    """A folder with the shipped problems and models."""
+    copied(tmp_path)
     return tmp_path
-
-
-def edit(path: Path, old: str, new: str) -> tuple[int, int]:
-    """Replaces the one place where `old` stands; line and column of it."""
-    text = path.read_text(encoding="utf-8")
-    assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in {path}"
-    before = text[: text.index(old)]
-    path.write_text(text.replace(old, new), encoding="utf-8")
-    return before.count("\n") + 1, len(before) - before.rfind("\n")
 
 
 def widths(files: Path, peg: float, hole: float) -> Path:

@@ -16,6 +16,7 @@ from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.step import step_import as step
 from fmopt.runtime import confined
 from tests.shared.files.mesh_files import ply_text, rounded, stl_text, triangles_of
+from tests.shared.files.shipped import edit
 from tests.shared.files.step_files import write_step
 from tests.shared.fuzz.files import KINDS, binary_ply, binary_stl, fuzzed, obj_text, run
 
@@ -189,7 +190,7 @@ def test_an_implausible_model_is_told_with_its_unit(unit: str, words: str, tmp_p
     ("file", "old", "new", "words"),
     [
         ("problems/square_peg.toml", "height = 1", "height = 4001", "start.height: 4001 is too large; keep it at most"),
-        ("problems/square_peg.toml", "x = 0.3", "x = 501", "keep it at most 500 mm"),
+        ("problems/square_peg.toml", "\nx = 0.3", "\nx = 501", "keep it at most 500 mm"),
         ("problems/square_peg.toml", "rx = 0.3", "rx = 30", "keep it at most 28.6478897 deg"),
         ("models/square_peg.toml", "at = [0, 0, 0]", "at = [0, 4.1e3, 0]", "the part reaches 4.1"),
     ],
@@ -203,12 +204,6 @@ def test_what_a_plan_cannot_say_is_refused_by_the_check(
     assert code == 2
     assert "out-of-range" in said
     assert words in said
-
-
-def edit(file: Path, old: str, new: str) -> None:
-    text = file.read_text()
-    assert old in text
-    file.write_text(text.replace(old, new, 1))
 
 
 @pytest.fixture

@@ -22,6 +22,7 @@ from fmopt.manual import FOLDER, PAGES, manual
 from fmopt.manual.book import anchor, blocks, inside, text_of
 from tests import ROOT
 from tests.shared.files.mesh_files import write_stl
+from tests.shared.files.shipped import copied
 from tests.shared.pages.engine import Page, Tree, walk, words
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -254,8 +255,7 @@ def test_every_block_is_of_a_kind_that_is_tested() -> None:
 @pytest.fixture
 def place(tmp_path: Path, square_peg_plan_file: Path) -> Path:
     """A folder with what the examples take for granted: the shipped files, and a plan of the square peg."""
-    for folder in ("problems", "models"):
-        shutil.copytree(ROOT / folder, tmp_path / folder)
+    copied(tmp_path)
     (tmp_path / "out" / "square_peg").mkdir(parents=True)
     shutil.copy(square_peg_plan_file, tmp_path / "out" / "square_peg" / "plan.json")
     write_stl(tmp_path / "models" / "my_peg.stl", Box((0.02, 0.02, 0.04)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from fmopt.planning.same_problem import differences
 from fmopt.task.problem import load
 from fmopt.verify.reading.parse import parse
 from tests import ROOT
+from tests.shared.files.shipped import copied, edit
 from tests.shared.plans.press_plan import press_plan_document, press_problem
 
 PEG = ROOT / "problems" / "square_peg.toml"
@@ -121,15 +121,8 @@ def test_a_true_plan_differs_in_nothing(square_peg_plan: dict[str, Any]) -> None
 
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
-    shutil.copytree(ROOT / "problems", tmp_path / "problems")
-    shutil.copytree(ROOT / "models", tmp_path / "models")
+    copied(tmp_path)
     return tmp_path
-
-
-def edited(file: Path, old: str, new: str) -> None:
-    text = file.read_text()
-    assert old in text
-    file.write_text(text.replace(old, new, 1))
 
 
 @pytest.mark.parametrize(
@@ -146,7 +139,7 @@ def edited(file: Path, old: str, new: str) -> None:
 def test_a_problem_that_changed_is_noticed(
     square_peg_plan: dict[str, Any], files: Path, file: str, old: str, new: str, words: str | None
 ) -> None:
-    edited(files / file, old, new)
+    edit(files / file, old, new)
     told = differences(parse(square_peg_plan), load(files / "problems" / "square_peg.toml"))
     assert any("problem.sha256" in line for line in told)
     assert words is None or any(words in line for line in told), told
@@ -154,7 +147,7 @@ def test_a_problem_that_changed_is_noticed(
 
 def test_a_bad_problem_file_ends_verify_with_its_place(square_peg_plan_file: Path, files: Path) -> None:
     problem = files / "problems" / "square_peg.toml"
-    edited(problem, "x = 0.3", 'x = "0.3 parsec"')
+    edit(problem, "\nx = 0.3", '\nx = "0.3 parsec"')
     command = [sys.executable, "-m", "fmopt", "verify", str(square_peg_plan_file), "--problem", str(problem)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2

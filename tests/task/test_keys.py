@@ -14,10 +14,10 @@ from fmopt.geometry.csg import Cylinder, Placed, Sphere
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.object_model.command import answer
 from fmopt.task.object_model.tree import Feature, ObjectTree
-from fmopt.task.problem import Problem, load
+from fmopt.task.problem import Problem
 from fmopt.task.task_command import is_round, task_command
 from tests.shared.files import models
-from tests.shared.files.shipped import shipped, swapped
+from tests.shared.files.shipped import loaded, shipped, swapped
 from tests.shared.parts.workcells import close
 from tests.shared.solids import contains
 
@@ -86,18 +86,16 @@ def test_faults_of_spheres_have_their_place(tmp_path: Path, old: str, new: str, 
 PROBLEM, ROUND = shipped("square_peg"), shipped("lee_huang_peg")
 
 
-def loaded(folder: Path, *edits: tuple[str, str], text: str = PROBLEM) -> Problem:
+def edited(folder: Path, *edits: tuple[str, str], text: str = PROBLEM) -> Problem:
     for old, new in edits:
         assert old in text
         text = text.replace(old, new, 1)
-    path = folder / "problem.toml"
-    path.write_text(text, encoding="utf-8")
-    return load(path)
+    return loaded(folder, text)
 
 
 def test_a_problem_names_pair_grasp_and_angle(tmp_path: Path) -> None:
     goal = 'depth = 25\nturn = 90\nattachment = "revolute"\n\n[grasp]\nat = [0, 0, -60]\nturn = [0, 10, 0]\n'
-    problem = loaded(tmp_path, ('depth = "full"\n', goal))
+    problem = edited(tmp_path, ('depth = "full"\n', goal))
     assert (problem.task.attachment, problem.task.exchanged) == ("revolute", False)
     assert problem.task.turn == pytest.approx(math.radians(90))
     np.testing.assert_allclose(problem.task.grasp.vector(), [0, 0, -0.06, 0, math.radians(10), 0], atol=1e-15)
@@ -110,8 +108,8 @@ def test_a_problem_names_pair_grasp_and_angle(tmp_path: Path) -> None:
 def test_the_angle_at_the_goal_is_in_the_mating_frame(tmp_path: Path) -> None:
     """A part that is asymmetric about its axis: at the goal its vertices are where the file's angle puts them."""
     rectangular = shipped("factory_rect_8mm_tight")
-    plain = loaded(tmp_path, text=rectangular)
-    turned = loaded(tmp_path, ('depth = "full"', 'depth = "full"\nturn = 30'), text=rectangular)
+    plain = edited(tmp_path, text=rectangular)
+    turned = edited(tmp_path, ('depth = "full"', 'depth = "full"\nturn = 30'), text=rectangular)
     angle = exp([0.0, 0.0, math.radians(30)])
     np.testing.assert_allclose(
         turned.moving.polyhedron.vertices, plain.moving.polyhedron.vertices @ angle.T, atol=1e-15
@@ -127,27 +125,27 @@ def test_the_angle_at_the_goal_is_in_the_mating_frame(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("text", "expected"), [(PROBLEM, ("prismatic", False)), (ROUND, ("cylindrical", True))])
 def test_the_pair_is_chosen_by_the_peg(tmp_path: Path, text: str, expected: tuple[str, bool]) -> None:
     text = text.replace('attachment = "cylindrical"\n', "").replace('turn = "free"', "")
-    problem = loaded(tmp_path, text=text)
+    problem = edited(tmp_path, text=text)
     assert (problem.task.attachment, problem.task.free_turn) == expected
     assert problem.task.free_depth
 
 
 def test_a_free_angle_is_as_at_the_start(tmp_path: Path) -> None:
     begin = ("at = [15, 4, 12]", "at = [15, 4, 12]\nturn = [0, 0, 30]")
-    problem = loaded(tmp_path, begin, text=ROUND)
+    problem = edited(tmp_path, begin, text=ROUND)
     assert problem.task.turn == pytest.approx(math.radians(30), abs=1e-12)
     np.testing.assert_allclose(problem.start, [0.015, 0.004, 0.012, 0, 0, 0], atol=1e-12)
     found = answer(*task_command(problem))
     np.testing.assert_allclose(found.P0, problem.start, atol=1e-12)
     np.testing.assert_allclose(found.PT, problem.goal, atol=1e-12)
-    kept = loaded(tmp_path, begin, ('turn = "free"', "turn = 0"), text=ROUND)
+    kept = edited(tmp_path, begin, ('turn = "free"', "turn = 0"), text=ROUND)
     np.testing.assert_allclose(kept.start, [0.015, 0.004, 0.012, 0, 0, math.radians(30)], atol=1e-12)
 
 
 def test_the_hollow_part_in_the_hand(tmp_path: Path) -> None:
-    plain = loaded(tmp_path, text=ROUND)
+    plain = edited(tmp_path, text=ROUND)
     begin, turn = ("at = [15, 4, 12]", "at = [-15, -4, -12]"), ('turn = "free"', "turn = 20")
-    problem = loaded(tmp_path, begin, turn, text=swapped(ROUND))
+    problem = edited(tmp_path, begin, turn, text=swapped(ROUND))
     assert problem.task.exchanged
     assert (problem.moving_feature, problem.fixed_feature) == ("peg", "hole")
     assert problem.task.turn == pytest.approx(-math.radians(20))
@@ -176,12 +174,12 @@ def test_the_hollow_part_in_the_hand(tmp_path: Path) -> None:
 )
 def test_faults_of_these_keys_have_their_place(tmp_path: Path, old: str, new: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        loaded(tmp_path, (old, new))
+        edited(tmp_path, (old, new))
 
 
 def test_a_start_turned_half_round_leaves_no_free_angle(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"task-rule: goal.turn: the start of .* turned by 180 deg"):
-        loaded(tmp_path, ("at = [15, 4, 12]", "at = [15, 4, 12]\nturn = [180, 0, 0]"), text=ROUND)
+        edited(tmp_path, ("at = [15, 4, 12]", "at = [15, 4, 12]\nturn = [180, 0, 0]"), text=ROUND)
 
 
 def test_sources_of_errors_are_refused_with_the_hollow_part_in_the_hand(tmp_path: Path) -> None:
@@ -189,4 +187,4 @@ def test_sources_of_errors_are_refused_with_the_hollow_part_in_the_hand(tmp_path
     start = text[text.index("[uncertainty.start]") : text.index("# S(t)")]
     sources = "[uncertainty.sources]\nrobot = { position = 0.01 }\ngrasp = { height = 30 }\n"
     with pytest.raises(InputError, match=r"conflict: uncertainty.sources: with the hollow part in the hand"):
-        loaded(tmp_path, (start, sources), text=text)
+        edited(tmp_path, (start, sources), text=text)

@@ -18,6 +18,7 @@ from fmopt.task.sizes import measured_clearance
 from tests.shared.files.mesh_files import at, plate, rounded, stl_text, triangles_of, write_stl
 from tests.shared.files.model_text import of_file
 from tests.shared.files.own import PROBLEM
+from tests.shared.files.shipped import edit
 from tests.shared.files.step_files import write_step
 
 
@@ -30,12 +31,6 @@ def folder(tmp_path: Path) -> Path:
         (tmp_path / f"{name}.toml").write_text(of_file(f"{name}.stl"))
     (tmp_path / "problem.toml").write_text(PROBLEM)
     return tmp_path
-
-
-def edit(file: Path, old: str, new: str) -> None:
-    text = file.read_text()
-    assert old in text
-    file.write_text(text.replace(old, new))
 
 
 def step_block(tool: Any = None) -> Any:

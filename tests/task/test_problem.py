@@ -34,18 +34,11 @@ from fmopt.task.sources import (
 )
 from fmopt.task.toml.source import read
 from tests import ROOT
+from tests.shared.files.shipped import copied
 
 PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))
 MODELS = sorted((ROOT / "models").glob("*.toml"))
 OTHERS = sorted((ROOT / "problems").glob("*/*.toml"))  # assemblies, studies and allocations
-
-
-def copied(tmp_path: Path) -> Path:
-    for path in (*PROBLEMS, *MODELS):
-        target = tmp_path / path.relative_to(ROOT)
-        target.parent.mkdir(exist_ok=True)
-        target.write_bytes(path.read_bytes())
-    return tmp_path / "problems" / "square_peg.toml"
 
 
 @pytest.fixture(scope="module")

@@ -20,10 +20,9 @@ from fmopt.task.object_model.command import Answer, Task, answer
 from fmopt.task.object_model.goal import FREE, Goal
 from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.object_model.workcell import LowerPair, Workcell
-from fmopt.task.problem import load
 from tests import ROOT
 from tests.shared.files.model_text import cuboid, union
-from tests.shared.files.shipped import shipped, swapped
+from tests.shared.files.shipped import loaded, shipped, swapped
 from tests.shared.parts.workcells import at, cell, feature, task, thing
 
 BOX, RHO = np.array([1e-4, 1e-4, 1e-4, 0.01, 0.01, 0.03]), 0.014
@@ -124,12 +123,6 @@ def test_an_obstacle_of_an_exchanged_task_moves_with_operand_1() -> None:
 
 
 # Through the problem file.
-
-
-def loaded(folder: Path, text: str):
-    path = folder / "problem.toml"
-    path.write_text(text, encoding="utf-8")
-    return load(path)
 
 
 def test_figure_two_through_the_problem_file(tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ from fmopt.verify.reading.parse import parse
 from tests import ROOT
 from tests.shared.executions.executing import executed
 from tests.shared.executions.geometry import Convex, gaps
+from tests.shared.files.shipped import copied, edit
 from tests.shared.lies.restate import restated
 from tests.shared.parts.square import block
 from tests.shared.plans.table_plan import sealed
@@ -265,13 +266,8 @@ def test_plans_that_say_what_cannot_be_are_refused(
     ],
 )
 def test_balls_that_cannot_be_are_refused_with_their_place(tmp_path: Path, old: str, new: str, told: str) -> None:
-    for folder, name in (("models", "ball_pin"), ("models", "fenced_hole_block"), ("problems", "ball_pin")):
-        (tmp_path / folder).mkdir(exist_ok=True)
-        text = (PROBLEM.parent.parent / folder / f"{name}.toml").read_text(encoding="utf-8")
-        if (folder, name) == ("models", "ball_pin"):
-            assert old in text
-            text = text.replace(old, new)
-        (tmp_path / folder / f"{name}.toml").write_text(text, encoding="utf-8")
+    copied(tmp_path)
+    edit(tmp_path / "models" / "ball_pin.toml", old, new)
     with pytest.raises(InputError, match=told):
         load(tmp_path / "problems" / "ball_pin.toml")
 

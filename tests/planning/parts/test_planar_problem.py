@@ -34,6 +34,7 @@ from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
 from fmopt.verify.findings import NOT_PROVED, Verdict
 from tests import ROOT
+from tests.shared.files.shipped import copied, edit
 from tests.shared.plans.report_plans import diagnostics
 from tests.shared.searched import task_of
 
@@ -61,13 +62,8 @@ def thoroughly(task: Task, moves: Sequence[Move]) -> Placed:
 
 
 def faults(tmp_path: Path, file: str, old: str, new: str) -> list[Any]:
-    for name in (*NAMES, "models/square_peg.toml"):
-        text = (ROOT / name).read_text(encoding="utf-8")
-        if name == file:
-            assert old in text
-            text = text.replace(old, new)
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text, encoding="utf-8")
+    copied(tmp_path)
+    edit(tmp_path / file, old, new)
     with pytest.raises(InputError) as caught:
         load(tmp_path / NAMES[0])
     return list(caught.value.faults)
@@ -115,9 +111,7 @@ def test_sources_stay_in_the_plane(tmp_path: Path) -> None:
     text = (ROOT / NAMES[0]).read_text(encoding="utf-8")
     start, end = text.index("[uncertainty.start]"), text.index("[uncertainty.velocity]")
     sources = "[uncertainty.sources]\nrobot = { position = 1, angle = 0.01 }\ngrasp = { height = 100 }\n\n"
-    for name in NAMES:
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text((ROOT / name).read_text(encoding="utf-8"), encoding="utf-8")
+    copied(tmp_path)
     (tmp_path / NAMES[0]).write_text(text[:start] + sources + text[end:], encoding="utf-8")
     problem = load(tmp_path / NAMES[0])
     assert problem.start_box[0] > 2e-3

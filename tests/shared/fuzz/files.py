@@ -30,11 +30,11 @@ import numpy as np
 
 from fmopt.cli.entry import main
 from fmopt.geometry.mesh.mesh_file import OWN_UNIT
-from tests import ROOT
 from tests.shared.files import own
 from tests.shared.files.mesh_damage import Mesh
 from tests.shared.files.mesh_files import glb, plate, ply_text, rounded, stl_text, three_mf, triangles_of
 from tests.shared.files.model_text import of_file
+from tests.shared.files.shipped import copied
 from tests.shared.fuzz.damage import damaged
 
 SECONDS = 30  # of the processor, for one file
@@ -136,8 +136,7 @@ def _shipped(files: Mapping[str, str], *words: str) -> Callable[[Path], list[Cas
     """Cases of shipped files, each with the file that the words after `fmopt` read for it."""
 
     def cases(folder: Path) -> list[Case]:
-        for name in ("problems", "models"):
-            shutil.copytree(ROOT / name, folder / name)
+        copied(folder)
         return [Case(file, (tuple(word.format(named) for word in words),)) for file, named in files.items()]
 
     return cases
