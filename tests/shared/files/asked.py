@@ -137,20 +137,13 @@ def convex(loop: Outline) -> list[Outline]:
 
 def solid(loops: Sequence[Outline], height: float) -> Any:
     """A prism over loops as a solid of the CAD kernel."""
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakePolygon
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
-    from OCP.gp import gp_Pnt, gp_Vec
+    from OCP.gp import gp_Vec
 
-    def wire(loop: Outline) -> Any:
-        made = BRepBuilderAPI_MakePolygon()
-        for x, y in loop:
-            made.Add(gp_Pnt(x, y, 0.0))
-        made.Close()
-        return made.Wire()
-
-    face = BRepBuilderAPI_MakeFace(wire(loops[0]), True)
+    face = BRepBuilderAPI_MakeFace(step_parts.wire(loops[0], 0.0), True)
     for loop in loops[1:]:
-        face.Add(wire(loop[::-1]))
+        face.Add(step_parts.wire(loop[::-1], 0.0))
     return BRepPrimAPI_MakePrism(face.Face(), gp_Vec(0.0, 0.0, height)).Shape()
 
 

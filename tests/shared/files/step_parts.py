@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +80,7 @@ def prism(corners: np.ndarray, height: float, z: float = 0.0) -> Any:
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
     from OCP.gp import gp_Vec
 
-    return BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(_wire(corners, z)).Face(), gp_Vec(0.0, 0.0, height)).Shape()
+    return BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(wire(corners, z)).Face(), gp_Vec(0.0, 0.0, height)).Shape()
 
 
 def loft(low: np.ndarray, high: np.ndarray, height: float, reverse: bool = False) -> Any:
@@ -89,18 +89,18 @@ def loft(low: np.ndarray, high: np.ndarray, height: float, reverse: bool = False
 
     made = BRepOffsetAPI_ThruSections(True, False)
     for corners, z in ((high, height), (low, 0.0)) if reverse else ((low, 0.0), (high, height)):
-        made.AddWire(_wire(corners, z))
+        made.AddWire(wire(corners, z))
     return made.Shape()
 
 
-def _wire(corners: np.ndarray, z: float) -> Any:
-    """A polygon (n, 2) at a height, closed."""
+def wire(corners: Iterable[Iterable[float]], *z: float) -> Any:
+    """A closed polygon (n, 3), or (n, 2) at a height."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakePolygon
     from OCP.gp import gp_Pnt
 
     outline = BRepBuilderAPI_MakePolygon()
-    for x, y in corners.tolist():
-        outline.Add(gp_Pnt(x, y, z))
+    for corner in corners:
+        outline.Add(gp_Pnt(*map(float, corner), *z))
     outline.Close()
     return outline.Wire()
 

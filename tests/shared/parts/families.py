@@ -336,25 +336,17 @@ def _brep(stack: Stack) -> Any:
 
 
 def _plane_faced(low: Section, high: Section) -> Any:
-    from OCP.BRepBuilderAPI import (
-        BRepBuilderAPI_MakeFace,
-        BRepBuilderAPI_MakePolygon,
-        BRepBuilderAPI_MakeSolid,
-        BRepBuilderAPI_Sewing,
-    )
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakeSolid, BRepBuilderAPI_Sewing
     from OCP.BRepLib import BRepLib
-    from OCP.gp import gp_Pnt
     from OCP.TopoDS import TopoDS
+
+    from tests.shared.files.step_parts import wire
 
     below, above = ([(*corner, one.at) for corner in one.outline] for one in (low, high))
     sides = list(zip(below, below[1:] + below[:1], above[1:] + above[:1], above, strict=True))
     sewing = BRepBuilderAPI_Sewing()
     for corners in (below[::-1], above, *sides):
-        polygon = BRepBuilderAPI_MakePolygon()
-        for corner in corners:
-            polygon.Add(gp_Pnt(*corner))
-        polygon.Close()
-        sewing.Add(BRepBuilderAPI_MakeFace(polygon.Wire(), True).Face())
+        sewing.Add(BRepBuilderAPI_MakeFace(wire(corners), True).Face())
     sewing.Perform()
     made = BRepBuilderAPI_MakeSolid(TopoDS.Shell(sewing.SewedShape())).Solid()
     BRepLib.OrientClosedSolid_s(made)
