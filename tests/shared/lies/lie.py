@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from random import Random
-from typing import Any
+from typing import Any, TypeVar
 
+T = TypeVar("T")
 Document = dict[str, Any]
 Point = list[float]
 SIDES = ("moving", "fixed")
@@ -34,6 +36,17 @@ class Lie:
     tell: Callable[[Document, Random], bool]
     settled: bool = True
     base: Callable[[], Document] | None = None
+
+
+class Untold(Exception):
+    """A plan has nothing of the kind to lie about."""
+
+
+def chosen(rng: Random, items: Sequence[T]) -> T:
+    """One of several; where there is none, the lie is not told."""
+    if not items:
+        raise Untold
+    return rng.choice(items)
 
 
 def drawn(rng: Random, low: float, high: float) -> float:
@@ -94,7 +107,8 @@ def named(oracle: str, settled: bool, *changes: Callable[[Document, Random], Non
 def _told(change: Callable[[Document, Random], None]) -> Callable[[Document, Random], bool]:
     def tell(plan: Document, rng: Random) -> bool:
         before = json.dumps(plan)
-        change(plan, rng)
+        with contextlib.suppress(Untold):
+            change(plan, rng)
         return json.dumps(plan) != before
 
     return tell

@@ -6,7 +6,7 @@ from itertools import pairwise
 from random import Random
 from typing import Any
 
-from tests.shared.lies.lie import CONSTRUCTION, PROBLEM, SAMPLING, Document, around, drawn, named
+from tests.shared.lies.lie import CONSTRUCTION, PROBLEM, SAMPLING, Document, around, chosen, drawn, named
 
 
 def _later(plan: Document, rng: Random) -> tuple[int, Any]:
@@ -17,9 +17,7 @@ def _later(plan: Document, rng: Random) -> tuple[int, Any]:
 
 def wrong_feature(plan: Document, rng: Random) -> None:
     """A contact of another vertex or edge than the one that touches."""
-    if not plan["contacts"]:
-        return
-    contact = rng.choice(plan["contacts"])
+    contact = chosen(rng, plan["contacts"])
     side = rng.choice(("moving", "fixed"))
     place, part = contact[side], plan["parts"][side]
     loops = [face[0] for face in part["faces"]]
@@ -38,9 +36,7 @@ def swapped_features(plan: Document, rng: Random) -> None:
     """Two contacts of a kind that have taken each other's names."""
     kinds = [[c for c in plan["contacts"] if c["kind"] == kind] for kind in ("vertex-face", "edge-edge")]
     kinds = [found for found in kinds if len(found) > 1]
-    if not kinds:
-        return
-    one, other = rng.sample(rng.choice(kinds), 2)
+    one, other = rng.sample(chosen(rng, kinds), 2)
     one["id"], other["id"] = other["id"], one["id"]
 
 
@@ -48,9 +44,7 @@ def extra_contact(plan: Document, rng: Random) -> None:
     """A contact that is said to be held from a move on, and that nothing made."""
     k, segment = _later(plan, rng)
     unheld = [c["id"] for c in plan["contacts"] if c["id"] not in segment["goal_state"]]
-    if not unheld:
-        return
-    name = rng.choice(unheld)
+    name = chosen(rng, unheld)
     for later in plan["segments"][k:]:
         for key in ("state", "goal_state"):
             later[key] = [*later[key], *([name] if name not in later[key] else [])]
@@ -62,15 +56,11 @@ def extra_contact(plan: Document, rng: Random) -> None:
 def extra_contact_made(plan: Document, rng: Random) -> None:
     """A contact that is said to come with the one that a move makes."""
     making = sorted({s["move"] for s in plan["segments"] if any(b["made"] for b in s["basis"])})
-    if not making:
-        return
-    move = rng.choice(making)
+    move = chosen(rng, making)
     unheld = [c["id"] for c in plan["contacts"] if all(c["id"] not in s["goal_state"] for s in plan["segments"])]
     later_on = next(s for s in plan["segments"] if s["move"] == move)["goal_state"]
     unheld += [i for s in plan["segments"] if s["move"] > move for i in s["goal_state"] if i not in later_on]
-    if not unheld:
-        return
-    name = rng.choice(sorted(set(unheld)))
+    name = chosen(rng, sorted(set(unheld)))
     for segment in plan["segments"]:
         if segment["move"] == move and name not in segment["goal_state"]:
             segment["goal_state"].append(name)
@@ -79,9 +69,7 @@ def extra_contact_made(plan: Document, rng: Random) -> None:
 def dropped_contact(plan: Document, rng: Random) -> None:
     """A contact that is held, and not spoken of from a move on."""
     holding = [k for k, s in enumerate(plan["segments"]) if s["state"]]
-    if not holding:
-        return
-    k = rng.choice(holding)
+    k = chosen(rng, holding)
     name = rng.choice(plan["segments"][k]["state"])
     for later in plan["segments"][k:]:
         for key in ("state", "goal_state"):
@@ -95,9 +83,7 @@ def dropped_contact(plan: Document, rng: Random) -> None:
 def other_contact_made(plan: Document, rng: Random) -> None:
     """A move that ends by another contact than the one that it makes."""
     making = [s for s in plan["segments"] if any(b["made"] for b in s["basis"])]
-    if not making:
-        return
-    move = rng.choice(making)["move"]
+    move = chosen(rng, making)["move"]
     moved = [s for s in plan["segments"] if s["move"] == move]
     others = [c["id"] for c in plan["contacts"] if c["id"] not in moved[0]["state"]]
     was = next(b["contact"] for b in moved[0]["basis"] if b["made"])
@@ -113,9 +99,7 @@ def other_contact_made(plan: Document, rng: Random) -> None:
 def nothing_left(plan: Document, rng: Random) -> None:
     """A move that gives contacts up, and says that it does not."""
     leaving = [s for s in plan["segments"] if s.get("leaving")]
-    if not leaving:
-        return
-    move = rng.choice(leaving)["move"]
+    move = chosen(rng, leaving)["move"]
     for segment in plan["segments"]:
         if segment["move"] == move:
             gone = segment.pop("leaving")
@@ -126,9 +110,7 @@ def nothing_left(plan: Document, rng: Random) -> None:
 def swapped_basis(plan: Document, rng: Random) -> None:
     """Contacts of a basis in another order, or one of them another contact of the state."""
     long = [s for s in plan["segments"] if len(s["basis"]) > 1]
-    if not long:
-        return
-    segment = rng.choice(long)
+    segment = chosen(rng, long)
     entry = rng.choice([b for b in segment["basis"] if not b["made"]] or segment["basis"])
     if entry["made"] or rng.random() < 0.3:
         segment["basis"].reverse()
@@ -174,9 +156,7 @@ def renumbered_moves(plan: Document, rng: Random) -> None:
 def uneven_progress(plan: Document, rng: Random) -> None:
     """Pieces of a move that take another share of it than they say."""
     inner = [k for k, s in enumerate(plan["segments"]) if s["progress"][1] < 1.0]
-    if not inner:
-        return
-    k = rng.choice(inner)
+    k = chosen(rng, inner)
     one, other = plan["segments"][k : k + 2]
     share = drawn(rng, -9.0, -1.0) * rng.choice((-1.0, 1.0))
     at = one["progress"][1] + share * (one["progress"][1] - one["progress"][0])
@@ -226,9 +206,7 @@ def other_witness(plan: Document, rng: Random) -> None:
 def tilted_witness(plan: Document, rng: Random) -> None:
     """A plane between two pieces, tilted or shifted."""
     planes = [i for s in plan["segments"] for i in s["separations"] if i["witness"]["kind"] == "plane"]
-    if not planes:
-        return
-    witness = rng.choice(planes)["witness"]
+    witness = chosen(rng, planes)["witness"]
     witness["normal"] = [x + drawn(rng, -9.0, 0.0) * rng.gauss(0.0, 1.0) for x in witness["normal"]]
     witness["normal"] = [max(-1.0, min(1.0, x)) for x in witness["normal"]]
     witness["offset"] -= drawn(rng, -9.0, -2.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
-from tests.shared.lies.lie import PROBLEM, Document, drawn, named
+from tests.shared.lies.lie import PROBLEM, Document, chosen, drawn, named
 
 
 def _resized(plan: Document, box: list[float]) -> None:
@@ -28,9 +28,7 @@ def flat_box(plan: Document, rng: Random) -> None:
     """Start errors without one of their axes."""
     box = list(plan["uncertainty"]["start_box"])
     axes = [k for k in range(2, 6) if box[k] > 0.0]
-    if not axes:
-        return
-    box[rng.choice(axes)] = 0.0
+    box[chosen(rng, axes)] = 0.0
     _resized(plan, box)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from random import Random
 from typing import Any
 
-from tests.shared.lies.lie import CONSTRUCTION, SAMPLING, Document, drawn, named
+from tests.shared.lies.lie import CONSTRUCTION, SAMPLING, Document, chosen, drawn, named
 
 
 def not_covered(plan: Document, rng: Random) -> None:
@@ -75,44 +75,34 @@ def _controls(plan: Document) -> Iterator[Any]:
 def surer_contacts(plan: Document, rng: Random) -> None:
     """Held contacts that are said to stay closed under more than they do."""
     told = [hybrid for hybrid in _controls(plan) if hybrid.get("stays", "push") != "push"]
-    if not told:
-        return
-    hybrid = rng.choice(told)
+    hybrid = chosen(rng, told)
     hybrid["stays"] = "push" if hybrid["stays"] == "stop" else rng.choice(("push", "stop"))
 
 
 def pulled_contact(plan: Document, rng: Random) -> None:
     """A held contact that the bias pulls at, or does not press."""
     pressing = [hybrid for hybrid in _controls(plan) if hybrid["normal_forces"]]
-    if not pressing:
-        return
-    item = rng.choice(rng.choice(pressing)["normal_forces"])
+    item = rng.choice(chosen(rng, pressing)["normal_forces"])
     item["force"] = rng.choice((0.0, -1.0)) * item["force"]
 
 
 def weaker_push(plan: Document, rng: Random) -> None:
     """A push too weak to make the contact felt."""
     pushing = [hybrid for hybrid in _controls(plan) if hybrid["push"] > 0.0 and hybrid["termination"]["contacts"]]
-    if not pushing:
-        return
-    rng.choice(pushing)["push"] *= 1e-3
+    chosen(rng, pushing)["push"] *= 1e-3
 
 
 def stronger_bias(plan: Document, rng: Random) -> None:
     """More force than the specification allows."""
     pressing = [hybrid for hybrid in _controls(plan) if hybrid["normal_forces"]]
-    if not pressing:
-        return
-    item = rng.choice(rng.choice(pressing)["normal_forces"])
+    item = rng.choice(chosen(rng, pressing)["normal_forces"])
     item["force"] += plan["specification"]["contact_force"]
 
 
 def wider_jam_free(plan: Document, rng: Random) -> None:
     """A wrench that may turn further than its twists prove."""
     told = [h["jam_free"] for h in _controls(plan) if h.get("jam_free", {}).get("angle")]
-    if not told:
-        return
-    stated = rng.choice(told)
+    stated = chosen(rng, told)
     if rng.random() < 0.5:
         stated["angle"] = min(stated["angle"] * (1.0 + drawn(rng, -6.0, 0.0)), 3.14)
     else:

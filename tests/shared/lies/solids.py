@@ -13,6 +13,7 @@ from tests.shared.lies.lie import (
     around,
     bodies,
     centre,
+    chosen,
     cross,
     drawn,
     minus,
@@ -79,9 +80,7 @@ def bent_face(plan: Document, rng: Random) -> None:
     """A corner of a face with four or more moved out of its plane, in the surface and in all pieces."""
     part = _part(plan, rng)
     faces = [face[0] for face in part["faces"] if len(face[0]) > 3]
-    if not faces:
-        return
-    loop = rng.choice(faces)
+    loop = chosen(rng, faces)
     at = part["vertices"][rng.choice(loop)]
     moved = plus(at, normal(part["vertices"], loop), rng.choice((-1.0, 1.0)) * drawn(rng, -15.0, -7.0))
     was = list(at)
@@ -140,9 +139,7 @@ def lid(plan: Document, rng: Random) -> None:
     """A hole closed by a sheet in the plane of its mouth."""
     part = plan["parts"]["fixed"]
     holed = [face for face in part["faces"] if len(face) > 1]
-    if not holed:
-        return
-    face = rng.choice(holed)
+    face = chosen(rng, holed)
     part["faces"].append([face.pop(rng.randrange(1, len(face)))])
 
 
@@ -155,9 +152,7 @@ def doubled_face(plan: Document, rng: Random) -> None:
 def dropped_loop(plan: Document, rng: Random) -> None:
     """A hole of a face left out."""
     holed = [face for face in plan["parts"]["fixed"]["faces"] if len(face) > 1]
-    if not holed:
-        return
-    rng.choice(holed).pop()
+    chosen(rng, holed).pop()
 
 
 def inside_out(plan: Document, rng: Random) -> None:
@@ -179,9 +174,7 @@ def cut_corner(plan: Document, rng: Random) -> None:
         and sum(k in face[0] for face in piece["faces"]) == 3
         and not any(_holds(other, v) for other in part["pieces"] if other is not piece)
     ]
-    if not places:
-        return
-    piece, k = rng.choice(places)
+    piece, k = chosen(rng, places)
     _truncate(piece, k, drawn(rng, -8.0, -5.41))
 
 
