@@ -282,60 +282,24 @@ def _irredundant(bodies: Sequence[Polyhedron], whole: float, needed: Sequence[in
     """Few of the bodies whose union has the volume `whole` (m³), chosen by the volume they add; input order.
 
     Gains only fall while the union grows, so a body whose gain is old is measured again before it is chosen. Those that
-    are known to be `needed`, by number, are not measured; those that others hold come last, as a rule never.
+    are known to be `needed`, by number, are not measured.
     """
     if len(bodies) < 2:
         return tuple(bodies)
-    many = len(bodies) > _MANY
-    prisms = _prisms(bodies) if many else None
-    union, kept = prisms or _Union(bodies), [*needed]
+    union, kept = (_prisms(bodies) if len(bodies) > _MANY else None) or _Union(bodies), [*needed]
     covered, enough = union.with_all(needed), (1.0 - _NOISE) * whole
-    held = _within_two(bodies, needed) if many and prisms is None and covered < enough else frozenset()
-    queue = [(i in held, -bodies[i].volume, i, 0) for i in sorted({*range(len(bodies))} - {*needed})]
+    queue = [(-bodies[i].volume, i, 0) for i in sorted({*range(len(bodies))} - {*needed})]
     heapify(queue)
     while queue and covered < enough:
         heed()
-        last, gain, i, age = heappop(queue)
+        gain, i, age = heappop(queue)
         if age == len(kept):
             union.add(i)
             kept.append(i)
             covered -= gain
         elif (gain := union.gain(i)) > _SLIVER * bodies[i].volume:
-            heappush(queue, (last, -gain, i, len(kept)))
+            heappush(queue, (-gain, i, len(kept)))
     return tuple(bodies[i] for i in sorted(kept))
-
-
-def _within_two(bodies: Sequence[Polyhedron], needed: Sequence[int]) -> frozenset[int]:
-    """Numbers of bodies that lie inside another one, or inside the union of two; smallest first, `needed` ones never.
-
-    Body i lies in j ∪ k if it sticks out of j by one plane only, and k, being convex, holds the corners of that part.
-    """
-    number: dict[tuple[float, ...], int] = {}
-    own = [[number.setdefault((*face.normal, face.offset), len(number)) for face in body.faces] for body in bodies]
-    planes, bounds = np.array([*number]), np.zeros((len(bodies), len(number)), dtype=np.float32)
-    for row, its in zip(bounds, own, strict=True):
-        row[its] = 1.0
-    kept = np.ones(len(bodies), dtype=bool)
-    for i in sorted({*range(len(bodies))} - {*needed}, key=lambda i: bodies[i].volume):
-        heed()
-        heights = bodies[i].vertices @ planes[:, :3].T - planes[:, 3]
-        outside = np.any(heights > ROUNDING, axis=0)
-        kept[i] = False
-        others = bounds[kept]
-        crossed = others @ outside  # how many of the planes of each body i sticks out of
-        single = np.flatnonzero(outside & np.any(others[crossed == 1.0], axis=0))
-        rests = (np.any(_beyond(bodies[i], heights, plane) > ROUNDING, axis=0) for plane in single.tolist())
-        kept[i] = np.all(crossed) and all(np.all(others @ rest) for rest in rests)
-    return frozenset(np.flatnonzero(~kept).tolist())
-
-
-def _beyond(body: Polyhedron, heights: Array, plane: int) -> Array:
-    """The heights (n, p) over planes of the corners of the part of a body beyond one of them; `heights` of its own."""
-    above = heights[:, plane] > ROUNDING
-    ends = np.array([edge.vertices for edge in body.edges])
-    one, other = heights[ends[above[ends[:, 0]] != above[ends[:, 1]]].T]
-    share = one[:, plane] / (one[:, plane] - other[:, plane])
-    return np.vstack([heights[above], one + share[:, None] * (other - one)])
 
 
 class _Union:

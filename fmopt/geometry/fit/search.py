@@ -207,10 +207,8 @@ def _around(led: Led, slab: int, material: Layers, opening: shapely.Polygon) -> 
 
 def _equal(some: Sequence[BaseGeometry], others: Sequence[BaseGeometry]) -> bool:
     least = _GIVEN * max(float(one.length) for one in some)
-    pairs = [*zip(some, others, strict=True)]
-    return all(abs(a.area - b.area) <= least for a, b in pairs) and all(
-        a.symmetric_difference(b).area <= least for a, b in pairs
-    )
+    pairs = zip(some, others, strict=True)
+    return all(abs(a.area - b.area) <= least and a.symmetric_difference(b).area <= least for a, b in pairs)
 
 
 def _shifted(one: Candidate, opening: shapely.Polygon) -> Candidate:

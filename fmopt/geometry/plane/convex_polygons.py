@@ -96,11 +96,8 @@ class Convex:
         (ax, ay), (bx, by) = ((float(x), float(y)) for x, y in (a, b))
         x, y = bx - ax, by - ay
         unsure = _UNSURE * max(self.reach, abs(ax), abs(ay), abs(bx), abs(by)) ** 2
-        found: list[Fraction | float] = []
-        for p, (px, py) in zip(self.corners, self.outline, strict=True):
-            height = x * (py - ay) - y * (px - ax)
-            found.append(height if abs(height) > unsure else _left(a, b, p))
-        return found
+        heights = (x * (py - ay) - y * (px - ax) for px, py in self.outline)
+        return [h if abs(h) > unsure else _left(a, b, p) for h, p in zip(heights, self.corners, strict=True)]
 
     @cached_property
     def reach(self) -> float:
