@@ -1,7 +1,7 @@
 """What is done with a plan: `fmopt export`, `show`, `examples`, `execute`, `compare`; and `fmopt manual`."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -60,6 +60,28 @@ def export(
             typer.echo(str(path))
         for note in written.notes:
             say(note, err=True)
+
+
+evidence = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(evidence, name="evidence", help="Put trials on a robot of your own beside those in the physics engine.")
+
+
+@evidence.command("add", epilog="Example: fmopt evidence add out/square_peg/plan.json trials.csv")
+def evidence_add(
+    file: Annotated[Path, typer.Argument(help="Plan file (JSON), to which they are added.")],
+    trials: Annotated[Path, typer.Argument(help="CSV: a column outcome, seated or failed; seconds where known.")],
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Add trials on a robot to a plan: how many seat, the bound of their rate, and whether simulation disagrees."""
+    from fmopt.notebook.own_trials import with_trials
+    from fmopt.plan import parsed, write
+    from fmopt.report.presses import own_words
+
+    document = with_trials(file, trials)
+    write(document, file)
+    plan = parsed(document)
+    answer(asdict(plan.description.own_trials[-1]), own_words(plan)[-1], as_json, quiet)
 
 
 def _admitted(file: Path, unverified: bool) -> tuple[Any, str]:

@@ -195,6 +195,26 @@ class CarriedOut:
 
 
 @dataclass(frozen=True, config=FORM)
+class OwnTrials:
+    """Trials on a robot: how many seat, the lower bound of their rate, its 95 % interval, median seconds of these.
+
+    Attributes:
+        source, sha256: name and digest of the file that they are from.
+        contradicts: whether the rate in the physics engine and this one lie outside of each other's intervals.
+    """
+
+    source: Line
+    sha256: Line
+    trials: Annotated[Index, Field(ge=1)]
+    seated: Index
+    bound: Annotated[NonNegative, Field(le=1.0)]
+    low: Annotated[NonNegative, Field(le=1.0)]
+    high: Annotated[NonNegative, Field(le=1.0)]
+    seconds: NonNegative | None = None
+    contradicts: Flag = False
+
+
+@dataclass(frozen=True, config=FORM)
 class Description:
     """All that a plan describes; what could not be found, or is not asked for, is None or empty.
 
@@ -218,6 +238,7 @@ class Description:
     carried_out: CarriedOut | None = None
     certified_share: Annotated[NonNegative, Field(le=1.0)] | None = None
     untried: Line = ""
+    own_trials: Many[OwnTrials] = ()
 
     @model_validator(mode="after")
     def _check_agreement(self) -> Description:

@@ -71,21 +71,35 @@ def carried_words(plan: Plan) -> str:
     """What trials of a certified plan came to, in a few words for its verdict."""
     found = plan.description.carried_out
     if found is None:
-        return "not carried out"
+        return "; ".join(["not carried out", *own_words(plan)])
     rate = f"{found.seated} of {found.draws} draws seat in the physics engine, at least {100.0 * found.bound:.1f} %"
-    return rate if found.bound >= found.min_rate else f"BUT {rate}, asked for {100.0 * found.min_rate:g} %"
+    reached = found.bound >= found.min_rate
+    return "; ".join([rate if reached else f"BUT {rate}, asked for {100.0 * found.min_rate:g} %", *own_words(plan)])
+
+
+def own_words(plan: Plan) -> list[str]:
+    """What trials on robots came to, one statement a file."""
+    return [
+        f"{one.seated} of {one.trials} trials on a robot ({one.source}) seat, at least {100.0 * one.bound:.1f} %"
+        + (f", in {one.seconds:.3g} s" if one.seconds is not None else "")
+        + (", which CONTRADICTS the physics engine" if one.contradicts else "")
+        for one in plan.description.own_trials
+    ]
 
 
 def evidence_words(plan: Plan) -> str:
     """What trials came to, with draws and bound; and what is certified where that is less than was asked for."""
     evidence, share = plan.trials, plan.description.certified_share
+    own = "".join(f" {words}." for words in own_words(plan))
     if evidence is None:
-        return f"There is no evidence: {plan.description.untried or 'trials of the presses were left out'}."
+        return f"There is no evidence: {plan.description.untried or 'trials of the presses were left out'}.{own}"
     return (
         f"{evidence.seated} of {evidence.draws} draws seat in the physics engine, {evidence.first_tries} at the first "
         f"attempt: a rate of at least {100.0 * evidence.bound:.1f} % at {evidence.confidence:.1%} confidence, asked "
         f"for {100.0 * evidence.min_rate:g} %. {evidence.vertices_seated} of {evidence.vertices} vertices of the start "
-        "errors seat." + ("" if share is None else f" Guarded moves are certified for {share:.0%} of the start errors.")
+        "errors seat."
+        + ("" if share is None else f" Guarded moves are certified for {share:.0%} of the start errors.")
+        + own
     )
 
 
