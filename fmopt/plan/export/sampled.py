@@ -18,9 +18,10 @@ _NOTES = (
     "units: s, m, rad, N, N m; S, Pa and Fa along and about the axes of the B-frame",
     "S: 0 free, 1 stopped in +, -1 stopped in -, 2 stopped both ways; Pa where S = 0, servoed in position",
     "Fa where S is not 0, servoed in force: the reaction of the fixed on the moving part, the controller applies -Fa",
-    "the nominal position/force trajectory straight in, as if there were no errors; not the motion to run, which is",
-    "the plan's segments, and what the formats for robots hold",
+    "not the motion to run, which is the plan's segments, but the nominal position/force trajectory",
 )
+_OF_MOVES = "it goes straight in, as if there were no errors; the formats for robots hold the segments"
+_OF_PRESSES = "it is of the first attempt, carried out without errors in the middle of all intervals"
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +62,14 @@ def samples(plan: Plan, rate: float) -> Samples:
     return Samples(t, np.array([row.s for row in rows])[inside], pa, np.array([row.fa for row in rows])[inside])
 
 
+def _notes(plan: Plan) -> tuple[str, ...]:
+    return (*_NOTES, _OF_MOVES if plan.press_plan is None else _OF_PRESSES)
+
+
 def csv_text(plan: Plan, rate: float, caution: str = "") -> str:
     """The samples, at a rate in Hz, as CSV: comment lines with `#`, one of names, numbers that read back exactly."""
     warned = (f"WARNING: {csv_comment(caution)}",) if caution else ()
-    lines = [f"# {line}" for line in (FORMAT, f"plan {csv_comment(plan.sha256)}", *warned, *_NOTES)]
+    lines = [f"# {line}" for line in (FORMAT, f"plan {csv_comment(plan.sha256)}", *warned, *_notes(plan))]
     lines.append(",".join(COLUMNS))
     found = samples(plan, rate)
     for t, s, pa, fa in zip(found.t.tolist(), found.s.tolist(), found.pa.tolist(), found.fa.tolist(), strict=True):
@@ -77,6 +82,6 @@ def json_text(plan: Plan, rate: float, caution: str = "") -> str:
     found = samples(plan, rate)
     columns = [column.tolist() for column in (found.t, found.s.astype(int), found.pa, found.fa)]
     rows = [dict(zip(("t", "s", "pa", "fa"), row, strict=True)) for row in zip(*columns, strict=True)]
-    notes = [*([f"WARNING: {caution}"] if caution else []), *_NOTES]
+    notes = [*([f"WARNING: {caution}"] if caution else []), *_notes(plan)]
     head = {"format": FORMAT, "plan": plan.sha256, "notes": notes, "rate": rate, "fa_sign": "reaction"}
     return json.dumps({**head, "samples": rows}, indent=1, allow_nan=False) + "\n"

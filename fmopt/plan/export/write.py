@@ -81,7 +81,7 @@ def export(plan: Plan, form: Form, target: Path) -> Written:
         ValueError: the format is several files, and `target` no folder.
         FmoptError: the plan cannot be exported or written.
     """
-    _require_guarded_moves(plan)
+    _require_guarded_moves(plan, form.to)
     text = text_of(plan, form) if target == STDIO else ""
     paths = () if target == STDIO else exported(plan, form, target)
     if not form.for_robots:
@@ -99,15 +99,17 @@ def _turning(plan: Plan, to: str) -> str:
     return turning_words(commanded(rows) if to == "urscript" else [m.twist for m in rows], [m.number for m in rows])
 
 
-def _require_guarded_moves(plan: Plan) -> None:
-    if plan.press_plan is not None:
-        advice = 'ask for evidence = "certified", whose guarded moves are; or read the presses from the plan file'
-        raise PlanFormatError("a plan of presses is not exported yet", advice)
+def _require_guarded_moves(plan: Plan, to: str) -> None:
+    if plan.press_plan is not None and to not in _TABLES:
+        advice = (
+            'ask for evidence = "certified", whose guarded moves are; or take --to csv, or presses of the plan file'
+        )
+        raise PlanFormatError(f"a plan of presses is not exported to {to} yet", advice)
 
 
 def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
     """Writes a plan in another format, and says what was written; arguments as for `export`."""
-    _require_guarded_moves(plan)
+    _require_guarded_moves(plan, form.to)
     if form.to == "ros2":
         from fmopt.plan.export import ros2
 

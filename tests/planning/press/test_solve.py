@@ -13,6 +13,7 @@ from fmopt.cli.console import print_solved
 from fmopt.errors import SearchError
 from fmopt.execution.confidence import lower_bound
 from fmopt.plan import canonical, parsed, write
+from fmopt.plan.export.sampled import csv_text, samples
 from fmopt.planning import pipeline
 from fmopt.planning.pipeline import synthesise
 from fmopt.planning.press.solve import PressSolution
@@ -35,6 +36,11 @@ def test_the_square_peg_is_tested() -> None:
     assert (found.trials.draws, found.trials.min_rate, found.trials.vertices) == (DRAWS, MIN_RATE, 64)
     assert found.trials.bound >= MIN_RATE
     assert found.description.trace
+    assert "# it is of the first attempt" in csv_text(found, 10.0)
+    assert found.press_plan is not None
+    first = found.press_plan.attempts[0].presses[0]
+    reaction = [-force if gives else 0.0 for force, gives in zip(first.wrench, first.gives, strict=True)]
+    assert samples(found, 10.0).fa[0].tolist() == reaction
 
 
 @pytest.mark.wide
@@ -121,5 +127,5 @@ def test_presses_are_not_exported(
     monkeypatch.setattr(sys, "argv", ["fmopt", "export", str(file), "--to", to, *BASE, "--out", "made"])
     code, out, words = ended(capfd)
     assert (code, out) == (2, "")
-    assert "a plan of presses is not exported yet" in words
+    assert f"a plan of presses is not exported to {to} yet" in words
     assert not (tmp_path / "made").exists()
