@@ -78,6 +78,8 @@ def evidence_add(
     from fmopt.plan import parsed, write
     from fmopt.report.presses import own_words
 
+    if file == STDIO:
+        raise typer.BadParameter("name the file of the plan, which is changed", param_hint="FILE")
     document = with_trials(file, trials)
     write(document, file)
     plan = parsed(document)

@@ -56,7 +56,6 @@ _SLIVER = 1e-9  # of the volume of the piece that was cut
 _NOISE = 1e-13  # relative, of volumes
 _MANY = 16  # bodies, from which prisms are united by their sections
 _DECIMALS = 12  # of levels in m
-_HERE = Pose.identity()
 _MERIDIANS = 32  # of the polyhedra that stand for balls where those are only shown
 
 
@@ -69,7 +68,7 @@ def pieces(solid: Solid) -> tuple[Polyhedron, ...]:
     Raises:
         GeometryError: nothing is left.
     """
-    made = _pieces(solid, _HERE)
+    made = _pieces(solid, Pose.identity())
     if not made:
         raise GeometryError("the solid is empty: its tools take all of its base away", "make the tools smaller")
     return made
@@ -120,7 +119,7 @@ def polyhedron(solid: Solid) -> Polyhedron:
         GeometryError: the solid is empty, has too many faces, or touches itself along an edge or at a corner.
     """
     stock: list[Array] = []
-    shells = [s.to_mesh64() for s in _manifold(solid, _HERE, stock).decompose() if _is_thick(s)]
+    shells = [s.to_mesh64() for s in _manifold(solid, Pose.identity(), stock).decompose() if _is_thick(s)]
     if not shells:
         raise GeometryError("the solid is empty: its tools take all of its base away", "make the tools smaller")
     points = np.vstack([np.asarray(shell.vert_properties)[:, :3] for shell in shells])
@@ -141,7 +140,7 @@ def polyhedron(solid: Solid) -> Polyhedron:
 
 def bounded(solid: Solid, body: Polyhedron) -> Polyhedron:
     """The boundary of a solid that is known but for rounding, coordinates of its operands kept to the bit."""
-    found = operands(solid, _HERE)
+    found = operands(solid, Pose.identity())
     known = np.vstack([convex_polyhedron(operand.primitive, operand.pose).vertices for operand in found])
     return from_faces(snapped(body.vertices, known), [face.loops for face in body.faces])
 
@@ -152,7 +151,7 @@ def volume(solid: Solid) -> float:
         case Placed(inner, _):
             return volume(inner)
         case Difference(Hull() as base, tools) if all(isinstance(tool, Hull) for tool in tools):
-            return _volume_less(_pieces(base, _HERE), [body for tool in tools for body in _pieces(tool, _HERE)])
+            return _volume_less(pieces(base), [body for tool in tools for body in pieces(tool)])
         case _:
             return float(manifold(solid).volume())
 
@@ -167,7 +166,7 @@ def _volume_less(stock: Sequence[Polyhedron], tools: Sequence[Polyhedron]) -> fl
 
 def manifold(solid: Solid) -> Manifold:
     """The manifold3d solid of a CSG tree."""
-    return _manifold(solid, _HERE, [])
+    return _manifold(solid, Pose.identity(), [])
 
 
 def convex_manifold(body: Polyhedron) -> Manifold:

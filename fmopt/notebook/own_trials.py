@@ -18,7 +18,7 @@ from fmopt.runtime.escape import one_line
 from fmopt.task.toml.source import Place, read_bytes
 
 _OUTCOMES = {"seated": True, "true": True, "1": True, "failed": False, "false": False, "0": False}
-_MOST_BYTES = 10_000_000
+_MOST_BYTES = 1_000_000
 _MOST_FAULTS = 20
 
 
@@ -56,7 +56,7 @@ def own_trials(file: Path) -> OwnTrials:
 
 def _read(cells: dict[str, str], place: Place, outcomes: list[bool], seconds: list[float]) -> Iterator[Fault]:
     """Takes a trial up, and says what is wrong with it."""
-    if (outcome := cells["outcome"]) not in _OUTCOMES:
+    if (outcome := cells.get("outcome", "")) not in _OUTCOMES:
         yield place.fault("bad-value", f"the outcome is {outcome!r}", "write seated or failed")
         return
     outcomes.append(_OUTCOMES[outcome])

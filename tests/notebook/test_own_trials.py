@@ -58,6 +58,7 @@ def test_a_plan_that_was_changed_gets_no_trials(tmp_path: Path) -> None:
         (b"result\nseated\n", "1:1: missing-key: there is no column 'outcome'"),
         (b"outcome\n", "1:1: missing-key: there are no trials"),
         (b"outcome\nseated\nperhaps\n", "3:1: bad-value: the outcome is 'perhaps'"),
+        (b"who,outcome\nbob\n", "2:1: bad-value: the outcome is ''"),
         (b"outcome,seconds\nseated,-1\n", "2:1: bad-value: '-1' are no seconds"),
         (b"outcome\n\xff\n", "it is no CSV file"),
         (b'outcome\n"seated\n', "it is no CSV file"),
