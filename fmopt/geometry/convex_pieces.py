@@ -261,9 +261,10 @@ def _common(piece: Polyhedron, other: Polyhedron) -> Polyhedron | None:
 def _within(body: Polyhedron, other: Polyhedron) -> Polyhedron | None:
     """What a convex polyhedron has inside of another one, None when there is nothing."""
     heed()
-    if any(np.any(_heights(one, two).min(axis=0) >= -ROUNDING) for one, two in ((body, other), (other, body))):
+    above = _heights(body, other)
+    if any(np.any(heights.min(axis=0) >= -ROUNDING) for heights in (above, _heights(other, body))):
         return None
-    for k in np.flatnonzero(_heights(body, other).max(axis=0) > ROUNDING).tolist():
+    for k in np.flatnonzero(above.max(axis=0) > ROUNDING).tolist():
         face = other.faces[k]
         left = clip(body, face.normal, face.offset)
         if left is None:

@@ -124,14 +124,14 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
     Raises:
         SearchError, InfeasibleError, OverdueError: there are neither presses nor guarded moves.
     """
-    from fmopt.planning.press.record import press_document, subject
+    from fmopt.planning.press.record import press_document
     from fmopt.planning.press.solve import press_solution
 
     stages.progress("measuring the parts")
     posed = Posed.of(problem)
     stages.ended("geometry")
     try:
-        found = press_solution(posed, lambda presses: subject(press_document(posed, presses, None)), stages.progress)
+        found = press_solution(posed, stages.progress)
     except (SearchError, OverdueError) as error:
         if _is_enclosed(problem):
             raise
@@ -166,17 +166,13 @@ def tried_presses(problem: Problem, known: PressPlan | None = None) -> dict[str,
     Raises:
         InterferenceError, SearchError: there are no presses, or there is no time for their trials.
     """
-    from fmopt.planning.press.record import press_document, subject
+    from fmopt.planning.press.record import press_document
     from fmopt.planning.press.solve import press_solution, tried_again
 
     with until(clock() + problem.settings.time_limit):
         posed = Posed.of(problem)
-
-        def subject_of(presses: PressPlan) -> str:
-            return subject(press_document(posed, presses, None))
-
         try:
-            found = press_solution(posed, subject_of) if known is None else tried_again(posed, known, subject_of)
+            found = press_solution(posed) if known is None else tried_again(posed, known)
         except OverdueError as error:
             raise SearchError(error.message, error.advice, late=True) from error
     if found.evidence is None:

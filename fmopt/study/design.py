@@ -135,7 +135,7 @@ def load_study(path: Path) -> Study:
 
 def _plan_faults(source: Source, file: files.StudyFile, plan: Path | None) -> Iterator[Fault]:
     """What speaks against trials of presses."""
-    others = {"plan", "margins", "tolerated_error", "bias", "execution"} & set(file.compute)
+    others = (QUANTITIES.keys() - {"clearance", "evidence"}) & set(file.compute)
     if "evidence" in file.compute and others:
         message = f"'evidence' is of presses, {', '.join(map(repr, sorted(others)))} of guarded moves"
         yield source.place(("compute",)).fault("conflict", message, "compute them in two studies")

@@ -16,7 +16,7 @@ from tests import ROOT
 SOURCES = {".py", ".js", ".css", ".html"}
 NO_CODE = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
 # All lines; lines of Python without docstrings, comments and blanks.
-CEILINGS = {"fmopt": (72700, 46945), "tests": (43345, 32937)}
+CEILINGS = {"fmopt": (72694, 46944), "tests": (43345, 32937)}
 
 
 def code_lines(text: str) -> int:

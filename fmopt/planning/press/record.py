@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -73,6 +73,7 @@ def _position_force(presses: Sequence[Press], trace: Sequence[TracePose]) -> dic
     return {"nominal": nominal, "position_force": tuple(rows)}
 
 
-def subject(document: Mapping[str, Any]) -> str:
-    """Digest of what evidence is of: parts, presses and goal of a plan file."""
+def subject(posed: Posed, presses: PressPlan) -> str:
+    """Digest of what evidence is of: parts, presses and goal of their plan file."""
+    document = press_document(posed, presses, None)
     return plan.digest({key: document[key] for key in SUBJECT})

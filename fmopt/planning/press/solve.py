@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from fmopt.planning.posed import Posed, Progress
 from fmopt.planning.press.choice import Choosing, Pace, examined, halved, with_retries
 from fmopt.planning.press.library import robot_of
 from fmopt.planning.press.propose import proposals
+from fmopt.planning.press.record import subject
 from fmopt.planning.press.task import PressTask
 from fmopt.runtime.clock import clock, deadline, until
 from fmopt.task.problem import Problem
@@ -44,13 +45,8 @@ class PressSolution:
     untried: str = ""
 
 
-def press_solution(
-    posed: Posed, subject_of: Callable[[PressPlan], str], progress: Progress = lambda _: None
-) -> PressSolution:
+def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSolution:
     """Propose sequences of presses, choose by trials, and examine the choice.
-
-    Args:
-        subject_of: digest of what is carried out.
 
     Raises:
         SearchError: no sequence comes down inside the mouth.
@@ -67,14 +63,14 @@ def press_solution(
     asked = Examination(settings.draws, settings.min_rate, settings.seed)
     plan, evidence = choosing.plan(with_retries(ranked)), None
     if settings.draws and not pace.in_vain:
-        plan, evidence = examined(choosing, ranked, asked, subject_of, progress)
+        plan, evidence = examined(choosing, ranked, asked, partial(subject, posed), progress)
     solution = PressSolution(plan, evidence, untried="" if evidence or not settings.draws else pace.words(limit))
     with until(clock() + _TRACE_SECONDS), suppress(OverdueError):
         return replace(solution, trace=traced(task, plan, conditions))
     return solution
 
 
-def tried_again(posed: Posed, plan: PressPlan, subject_of: Callable[[PressPlan], str]) -> PressSolution:
+def tried_again(posed: Posed, plan: PressPlan) -> PressSolution:
     """Presses that were chosen for another variant, tried as they are: parts, errors and hardware are of this one."""
     problem, settings = posed.problem, posed.problem.settings
     task = PressTask(problem, problem.moving, problem.fixed, posed.clearance, problem.start_box)
@@ -82,7 +78,7 @@ def tried_again(posed: Posed, plan: PressPlan, subject_of: Callable[[PressPlan],
     robot = replace(plan.robot, stiffness=stated.stiffness, mass=stated.mass, inertia=stated.inertia)
     same = replace(plan, robot=robot, seat=task.seat, filled=task.filled)
     asked = Examination(settings.draws, settings.min_rate, settings.seed, threads=1)
-    return PressSolution(same, examine(task.bodies, same, conditions_of(problem), asked, subject_of(same)))
+    return PressSolution(same, examine(task.bodies, same, conditions_of(problem), asked, subject(posed, same)))
 
 
 def robot_for(task: PressTask) -> PressRobot:
