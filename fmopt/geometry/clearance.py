@@ -129,10 +129,11 @@ def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
     Raises:
         GeometryError: peg or hole has no material at those depths.
     """
-    pairs = facing(moving, fixed, depth)
-    gaps = [gap(peg.shape, hole.shape) for peg, hole in pairs]
-    peg, hole = pairs[int(np.argmin(gaps))]
-    least = min(gaps)
+    pairs, least = facing(moving, fixed, depth), math.inf
+    for one, two in pairs:
+        # Once two overlap, only pairs that still overlap when shrunk by as much are measured.
+        if (least > 0.0 or overlap_shrunk(one.shape, two.shape, -least)) and (g := gap(one.shape, two.shape)) < least:
+            peg, hole, least = one, two, g
     travel = np.array([_travel(one.shape, two.shape) for one, two in pairs]).min(axis=0)
     play = (0.0, 0.0) if least <= 0.0 else (float(travel[0] + travel[1]), float(travel[2] + travel[3]))
     at_peg, at_hole = _closest(peg.shape, hole.shape, least)
@@ -185,7 +186,7 @@ def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> 
     measured = mating_clearance(moving, fixed, depth)
     if measured.per_side <= _TOUCH:
         short = abs(min(measured.per_side, 0.0))
-        if short < moving.chord_error + fixed.chord_error:
+        if short < sum(part.chord_error + part.larger for part in (moving, fixed)):
             raise _untold(moving, fixed, measured, short)
         fit = "it is too thick by" if short > _TOUCH else "there is no clearance, which is"
         raise InterferenceError(
@@ -208,18 +209,18 @@ def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> 
 
 
 def _untold(moving: Part, fixed: Part, measured: Clearance, short: float) -> GeometryError:
-    """Facets overlap by less than they lie from the round surfaces that they stand for."""
+    """Facets overlap by less than they, or what encloses them, lie from the surfaces that they stand for."""
+    off = [1e3 * (part.chord_error + part.larger) for part in (moving, fixed)]
+    told = f"whether {moving.name!r} goes into {fixed.name!r} cannot be told at these facets: they overlap by"
+    told = f"{told} {1e3 * short:.4g} mm a side, and lie up to {off[0]:.4g} and {off[1]:.4g} mm from the true surfaces"
+    if rough := [repr(part.name) for part in (moving, fixed) if part.larger > 0.0]:
+        return GeometryError(told, f"describe {' and '.join(rough)} by shapes: an enclosure is larger than the part")
     level = Pose(np.append(np.zeros(2), measured.where[2]), np.eye(3))
     rings = [len(ring.coords) - 1 for shape in section_limit(fixed.pieces, level, 1).geoms for ring in shape.interiors]
     # A quarter of the room that there is at the best; the sagitta goes with the square of the number of facets.
     room = max(0.25 * (fixed.chord_error - short), _TOUCH)
     count = math.ceil(max(rings, default=0) * math.sqrt(max(moving.chord_error, fixed.chord_error) / room))
-    return GeometryError(
-        f"whether {moving.name!r} goes into {fixed.name!r} cannot be told at these facets: they overlap by "
-        f"{1e3 * short:.4g} mm a side, and lie up to {1e3 * moving.chord_error:.4g} and "
-        f"{1e3 * fixed.chord_error:.4g} mm from the round surfaces",
-        f"give about {count} facets around, or a STEP file" if count else "give finer facets, or a STEP file",
-    )
+    return GeometryError(told, f"give {f'about {count} facets around' if count else 'finer facets'}, or a STEP file")
 
 
 def _slices(part: Part, low: float, high: float) -> list[Slice]:

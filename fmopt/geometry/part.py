@@ -50,7 +50,7 @@ class Part(Value):
     Balls beside the boundary are parts of it; `pieces` are what is bounded by faces, `bodies` all that it is made of.
     `notes` say what a user should know of an imported mesh, one statement each. The facets of its file lie up to `off`
     (m) from the boundary, at `where` (3,), m, in the numbers of the file. Of one that is `enclosed` pieces and boundary
-    agree but for rounding, and no more.
+    agree but for rounding, and go up to `larger` (m) beyond the file's surface.
     """
 
     name: str
@@ -62,6 +62,7 @@ class Part(Value):
     off: float = 0.0
     where: Array = field(default_factory=lambda: np.zeros(3))
     enclosed: bool = False
+    larger: float = 0.0
 
     @property
     def form(self) -> float:
@@ -153,7 +154,8 @@ def mesh_part(
     else:
         cut = decomposed(mesh)
         notes = (*mesh.notes, *cut.notes)
-        part = Part(name, cut.boundary, cut.pieces, tuple(features), 0.0, notes, mesh.off, mesh.where, cut.enclosed)
+        part = Part(name, cut.boundary, cut.pieces, tuple(features), 0.0, notes, mesh.off, mesh.where)
+        part = replace(part, enclosed=cut.larger is not None, larger=cut.larger or 0.0)
     for feature in features:
         _require_intact(name, mesh, feature)
     true = mesh.chord_error if chord_error is None else chord_error
@@ -227,6 +229,7 @@ def stretched(part: Part, factors: Sequence[float]) -> Part:
         pieces=tuple(rounded(scaled(piece, factors)) for piece in part.pieces),
         chord_error=max(factors) * part.chord_error,
         off=max(factors) * part.off,
+        larger=max(factors) * part.larger,
     )
 
 

@@ -377,14 +377,15 @@ def _convex_loop(cloud: Array, on: np.ndarray, normal: Array, reach: float) -> L
     """Corners of the convex hull of the coplanar points `on`, counter-clockwise about `normal` (monotone chain)."""
     flat = cloud[on] @ plane_basis(normal)
     column = np.round((flat[:, 0] - flat[:, 0].min()) / reach) if reach > 0.0 else flat[:, 0]
-    order = [int(i) for i in np.lexsort((flat[:, 1], column))]  # rounding puts points over each other side by side
+    order = np.lexsort((flat[:, 1], column)).tolist()  # rounding puts points over each other side by side
+    corners = flat.tolist()
 
     def half(indices: Iterable[int]) -> list[int]:
         chain: list[int] = []
         for i in indices:
             while len(chain) > 1:
-                a, b = flat[chain[-1]] - flat[chain[-2]], flat[i] - flat[chain[-2]]
-                if a[0] * b[1] - a[1] * b[0] > reach * float(np.hypot(*b)):
+                (x, y), (u, v), (p, q) = corners[chain[-2]], corners[chain[-1]], corners[i]
+                if (u - x) * (q - y) - (v - y) * (p - x) > reach * math.hypot(p - x, q - y):
                     break
                 chain.pop()
             chain.append(i)

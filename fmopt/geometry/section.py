@@ -78,10 +78,11 @@ def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1
 
 def united(parts: Sequence[BaseGeometry]) -> BaseGeometry:
     """The union of plane shapes, formed on a grid where rounding along a common side loses one of them."""
-    from shapely import distance, get_coordinates, points, union_all
+    from shapely import dwithin, get_coordinates, points, prepare, union_all
 
-    found, corners = union_all(parts), points(get_coordinates(parts))
-    lost = len(corners) > 0 and not (distance(found, corners) <= _GAP).all()
+    found = union_all(parts)
+    prepare(found)
+    lost = not dwithin(found, points(get_coordinates(parts)), _GAP).all()
     return union_all(parts, grid_size=_GAP) if lost else found
 
 

@@ -37,9 +37,9 @@ from fmopt.planning.robustness.state_trace import Visited, visited
 from fmopt.runtime.clock import clock, deadline, heed, until
 from fmopt.runtime.compiled import undisturbed
 from fmopt.runtime.process import cores
-from fmopt.task.object_model.command import Answer, answer
+from fmopt.task.object_model.command import Answer
 from fmopt.task.problem import Problem, Settings, VelocityError
-from fmopt.task.task_command import task_command
+from fmopt.task.task_command import problem_answer
 from fmopt.verify import CERTIFIED, TESTED, Verdict, verify
 
 _CHECKING = 4.0  # s beyond the time limit for the check of what there is by then
@@ -238,7 +238,7 @@ def tried(problem: Problem) -> Clearance:
         GeometryError, TaskError: a plan cannot be made of the problem as it is; as `synthesise` would raise them.
     """
     posed = Posed.of(problem)
-    answer(*task_command(problem))
+    problem_answer(problem)
     return posed.clearance
 
 
@@ -281,7 +281,7 @@ def planned(
     try:
         heed()
         stages.progress("nominal trajectory")
-        task = answer(*task_command(problem))
+        task = problem_answer(problem)
         nominal, lost = _described(
             "the nominal trajectory", lambda: _nominal_motion(problem, task, motion.errors, motion.tolerance.rho)
         )
@@ -325,7 +325,7 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
 
     P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
     """
-    return _nominal_motion(problem, answer(*task_command(problem)), errors, rho)
+    return _nominal_motion(problem, problem_answer(problem), errors, rho)
 
 
 def _nominal_motion(problem: Problem, found: Answer, errors: ErrorSet, rho: float) -> Nominal:

@@ -13,10 +13,9 @@ from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.part import Part
 from fmopt.spatial.values import Array
 from fmopt.task.assembly import Assembly, Step
-from fmopt.task.object_model.command import answer
 from fmopt.task.problem import Problem
 from fmopt.task.sizes import drift
-from fmopt.task.task_command import task_command
+from fmopt.task.task_command import problem_answer
 
 _WARNING = "warning: "
 _FREE = {"p_z": "free_depth", "q_z": "free_turn"}
@@ -106,7 +105,7 @@ def _task(problem: Problem) -> Iterator[str]:
         TaskError: the task breaks a rule of the knowledge base.
     """
     wanted = problem.task
-    found = answer(*task_command(problem))
+    found = problem_answer(problem)
     yield f"{found.task.moving} into a {wanted.attachment} pair with {found.task.fixed}"
     if wanted.exchanged:
         yield "the hollow part is in the hand: planned as if the peg moved, in the frame of the hole"
@@ -260,7 +259,10 @@ def _settings(problem: Problem) -> Iterator[str]:
         f"asked for: presses, tested: a rate of {settings.min_rate:.4g} by {settings.draws} draws, "
         f"seed {settings.seed}; friction {low:.4g} to {high:.4g}"
     )
-    yield f"robot: {1e-3 * robot.stiffness:.6g} N/mm, {robot.turning:.6g} N m/rad where it holds, {robot.mass:.6g} kg"
+    yield (
+        f"robot: {robot.preset}, {1e-3 * robot.stiffness:.6g} N/mm, {robot.turning:.6g} N m/rad where it holds, "
+        f"{robot.mass:.6g} kg; wrench off by up to {robot.force_offset:.6g} N, {robot.torque_offset:.6g} N m"
+    )
 
 
 def assembly_facts(assembly: Assembly, steps: Sequence[Step]) -> dict[str, Any]:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from fmopt.spatial.se3 import Pose, exp
-from fmopt.task.object_model.command import Specification, Task
+from fmopt.spatial.values import remembered
+from fmopt.task.object_model.command import Answer, Specification, Task, answer
 from fmopt.task.object_model.goal import FREE, Entry, settle
 from fmopt.task.object_model.tree import Feature, ObjectTree
 from fmopt.task.object_model.workcell import LowerPair, Ref, Workcell
@@ -16,6 +17,14 @@ from fmopt.task.toml.problem_file import Goal
 
 _TURNED = {"cylinder", "cone"}
 _FREE_TURN: frozenset[LowerPair] = frozenset({"cylindrical", "revolute"})
+
+
+@remembered(1)
+def problem_answer(problem: Problem) -> Answer:
+    """The answer of the knowledge base to the task of a problem; errors as of `answer`."""
+    parts = problem.moving, problem.fixed
+    known = () if any(part.balls for part in parts) else [part.pieces for part in parts]
+    return answer(*task_command(problem), known)
 
 
 def task_command(problem: Problem) -> tuple[Workcell, Task]:

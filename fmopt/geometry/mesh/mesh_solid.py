@@ -26,14 +26,14 @@ class Decomposed(Value):
         boundary: of the solid, m.
         pieces: whose union it is.
         notes: what was done.
-        enclosed: whether the pieces are bodies of an enclosure, which make up the boundary but for rounding.
+        larger: by how much they go beyond it, m, where they are bodies of an enclosure.
     """
 
     solid: Solid
     boundary: Polyhedron
     pieces: tuple[Polyhedron, ...]
     notes: tuple[str, ...] = ()
-    enclosed: bool = False
+    larger: float | None = None
 
 
 @remembered(1)
@@ -53,7 +53,8 @@ def _decomposed(body: Polyhedron, noise: float | None) -> Decomposed:
         if noise is None:
             return _exact(body)
     enclosure = enclosing(body.vertices, triangulated(body), noise or 0.0)
-    return Decomposed(_less_others(enclosure), enclosure.boundary, enclosure.bodies, _enclosure_notes(enclosure), True)
+    solid, notes = _less_others(enclosure), _enclosure_notes(enclosure)
+    return Decomposed(solid, enclosure.boundary, enclosure.bodies, notes, enclosure.off)
 
 
 def _exact(body: Polyhedron) -> Decomposed:

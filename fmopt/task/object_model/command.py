@@ -6,6 +6,7 @@ frame of the grasped hole, by the inverse motion; `papers.lee_huang.hand_positio
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
@@ -15,7 +16,7 @@ from fmopt.errors import InterferenceError, TaskError
 from fmopt.geometry.clearance import deepest
 from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.csg import Solid, sagitta
-from fmopt.geometry.polyhedron import placed
+from fmopt.geometry.polyhedron import Polyhedron, placed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value
 from fmopt.task.object_model.goal import Goal, Settled, check_goal, settle
@@ -99,8 +100,10 @@ class Answer(Value, P0=(6,), PT=(6,)):
     carried: tuple[str, ...]
 
 
-def answer(workcell: Workcell, task: Task) -> Answer:
+def answer(workcell: Workcell, task: Task, known: Sequence[Sequence[Polyhedron]] = ()) -> Answer:
     """The data of a task for the T-PF mapping.
+
+    Where the convex pieces of operands 1 and 2 are `known`, in their features' frames, they are not cut again.
 
     Raises:
         TaskError: a missing operand, a frame that breaks a rule, kinds of features that do not mate, a goal off the
@@ -126,7 +129,7 @@ def answer(workcell: Workcell, task: Task) -> Answer:
     others = (tree for tree in workcell.objects if tree.name not in (*carried, *standing))
     obstacles = tuple(Obstacle(tree.name, moved(tree.solid, inward.compose(tree.frame))) for tree in others)
     found = Answer(task, exchanged, moving, fixed, start.vector(), goal.vector(), settled, obstacles, carried)
-    _check_ends(workcell, found, (*carried, *standing))
+    _check_ends(workcell, found, (*carried, *standing), known or [pieces(side.whole) for side in (moving, fixed)])
     return found
 
 
@@ -205,17 +208,17 @@ def _goal(task: Task, one: Feature, other: Feature, start: Pose, exchanged: bool
     return Pose.from_vector(values), settled
 
 
-def _check_ends(workcell: Workcell, found: Answer, sides: tuple[str, ...]) -> None:
+def _check_ends(
+    workcell: Workcell, found: Answer, sides: tuple[str, ...], operands: Sequence[Sequence[Polyhedron]]
+) -> None:
     """At the start and at the goal what is grasped and carried overlaps nothing of what stands."""
-    body = pieces((found.fixed if found.exchanged else found.moving).whole)
-    still = _given(found)
-    solids = [(still.ref.object, still.whole), *((other.name, other.solid) for other in found.obstacles)]
-    others = [(name, pieces(solid)) for name, solid in solids]
+    body, standing = reversed(operands) if found.exchanged else operands
+    obstacles = [(other.name, pieces(other.solid)) for other in found.obstacles]
     for P, at_goal in ((found.P0, False), (found.PT, True)):
         pose = grasped_pose(found, P)
         bodies = [placed(piece, pose) for piece in body]
-        for name, standing in others:
-            depth = deepest(bodies, standing)
+        for name, still in [(_given(found).ref.object, standing), *obstacles]:
+            depth = deepest(bodies, still)
             # Round holes are narrower as polygons than they are: by so much a peg may overlap.
             holes = (f for one in (*sides, name) for f in workcell.object(one).features if f.hollow)
             if depth > _TOUCH + max((sagitta(hole.body) for hole in holes), default=0.0):

@@ -1,7 +1,5 @@
 """Boundaries of planar uncertainty sets: exact arcs and segments, their valid ranges, degenerate input, polygons."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Basic contacts, their union Cc, and two contacts at once; degenerate objects are refused by name."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Gross and fine motion: contacts along a path against dense samples, clearances that are safe and not overstated."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

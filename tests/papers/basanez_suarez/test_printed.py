@@ -1,7 +1,5 @@
 """Formulas that [BasanezSuarez] prints wrongly, as positive controls: sampled deviations must refute each of them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Planar sets as data and as figures, and what they say of a plan in the plane."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

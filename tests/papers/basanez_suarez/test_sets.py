@@ -1,7 +1,5 @@
 """Planar uncertainty sets against sampled deviations: nothing outside, nothing padded, a shrunk set is caught."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Families of C-surfaces: SymPy, CasADi and the sets agree; envelopes are where the boundary is."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

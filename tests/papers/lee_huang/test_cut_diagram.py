@@ -1,7 +1,5 @@
 """Cut-diagrams against the solids: polyhedral trees by sections of their pieces, curved ones by membership."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

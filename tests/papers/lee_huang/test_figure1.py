@@ -1,7 +1,5 @@
 """What goes into, and over, the object of figure 1: built of solid and hollow features, read from its model file."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,7 +18,7 @@ from fmopt.task.object_model.goal import FREE, Goal
 from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.object_model.workcell import Ref, Workcell
 from fmopt.task.problem import load
-from fmopt.task.task_command import task_command
+from fmopt.task.task_command import problem_answer
 from tests import ROOT
 from tests.shared.files.models import tree_of
 from tests.shared.parts.workcells import SPECIFICATION, at, cell, feature, thing
@@ -115,7 +113,7 @@ def test_a_cap_goes_over_the_boss_of_figure_1() -> None:
 def test_the_shipped_problem_of_figure_1() -> None:
     """The blind hole stops the peg at its floor; polygons are as the file says, sections are round."""
     problem = load(ROOT / "problems" / "lee_huang_figure1.toml")
-    found = answer(*task_command(problem))
+    found = problem_answer(problem)
     assert [ref.feature for ref in found.fixed.members] == ["hole_a", "base", "boss"]
     assert problem.trapezoid is not None
     ball, cone = problem.trapezoid

@@ -15,9 +15,8 @@ from fmopt.plan.field_types import numbers
 from fmopt.plan.position_force import Decomposition, contact_forces
 from fmopt.report.drawing import drawn
 from fmopt.report.views import diagram_view, trajectory_view
-from fmopt.task.object_model.command import answer
 from fmopt.task.problem import load
-from fmopt.task.task_command import task_command
+from fmopt.task.task_command import problem_answer
 from tests import PROBLEMS
 from tests.shared.parts.figure2 import BORE, BOX, GOAL, PEG, RHO, SPEED, START, at, block, hexagon, radius
 
@@ -33,7 +32,7 @@ def rim_depth(clearance, half_width, r, s):
 @cache
 def figure_two():
     problem = load(PROBLEMS / "lee_huang_peg.toml")
-    found = answer(*task_command(problem))
+    found = problem_answer(problem)
     return problem, found, answered(found, half_widths(*problem.trapezoid), RHO)
 
 

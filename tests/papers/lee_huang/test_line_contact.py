@@ -1,7 +1,5 @@
 """When a corner can lie on an edge: against a fine grid of shares and turns."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Expansions of cut-diagrams against Shapely, closed forms and sampling."""
 
-from __future__ import annotations
-
 import math
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Symbolic cut-diagrams: numbers put into the expressions give the curves of the numeric sections."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any, TypeAlias

@@ -1,7 +1,5 @@
 """Tasks of the knowledge base through the whole mapping: who is in the hand, steps, obstacles, refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

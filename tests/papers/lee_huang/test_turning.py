@@ -1,7 +1,5 @@
 """Operand 1 starts turned: GE over the orientations of its way, and ways on which it turns in one place."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -14,11 +14,10 @@ from fmopt.geometry.csg import Box, Cylinder
 from fmopt.papers.lee_huang.hand_position_force import hand_pose
 from fmopt.spatial.se3 import Pose
 from fmopt.task.assembly import Step, carried_out, load_assembly
-from fmopt.task.object_model.command import answer
 from fmopt.task.object_model.tree import Feature, moved
 from fmopt.task.object_model.workcell import Link, Ref
 from fmopt.task.problem import load
-from fmopt.task.task_command import is_round, task_command
+from fmopt.task.task_command import is_round, problem_answer, task_command
 from tests import ROOT
 from tests.shared.same_solid import assert_same_volume
 from tests.shared.solids import contains
@@ -34,7 +33,7 @@ TASKS = [path for path in sorted((ROOT / "problems").glob("*.toml")) if path.ste
 @pytest.mark.parametrize("path", TASKS, ids=lambda path: path.stem)
 def test_every_shipped_problem_is_a_task(path: Path) -> None:
     problem = load(path)
-    found = answer(*task_command(problem))
+    found = problem_answer(problem)
     np.testing.assert_allclose(found.P0, problem.start, atol=1e-15)
     np.testing.assert_allclose(found.PT, problem.goal, atol=1e-15)
     np.testing.assert_allclose(found.fixed.frame.vector(), np.zeros(6), atol=1e-15)
@@ -48,7 +47,7 @@ def test_every_shipped_problem_is_a_task(path: Path) -> None:
 
 def test_a_peg_that_is_too_wide_is_refused_with_its_interference() -> None:
     with pytest.raises(InterferenceError, match=r"overlaps 'square_hole_block' by 1 mm; seat it less deep"):
-        answer(*task_command(load(ROOT / "problems" / f"{TOO_WIDE}.toml")))
+        problem_answer(load(ROOT / "problems" / f"{TOO_WIDE}.toml"))
 
 
 def test_the_peg_of_figure_2_turns_freely_and_the_square_one_does_not() -> None:

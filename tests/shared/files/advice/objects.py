@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -208,6 +209,13 @@ CASES = (
         lambda f: room(rod(24), bore(24)),
         lambda f: (room(rod(63), bore(63)), round_step(f)),
         (0.01005 * np.cos(np.pi / 63) - 0.01, 5e-5),
+    ),
+    Case(
+        "too large an enclosure to tell",
+        "describe 'rod' by shapes: an enclosure is larger than the part",
+        lambda f: room(replace(rod(63), larger=1e-4), bore(24)),
+        lambda f: room(rod(63), bore(63)),
+        0.01005 * np.cos(np.pi / 63) - 0.01,
     ),
     Case(
         "too coarse to tell, open to the side",
