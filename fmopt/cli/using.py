@@ -19,9 +19,10 @@ def export(
         typer.Option(
             "--to",
             help="urscript or ros2: the motion to run; csv or json: the nominal position/force trajectory straight in, "
-            "a table to look at and not to run.",
+            "a table to look at and not to run; mjcf: a scene with both parts for simulators, as --mjcf.",
         ),
-    ],
+    ] = "",
+    mjcf: Annotated[bool, typer.Option("--mjcf", help="The same as --to mjcf.")] = False,
     out: Annotated[
         Path | None, typer.Option("--out", help="File, or - for standard output; for ros2 a folder.")
     ] = None,
@@ -39,15 +40,18 @@ def export(
     quiet: Quiet = False,
 ) -> None:
     """Write a certified plan as a program or bag for robots, or its nominal position/force trajectory as a table."""
+    from fmopt.execution.mjcf import mjcf as scene
     from fmopt.plan.export.write import Form, place
     from fmopt.plan.export.write import export as write
 
     if as_json and out == STDIO:
         raise typer.BadParameter("--json lists the files that were written, --out - writes none: leave one of them out")
+    if bool(to) == mjcf:
+        raise typer.BadParameter("name one format", param_hint="--to")
     try:
-        form, target = Form(to, base, rate), place(file, to, out)
+        form, target = Form(to or "mjcf", base, rate), place(file, to or "mjcf", out)
         plan, caution = _admitted(file, unverified)
-        written = write(plan, replace(form, caution=caution), target)
+        written = write(plan, replace(form, caution=caution, scene=scene), target)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
     if as_json:

@@ -14,14 +14,13 @@ from fmopt.errors import PlanFormatError
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.engine import Bodies, Setup
 from fmopt.execution.noise import Noise
-from fmopt.execution.press_rig import Errors, PressRig
+from fmopt.execution.press_controller import Errors
+from fmopt.execution.press_rig import PressRig
 from fmopt.execution.rotation import product as turned
 from fmopt.execution.rotation import quaternions
-from fmopt.execution.summary import Fit
 from fmopt.plan import Plan
 from fmopt.plan.evidence import VERTICES, TrialOutcome
-from fmopt.plan.press import Conditions, PressPlan, Seat
-from fmopt.spatial.se3 import Pose
+from fmopt.plan.press import Conditions, PressPlan
 from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
@@ -34,12 +33,6 @@ _OFFSETS = ((0, 3), (1, 4), (2, 5), (0, 1, 5), (0, 2, 4), (1, 2, 3))
 _DRIFTS = ((0, 4), (1, 5), (2, 3), (0, 5), (1, 3), (2, 4))
 _BEYOND = 0x6265796F  # sets the streams of sizes beyond the box apart
 _NOISE = 0x6E6F6973  # sets the streams of noise apart from those of errors
-
-
-def fit_of(seat: Seat) -> Fit:
-    """The fit that success is measured by."""
-    free = (0.0, 0.0, 0.0, 0.0, 0.0, math.pi if seat.free_turn else 0.0)
-    return Fit(seat.clearance, seat.depth, seat.rho, Pose.from_vector(seat.goal), seat.loose, free, seat.symmetry)
 
 
 def drawn_errors(
@@ -109,7 +102,7 @@ def carry_out(
     start = np.array([plan.attempts[course[0]].start for course in courses])
     starts = start[:, :3] + errors.start[:, :3], turned(quaternions(errors.start[:, 3:]), quaternions(start[:, 3:]))
     noise = Noise(seed ^ _NOISE, numbers, width=12)
-    return PressRig(put(starts), plan, courses, errors, fit_of(plan.seat), bodies.penetration, noise, look).run()
+    return PressRig(put(starts), plan, courses, errors, bodies.penetration, noise, look).run()
 
 
 def count_presses(plan: PressPlan) -> int:

@@ -21,6 +21,7 @@ from fmopt.geometry.polyhedron import from_faces
 from fmopt.plan import Body, Plan
 from fmopt.plan.contact_geometry import Contact
 from fmopt.plan.guarded_moves import Move
+from fmopt.plan.press import Seat
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
@@ -163,6 +164,12 @@ class Fit:
         free = (*last.tube.box, *last.tube.angles) if plan.moving.body.balls else (0.0,) * 6
         moving, fixed = (tuple(map(_planes, plan.parts[side].pieces)) for side in ("moving", "fixed"))
         return Fit(plan.moving.measured_clearance, -float(goal.p[2]), plan.rho, goal, loose, free, 1, moving, fixed)
+
+    @staticmethod
+    def of_seat(seat: Seat) -> Fit:
+        """The fit that success of presses is measured by."""
+        free = (0.0, 0.0, 0.0, 0.0, 0.0, pi if seat.free_turn else 0.0)
+        return Fit(seat.clearance, seat.depth, seat.rho, Pose.from_vector(seat.goal), seat.loose, free, seat.symmetry)
 
     def meet(self, point: Array, pose: Pose, goal: Pose) -> bool:
         """Whether what touches in a point (3,) of B, m, is to touch at a goal, as far as contacts count as closed."""

@@ -59,10 +59,8 @@ def _usual(problem: Problem) -> Iterator[str]:
     yield f"# friction = {[*problem.friction]} # of what trials are drawn from; proofs take the greater one"
     yield f'# termination_force = "{_number(wanted.termination_force)} N"'
     yield from ("", "[robot] # at the moving part, where presses hold axes in position")
-    robot = problem.robot
-    yield f'# stiffness = "{_number(1e-3 * robot.stiffness)} N/mm"'
-    yield f'# turning = "{_number(robot.turning)} N*m"'
-    yield f'# mass = "{_number(robot.mass)} kg"'
+    yield f'# preset = "{problem.robot.preset}" # or "ur5e", "ur10e", "franka": values for what is not given'
+    yield f'# force_offset = "{_number(problem.robot.force_offset)} N" # accuracy of its force'
     yield from ("", "[settings]", f'# evidence = "{settings.evidence}" # or "certified": guarded moves with a proof')
     yield f"# min_rate = {settings.min_rate!r} # with which a tested plan has to seat, by the bound that its draws give"
     yield f"# draws = {settings.draws}"

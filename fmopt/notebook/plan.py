@@ -264,7 +264,7 @@ class Plan:
         ['peg.script']
 
         Args:
-            to: "urscript", "ros2", "csv" or "json".
+            to: "urscript", "ros2", "csv", "json" or "mjcf".
             path: the file; for "ros2" a folder.
             base: pose of the hole's frame, whose z points out of the hole, in the robot's base, m and rotation vector
                 in rad; for robots.
@@ -279,13 +279,14 @@ class Plan:
             UnprovedError: the check does not certify the plan.
             FmoptError: the plan cannot be exported so, or the file not be written.
         """
+        from fmopt.execution.mjcf import mjcf
         from fmopt.notebook.checking import admitted
         from fmopt.plan.export.write import Form, exported
 
         frame = base.vector() if isinstance(base, Pose) else base
         form = Form(to, None if frame is None else tuple(map(float, frame)), rate)
         plan = files.parsed(self.document)
-        return exported(plan, replace(form, caution=admitted(plan, unverified)), Path(path))
+        return exported(plan, replace(form, caution=admitted(plan, unverified), scene=mjcf), Path(path))
 
     def to_dataframe(self) -> polars.DataFrame:
         """The segments as a data frame, a line each: poses, travel, margins and forces in SI units.

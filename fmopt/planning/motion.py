@@ -9,7 +9,6 @@ from functools import cache, partial
 from itertools import islice, tee
 
 from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
-from fmopt.geometry.clearance import Clearance
 from fmopt.planning.control.controlled_motion import least_steady
 from fmopt.planning.moves.moves import Care, Move
 from fmopt.planning.placement.sequence_program import Placed, certified
@@ -24,7 +23,7 @@ from fmopt.planning.search.entry import (
     straight_entry,
     tilted_entry,
 )
-from fmopt.planning.search.entry_candidates import likely_shapes, room
+from fmopt.planning.search.entry_room import room
 from fmopt.planning.search.entry_sampling import Drawing, beginnings
 from fmopt.planning.search.entry_tuning import Limits, tuned
 from fmopt.planning.search.successors import ASKEW, Costs, Task
@@ -32,7 +31,6 @@ from fmopt.planning.search.symmetry import Image, Searched, images
 from fmopt.runtime.clock import clock, until
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
-from fmopt.task.problem import Problem
 from fmopt.task.sizes import drift
 
 TRIES = 40  # of entries, when one is varied
@@ -207,7 +205,7 @@ class _Stood:
         turn = 1.3 * problem.settings.max_tilt
         task = Task(parts, Pose.from_vector(problem.goal), posed.errors, posed.tolerance, costs, turn)
         entry_of = partial(tilted_entry, parts.moving, clearance.play, problem.approach)
-        return _Stood(image, posed, task, entry_of, _rounds(problem, clearance, roomy, entry_of), [])
+        return _Stood(image, posed, task, entry_of, _rounds(posed, task, roomy, entry_of), [])
 
     def motion(self, rounds: Iterator[Sequence[Entry]], deadline: float, stages: Stages) -> tuple[Searched, Placed]:
         """What `motion` finds for some ways to begin: the first sequence whose margin is positive, else the best."""
@@ -326,20 +324,20 @@ class _Stood:
         """Ways to begin that can be certified for a share of all errors."""
         aim = self.posed.under(share)
         task = replace(self.task, start=aim.start.errors, tolerance=aim.tolerance)
-        return beginnings(task, self.drawing(share).shapes(seed), self.entry_of, _DRAWN)
-
-    def drawing(self, share: float) -> Drawing:
-        """What ways to begin are drawn for under a share of all errors."""
-        problem, play = self.posed.problem, self.posed.clearance.play
-        rate = share * (problem.velocity_error.translation + problem.velocity_error.rotation)
-        tilt = problem.settings.max_tilt
-        return Drawing(problem.moving, problem.fixed, play, share * problem.start_box, rate, tilt)
+        return beginnings(task, drawing(self.posed, share).shapes(seed), self.entry_of, _DRAWN)
 
 
-def _rounds(
-    problem: Problem, clearance: Clearance, roomy: Array, entry_of: Callable[[Shape], Entry]
-) -> Iterator[Sequence[Entry]]:
+def drawing(posed: Posed, share: float = 1.0) -> Drawing:
+    """What ways to begin are drawn for under a share of all errors, widened where these are next to nothing."""
+    problem, clearance, tilt = posed.problem, posed.clearance, posed.problem.settings.max_tilt
+    rate = share * (problem.velocity_error.translation + problem.velocity_error.rotation)
+    box = room(posed.assembly, clearance.per_side, share * problem.start_box, share * drift(problem, clearance))
+    return Drawing(problem.moving, problem.fixed, clearance.play, box, rate, tilt)
+
+
+def _rounds(posed: Posed, task: Task, roomy: Array, entry_of: Callable[[Shape], Entry]) -> Iterator[Sequence[Entry]]:
     """Ways to begin, the likeliest first, several to be weighed against each other in each round."""
+    problem, clearance = posed.problem, posed.clearance
     moving, box, tilt = problem.moving, problem.start_box, problem.settings.max_tilt
     if straight := straight_entry(moving, clearance.play, box, problem.approach):
         yield straight
@@ -347,7 +345,7 @@ def _rounds(
         yield from hovering_entries(moving, box, problem.approach)
     elif problem.plane is not None:
         yield from planar_entries(moving, problem.fixed, roomy, problem.approach, tilt)
-    else:
-        rate = problem.velocity_error.translation + problem.velocity_error.rotation
-        for shape in likely_shapes(moving, problem.fixed, clearance, roomy, rate, tilt):
-            yield (entry_of(shape),)
+    elif tilt > 0.0:
+        for seed in range(_DRAWINGS):
+            for entry in beginnings(task, drawing(posed).shapes(seed), entry_of, _DRAWN):
+                yield (entry,)

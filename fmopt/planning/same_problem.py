@@ -17,6 +17,7 @@ from fmopt.task.sizes import IMPACT, characteristic_length, measured_clearance
 from fmopt.verify.reading.document import Body, Found, Plan
 from fmopt.verify.reading.document import Part as Stated
 
+_OF_ROBOT = ("stiffness", "mass", "limits", "delay", "noise")
 REMARK = "the problem's files were read by the planner's own reader"
 _SAME = 1e-12  # m, rad: between numbers that went the same way
 _SEATED = 1e-6  # m, rad: walls of rounded numbers seat a part a little off the pose of its goal
@@ -154,9 +155,7 @@ def _presses(plan: Plan, problem: Problem, clearance: Clearance) -> Iterator[str
     robot = robot_for(task)
     pairs = [
         ("seat", presses.seat, task.seat),
-        ("robot.stiffness", presses.robot.stiffness, robot.stiffness),
-        ("robot.limits", presses.robot.limits, robot.limits),
-        ("robot.mass", presses.robot.mass, robot.mass),
+        *((f"robot.{name}", getattr(presses.robot, name), getattr(robot, name)) for name in _OF_ROBOT),
     ]
     if evidence is not None:
         pairs += [

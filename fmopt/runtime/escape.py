@@ -17,12 +17,6 @@ def urscript_string(text: str) -> str:
     return '"' + one_line(text).replace('"', "'").replace("\\", "/") + '"'
 
 
-def yaml_string(text: str) -> str:
-    """A scalar or key of YAML, in double quotes; reads back as the same text."""
-    quoted = text.replace("\\", "\\\\").replace('"', '\\"')  # backslashes first: those before quotes come after
-    return '"' + "".join(letter if letter.isprintable() else _code(letter, "\\U") for letter in quoted) + '"'
-
-
 def csv_text(text: str) -> str:
     """A text for a cell of a table, which no spreadsheet takes for a formula; who writes the table puts the quotes."""
     line = one_line(text)
@@ -35,7 +29,5 @@ def csv_comment(text: str) -> str:
     return one_line(text).translate(dict.fromkeys(map(ord, ",;|\"'"), " "))
 
 
-def _code(letter: str, long: str = "\\u") -> str:
-    number = ord(letter)
-    # YAML reads four digits after \u, and eight after \U.
-    return f"\\u{number:04x}" if number < 0x10000 else f"{long}{number:08x}"
+def _code(letter: str) -> str:
+    return f"\\u{ord(letter):0{4 if ord(letter) < 0x10000 else 8}x}"

@@ -78,7 +78,7 @@ def _is_short(source: Source) -> bool:
     """Whether text stands for a table anywhere in a problem file."""
     errors = source.data.get("uncertainty")
     start = errors.get("start") if isinstance(errors, Mapping) else None
-    return any(isinstance(value, str) for value in (source.data.get("moving"), source.data.get("fixed"), start))
+    return any(isinstance(value, str) for value in (*map(source.data.get, ("moving", "fixed", "robot")), start))
 
 
 def _operand(source: Source, reading: Reading, side: str) -> tuple[Model | None, list[Fault]]:
@@ -110,7 +110,7 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
         advice = "give [uncertainty.start]: errors of the ball's lowest point against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("not-supported", message, advice)
     yield from sizes.configuration_faults(source, sources)
-    yield from sizes.force_faults(source, file.specification)
+    yield from sizes.force_faults(source, file.specification, file.robot.properties())
     yield from _plane_faults(source, file, models)
     yield from _pair_faults(source, file, models)
 
@@ -259,7 +259,7 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
         velocity_error=VelocityError(**file.uncertainty.velocity.model_dump()),
         specification=Specification(**{**file.specification.model_dump(), "friction": max(friction, default=0.3)}),
         friction=(min(friction, default=0.1), max(friction, default=0.5)),
-        robot=RobotProperties(**file.robot.model_dump()),
+        robot=RobotProperties(**file.robot.properties()),
         settings=Settings(**file.settings.model_dump()),
     )
 

@@ -46,12 +46,20 @@ class Specification:
 
 @dataclass(frozen=True)
 class RobotProperties:
-    """Stiffness of held axes (N/m and N·m/rad), apparent mass (kg) and its radius of gyration (m)."""
+    """What presses are carried out with, by the keys of [robot], in SI units."""
 
+    preset: str
     stiffness: float
     turning: float
     mass: float
     gyration: float
+    force_offset: float
+    torque_offset: float
+    force_noise: float
+    torque_noise: float
+    delay: float
+    max_force: float
+    max_torque: float
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from fmopt.task.problem import Problem
 from fmopt.task.sources import Contribution, least_altitude, total
 from fmopt.task.toml import problem_file as files
 from fmopt.task.toml.source import Key, Source, holds
-from fmopt.task.toml.units import ANGLE, FORCE, LENGTH, UNITS, at_most, in_words
+from fmopt.task.toml.units import ANGLE, FORCE, LENGTH, TORQUE, UNITS, at_most, in_words
 
 _LARGEST_ERROR = 0.5  # m and rad: what the check of a plan takes
 _USUAL = 0.05  # m: about how long a part is
@@ -113,8 +114,13 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
         raise InputError(place.fault("out-of-range", message, f"keep them at most {at_most(_LARGEST_ERROR, LENGTH)}"))
 
 
-def force_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
-    """Of a force that ends moves which no push brings about, and of limits on impacts without what meets there."""
+def force_faults(source: Source, table: files.Specification, robot: Mapping[str, Any]) -> Iterator[Fault]:
+    """Of forces that no push or no such robot brings about, and of limits on impacts without what meets there."""
+    for key, limit, dimension in (("contact_force", "max_force", FORCE), ("torque_limit", "max_torque", TORQUE)):
+        if getattr(table, key) > robot[limit]:
+            message = f"{in_words(getattr(table, key), dimension)} are more than the robot controls"
+            advice = f"lower it to {in_words(robot[limit], dimension)}, or state {limit} in [robot]"
+            yield source.place(("specification", key)).fault("out-of-range", message, advice)
     wanted, most = table.termination_force, table.contact_force
     if wanted > most:
         message = f"{in_words(wanted, FORCE)} on the contact that ends a move exceed the contact force"

@@ -1,7 +1,5 @@
 """Trials in the physics engine, in one process and in two."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """How much a contact nears along a piece while others are held: no execution comes nearer by less than is claimed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Errors fixed in the hole, in the hand and in the world: the linear picture and what it leaves, against real poses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

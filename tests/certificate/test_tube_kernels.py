@@ -1,7 +1,5 @@
 """The compiled kernels of the error tube: as they are written, and as the plain formulas have them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every numeric option of every command: numbers that are none, too large or too small are bad input, at once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args

@@ -1,7 +1,5 @@
 """The compiled searches against the formulas: surfaces, shortages with their gradients, steps and projections."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

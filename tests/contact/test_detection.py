@@ -1,7 +1,5 @@
 """Which features can come together: compiled distances and angles against least squares, Shapely and dense samples."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear, nnls

@@ -1,7 +1,5 @@
 """The face lattice from incidences: it agrees with sets of numbers, follows Euler, and comes in order."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

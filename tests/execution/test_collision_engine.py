@@ -1,7 +1,5 @@
 """Another collision engine sees no overlap along sampled executions, every promised contact, and no other."""
 
-from __future__ import annotations
-
 import copy
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Evidence: bounds that three ways to compute them agree on, vertices of a balanced design, draws of their numbers."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from fractions import Fraction
 from math import comb, sqrt
@@ -10,7 +8,7 @@ import numpy as np
 import pytest
 
 from fmopt.execution.confidence import lower_bound, success_interval
-from fmopt.execution.press_rig import Errors
+from fmopt.execution.press_controller import Errors
 from fmopt.execution.press_trials import drawn_errors, vertex_errors
 from fmopt.plan.evidence import CONFIDENCE
 from fmopt.plan.press import Conditions

@@ -1,7 +1,5 @@
 """Parts that are off their form: plans promise what they do of the real parts, and the old way of counting did not."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import replace
 from functools import cache

@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from fmopt.execution import press_rig
+from fmopt.execution import press_controller
 from fmopt.execution.engines.engine import Bodies
-from fmopt.execution.press_rig import Errors, PressRig
+from fmopt.execution.press_controller import Errors
+from fmopt.execution.press_rig import PressRig
 from fmopt.execution.press_servo import BACKING, RUNNING
 from fmopt.execution.press_trials import carry_out, drawn_errors
 from fmopt.execution.rotation import between
@@ -105,7 +106,7 @@ def test_a_press_towards_a_wall_ends_by_standstill_at_the_wall() -> None:
     assert one.seated, one.reasons
     assert abs(one.offset[0]) < 1e-5
     # 3 mm at 12.5 mm/s, then a window.
-    assert 0.24 + STILL.window < one.seconds - press_rig._REST < 0.24 + 0.1 + STILL.window + 0.06
+    assert 0.24 + STILL.window < one.seconds - press_controller._REST < 0.24 + 0.1 + STILL.window + 0.06
     assert np.ptp(way["q"][:, 0, 1:3], axis=0).max() < 1e-5
     assert 5.0 <= one.peak_force < 5.0 + 2.0 * 0.0125 * 2.0 * np.pi * ROBOT.cut_off  # and the filtered impact
 
@@ -157,7 +158,7 @@ def test_a_time_out_is_no_standstill_however_still_the_part_is() -> None:
 
 
 def test_a_press_without_an_end_that_comes_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(press_rig, "MAX_SECONDS", 0.5)
+    monkeypatch.setattr(press_controller, "MAX_SECONDS", 0.5)
     (one,), _ = run([WALL], [at(0.003, 0.005, press("x", (5.0, *NOTHING[1:]), Travel(distance=0.01, then="seated")))])
     assert "took too long" in one.reasons
     assert one.seconds == pytest.approx(0.5, abs=0.01)

@@ -1,7 +1,5 @@
 """Executions of the square peg's plan, simulated on the true geometry, keep what the plan promises."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The rig: trusted physics, the scene's pieces, batched rotations, and a plan carried out."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import replace
 from typing import Any

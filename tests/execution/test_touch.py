@@ -1,7 +1,5 @@
 """When a contact counts as felt: signals as seen at contacts, at rattling faces and at parts that friction holds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Convex parts of polygons: inside them, and together all of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Convex bodies that enclose solids with curved faces: nowhere smaller, and as far out as they say."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

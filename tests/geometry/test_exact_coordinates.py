@@ -1,7 +1,5 @@
 """Exact coordinates of parts: every face plane without rounding, next to the floats; walls as what lies flat there."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from math import lcm
 

@@ -1,7 +1,5 @@
 """Files that others wrote, whole, odd and damaged: what is read, what is refused and where, and in what time."""
 
-from __future__ import annotations
-
 import time
 from itertools import cycle
 from pathlib import Path

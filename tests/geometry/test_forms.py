@@ -1,7 +1,5 @@
 """Two parts are read alike from TOML, from meshes and from STEP; all families: `shared/parts/forms.py`."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Advice of the geometry room is followed to the letter, and what was refused is taken; each advice that there is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Readers held against solids whose volume, centre and inertia are known before they are written, by other writers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Meshes as they come: damaged ones have the features, clearance and faces of the whole ones, or say why not."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import random

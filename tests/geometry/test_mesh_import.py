@@ -1,7 +1,5 @@
 """Meshes made by others: features found, gaps closed or refused, faults named by triangle, facets of curves judged."""
 
-from __future__ import annotations
-
 import math
 import struct
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Parts: frames, sections, measured clearance, interference, and meshes from files."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from dataclasses import replace

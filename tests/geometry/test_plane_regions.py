@@ -1,7 +1,5 @@
 """The exact plane: meetings of curves, winding numbers, and the laws of regularised operators."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

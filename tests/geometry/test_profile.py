@@ -1,7 +1,5 @@
 """Planar parts as solids: they touch and overlap when, and only when, the profiles do."""
 
-from __future__ import annotations
-
 import math
 from itertools import product
 

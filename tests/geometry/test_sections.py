@@ -1,7 +1,5 @@
 """Plane sections of solids that are given as convex pieces."""
 
-from __future__ import annotations
-
 import pytest
 from shapely import Polygon, union_all
 

@@ -1,7 +1,5 @@
 """Meshes that other people made, where their folder lies beside the repository: how they mate, and their clearance."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Closed shells that touch or overlap are one solid; objects of one file that lie apart are offered by name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

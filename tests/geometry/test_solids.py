@@ -1,7 +1,5 @@
 """Solids: membership laws, boundary oracles, exact coordinates, convex pieces, and what is refused."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from collections.abc import Callable

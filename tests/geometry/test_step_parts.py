@@ -1,7 +1,5 @@
 """STEP files by their own surfaces: exact planes, rounds and fillets as stated, assemblies, parts from objects."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from importlib.metadata import version

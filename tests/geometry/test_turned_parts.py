@@ -1,7 +1,5 @@
 """Parts turned about their axis by any angle: no coordinate is a round number, and their plans hold all the same."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 

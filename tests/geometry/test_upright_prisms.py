@@ -1,7 +1,5 @@
 """Upright bodies as prisms less prisms: filleted outlines in mesh files, whose pieces make up the part exactly."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Whoever adds lines takes others away in the same change, and lowers the ceiling where the sum has fallen.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import tokenize
@@ -16,7 +14,7 @@ from tests import ROOT
 SOURCES = {".py", ".js", ".css", ".html"}
 NO_CODE = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
 # All lines; lines of Python without docstrings, comments and blanks.
-CEILINGS = {"fmopt": (72694, 46944), "tests": (43345, 32937)}
+CEILINGS = {"fmopt": (72694, 46924), "tests": (43283, 32934)}
 
 
 def code_lines(text: str) -> int:

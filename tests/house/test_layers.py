@@ -34,7 +34,7 @@ FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"planning/control"}),
     frozenset({"planning"}),
     frozenset({"study"}),
-    frozenset({"notebook"}),
+    frozenset({"notebook", "press"}),
     frozenset({"manual"}),
     frozenset({"cli"}),
     frozenset({"__main__"}),
@@ -63,7 +63,7 @@ CALLERS: dict[str, frozenset[str]] = {
     "report": frozenset({"study", "notebook", "manual", "cli"}),
     "task": frozenset({"planning/control", "planning", "study", "notebook", "cli"}),
     "plan/export": frozenset({"notebook", "cli"}),
-    "execution": frozenset({"planning", "study", "notebook", "cli"}),
+    "execution": frozenset({"planning", "study", "notebook", "press", "cli"}),
 }
 # Every library that the package may import, and the files or rooms that may.
 LIBRARIES: dict[str, frozenset[str]] = {
@@ -103,6 +103,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "pydrake": frozenset({"execution/engines/drake_engine.py"}),
     "PIL": frozenset({"execution/replay.py"}),
     "rosbags": frozenset({"plan/export/ros2.py"}),
+    "yaml": frozenset({"plan/export/ros2.py"}),
     "IPython": frozenset({"notebook/display.py"}),
     "typer": frozenset({"cli"}),
     "lib3mf": frozenset({"geometry/mesh/archive.py"}),

@@ -1,7 +1,5 @@
 """Rooms: no entries of a folder need each other; tests stand in rooms of the package, each starts in a new folder."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterable, Mapping
 from pathlib import Path

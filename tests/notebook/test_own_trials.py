@@ -1,7 +1,5 @@
 """Trials on a robot of one's own: read from CSV, put into the plan file, told beside those in the physics engine."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

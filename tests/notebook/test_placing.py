@@ -1,7 +1,5 @@
 """The cone program of a plan's goal poses: solved as it is, with constraints of one's own, and what follows."""
 
-from __future__ import annotations
-
 import cvxpy
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Contacts of a plan on its own geometry."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

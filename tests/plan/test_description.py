@@ -1,7 +1,5 @@
 """The description in a plan: values that read themselves again, or are refused with their place."""
 
-from __future__ import annotations
-
 import copy
 import json
 import random

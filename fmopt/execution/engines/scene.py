@@ -6,6 +6,7 @@ moving part is one free body about its reference point, with the apparent mass o
 
 import os
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 from fmopt.errors import ResourceError
@@ -17,36 +18,6 @@ CONTACTS = 16  # contacts that a sensor reports
 
 _COLOUR = "0.85 0.45 0.1 1"  # of the moving part
 
-_SCENE = """\
-<mujoco model="fmopt">
-  <compiler angle="radian"/>
-  <option timestep="{step!r}" gravity="0 0 0" cone="{cone}" impratio="{impratio!r}" integrator="implicitfast"
-          solver="Newton" tolerance="1e-12" iterations="50" jacobian="dense"><flag multiccd="enable"/></option>
-  <visual>
-    <global offwidth="640" offheight="480"/><map znear="0.005"/>
-    <headlight ambient="0.5 0.5 0.5" diffuse="0.45 0.45 0.45" specular="0 0 0"/><rgba haze="1 1 1 1"/>
-  </visual>
-  <default>
-    <geom type="mesh" mass="0" margin="{margin!r}" solref="{solref}" solimp="{solimp}"
-          friction="{friction!r} 0 0" condim="3"/>
-  </default>
-  <asset>
-    <texture type="skybox" builtin="flat" rgb1="1 1 1" rgb2="1 1 1" width="16" height="16"/>
-{meshes}
-  </asset>
-  <worldbody>
-    <light directional="true" dir="-0.2 0.4 -1" diffuse="0.3 0.3 0.3" specular="0 0 0" castshadow="false"/>
-{fixed}
-    <body name="part">
-      <freejoint/>
-      <inertial pos="0 0 0" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>
-{moving}
-    </body>
-  </worldbody>
-  <sensor><contact name="contacts" body1="part" num="{contacts}" reduce="mindist" data="found force dist pos"/></sensor>
-</mujoco>
-"""
-
 
 def scene(bodies: Bodies, physics: Physics, mass: float, inertia: float, friction: float) -> str:
     """The scene as MJCF; of robot and part the apparent mass, kg, and the inertia about each axis of the frame, kg·m².
@@ -57,20 +28,27 @@ def scene(bodies: Bodies, physics: Physics, mass: float, inertia: float, frictio
     physics.trusted()
     found = {"fixed": bodies.fixed, "moving": bodies.moving}
     meshes = [_mesh(f"{side}{i}", vertices) for side in found for i, vertices in enumerate(found[side])]
-    return _SCENE.format(
-        step=physics.time_step,
-        cone=physics.cone,
-        impratio=physics.impratio,
-        margin=physics.margin,
-        solref=_numbers(physics.contact),
-        solimp=_numbers(physics.solimp),
-        friction=friction,
-        meshes="\n".join(meshes),
-        fixed=_geoms("fixed", len(found["fixed"]), "0.6 0.65 0.7 0.35"),  # see-through, for what goes on in the hole
-        moving=_geoms("moving", len(found["moving"]), _COLOUR) + _spheres(bodies.balls),
-        mass=mass,
-        inertia=inertia,
-        contacts=CONTACTS,
+    return (
+        Path(__file__)
+        .with_name("scene.xml")
+        .read_text("utf-8")
+        .format(
+            step=physics.time_step,
+            cone=physics.cone,
+            impratio=physics.impratio,
+            margin=physics.margin,
+            solref=_numbers(physics.contact),
+            solimp=_numbers(physics.solimp),
+            friction=friction,
+            meshes="\n".join(meshes),
+            fixed=_geoms(
+                "fixed", len(found["fixed"]), "0.6 0.65 0.7 0.35"
+            ),  # see-through, for what goes on in the hole
+            moving=_geoms("moving", len(found["moving"]), _COLOUR) + _spheres(bodies.balls),
+            mass=mass,
+            inertia=inertia,
+            contacts=CONTACTS,
+        )
     )
 
 

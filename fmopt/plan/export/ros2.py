@@ -6,13 +6,14 @@ The bag holds `geometry_msgs/PoseStamped` on `/cartesian_compliance_controller/t
 axes are stiff and when a move ends, is in `segments.yaml`, with one request for `ur_msgs/srv/SetForceMode` a segment.
 """
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+import json
+from collections.abc import Iterator, Mapping
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import yaml
 
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.plan import Plan
@@ -21,7 +22,7 @@ from fmopt.plan.export.frame import TaskFrame, task_frame
 from fmopt.plan.guarded_moves import Move, moves
 from fmopt.plan.position_force import AXES
 from fmopt.runtime import output
-from fmopt.runtime.escape import one_line, yaml_string
+from fmopt.runtime.escape import one_line
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
@@ -34,6 +35,7 @@ _STIFF = (20000.0, 200.0)  # N/m and N·m/rad of a stiff axis
 _LEAST = 0.002  # m in the metric of ρ, limit of deviation at least: short moves begin pressed by those before them
 _SOFT = (0.0, 0.0)
 _DEBOUNCE = 3
+_LINE = 1000  # characters, from which a value goes on in the next line
 _NOTES = (
     "SI units; poses and wrenches in the base frame; moving_part is the plan's moving frame, compliance_ref_link too",
     "target_wrench: what the controller applies to the moving part, about its origin, opposite to the reaction",
@@ -213,36 +215,12 @@ def _xyz(values: Array) -> dict[str, float]:
 
 
 def _yaml(value: Mapping[str, Any], notes: tuple[str, ...]) -> str:
-    """Block YAML of mappings, lists, numbers, booleans, strings and null; keys are names of ours."""
-    return "\n".join([*(f"# {one_line(note)}" for note in notes), *_block(value, 0)]) + "\n"
-
-
-def _block(value: Mapping[str, Any], depth: int) -> Iterator[str]:
-    pad = "  " * depth
-    for key, item in value.items():
-        if isinstance(item, Mapping):
-            yield f"{pad}{key}:"
-            yield from _block(item, depth + 1)
-        elif isinstance(item, list) and item and isinstance(item[0], Mapping):
-            yield f"{pad}{key}:"
-            for entry in item:
-                lines = list(_block(entry, depth + 2))
-                yield f"{pad}  - {lines[0].lstrip()}"
-                yield from lines[1:]
-        else:
-            yield f"{pad}{key}: {_scalar(item)}"
-
-
-def _scalar(value: float | str | Sequence[Any] | None) -> str:
-    """A float as YAML 1.1 reads it as one, with a point before the exponent; a text in quotes."""
-    if isinstance(value, str):
-        return yaml_string(value)
-    if isinstance(value, Sequence):
-        return f"[{', '.join(map(_scalar, value))}]"
-    if value is None or isinstance(value, bool):
-        return "null" if value is None else str(value).lower()
-    # Floats are Python's own: those of NumPy would be written with the name of their type.
-    text = repr(value)
-    if not math.isfinite(value):
-        raise PlanFormatError(f"a number of the motion is {text}", "give a plan.json that fmopt solve wrote")
-    return text.replace("e", ".0e") if "e" in text and "." not in text else text
+    """Block YAML below comments; floats have a point before the exponent, as YAML 1.1 reads them."""
+    try:
+        plain = json.loads(json.dumps(value, allow_nan=False))
+    except ValueError as error:
+        raise PlanFormatError(
+            "a number of the motion is not finite", "give a plan.json that fmopt solve wrote"
+        ) from error
+    comments = "".join(f"# {one_line(note)}\n" for note in notes)
+    return comments + str(yaml.safe_dump(plain, sort_keys=False, width=_LINE))

@@ -9,6 +9,7 @@ programmed motion on stiff ones. `get_tcp_force` returns the reaction on the too
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -20,105 +21,6 @@ from fmopt.plan.guarded_moves import Move, moves
 from fmopt.runtime.escape import one_line, urscript_string
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
-
-_HEADER = """\
-# {title}
-# Plan {digest}, verdict {verdict}, written by fmopt {version}
-# {standing}
-#
-# Units: m, rad, N, N m, s. Poses p[x, y, z, rx, ry, rz] are in the robot's base, the rotation as a rotation vector.
-# The TCP has to be the moving part's frame: {moving}.
-# The frame of the hole ({hole}) is at {base} in the base.
-# If z of the base points up: {insertion}.
-# Greatest turning rate: {turning}.
-{failing}# Selection: 1 compliant, 0 stiff. Wrenches of force_mode are what the robot applies to its environment.
-# get_tcp_force is taken as the reaction of the environment on the tool, in axes of the base, torque about the TCP.
-# Limits: m/s and rad/s on compliant axes, m and rad of deviation on stiff ones.
-# Moves are counted from 1; segments[0] is the first entry of segments in the plan file.
-"""
-
-_FUNCTIONS = """\
-def fmopt_leave(reason):
-  stopl({stop}, {stop_angular})
-  end_force_mode()
-  textmsg("fmopt: ", reason)
-  halt
-end
-
-def fmopt_dot(a, b):
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
-end
-
-def fmopt_counted(told, felt):
-  if told:
-    return felt + 1
-  end
-  return 0
-end
-
-def fmopt_guarded(twist, along, gain, force, held, travel, timeout, due):
-  local step = get_steptime()
-  local elapsed = ahead
-  local felt = 0
-  local told = False
-  local still = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-  local k = held[0] + fmopt_dot(gain, get_tcp_force())
-  level = k - mean
-  while elapsed < timeout:
-    if elapsed < travel:
-      speedl(twist, {acceleration}, step, {acceleration_angular})
-      k = held[0] + (held[1] - held[0]) * elapsed / travel
-    else:
-      speedl(still, {acceleration}, step, {acceleration_angular})
-      k = held[1]
-    end
-    elapsed = elapsed + step
-    moving = moving + step
-    k = k + fmopt_dot(gain, get_tcp_force())
-    local share = fmopt_dot(along, get_actual_tcp_speed())
-    if moving < {starting}:
-      level = k
-    else:
-      if share > {slow}:
-        level = level + step / {memory} * (k - level)
-      end
-    end
-    mean = mean + step / {averaging} * (k - level - mean)
-    told = mean >= force
-    if elapsed < due:
-      told = False
-    end
-    if moving < {starting}:
-      told = False
-    end
-    felt = fmopt_counted(told, felt)
-    if felt >= {debounce}:
-      stopl({stop}, {stop_angular})
-      return True
-    end
-  end
-  ahead = elapsed - timeout
-  return False
-end
-
-def fmopt_move(twist, travel, most):
-  local step = get_steptime()
-  local elapsed = ahead
-  local felt = 0
-  while elapsed < travel:
-    speedl(twist, {acceleration}, step, {acceleration_angular})
-    elapsed = elapsed + step
-    local f = get_tcp_force()
-    felt = fmopt_counted(f[0] * f[0] + f[1] * f[1] + f[2] * f[2] > most * most, felt)
-    if felt >= {debounce}:
-      stopl({stop}, {stop_angular})
-      return True
-    end
-  end
-  ahead = elapsed - travel
-  return False
-end
-"""
 
 
 @dataclass(frozen=True)
@@ -189,40 +91,51 @@ def commanded(rows: Sequence[Move]) -> list[Array]:
 
 def _head(plan: Plan, rows: Sequence[Move], base: Pose, caution: str) -> str:
     words = failing_words(plan, base)
+    turning = turning_words(commanded(rows), [move.number for move in rows])
+    failing = f"# {one_line(words[0].upper() + words[1:])}.\n" if words else ""
+    said = heading(plan, base, f"WARNING: {caution}." if caution else "It has passed the independent check.")
+    return _text(0).format(failing=failing, turning=one_line(turning), **said)
+
+
+def heading(plan: Plan, base: Pose, standing: str) -> dict[str, str]:
+    """A program's words on its plan and frames, by name."""
     said = {
         "title": plan.title,
         "digest": plan.sha256,
         "verdict": plan.verdict,
         "version": plan.version,
-        "standing": f"WARNING: {caution}." if caution else "It has passed the independent check.",
+        "standing": standing,
         "moving": FRAMES["moving"],
         "hole": FRAMES["B"],
-        "base": _pose(base),
+        "base": pose_of(base),
         "insertion": insertion_words(base),
-        "turning": turning_words(commanded(rows), [move.number for move in rows]),
     }
-    failing = f"# {one_line(words[0].upper() + words[1:])}.\n" if words else ""
-    return _HEADER.format(failing=failing, **{name: one_line(text) for name, text in said.items()})
+    return {name: one_line(text) for name, text in said.items()}
 
 
 def _functions(settings: Settings) -> str:
     limits = ("acceleration", "acceleration_angular", "stop", "stop_angular")
     names = (*limits, "starting", "memory", "averaging", "slow")
-    return _FUNCTIONS.format(debounce=settings.debounce, **{name: _number(getattr(settings, name)) for name in names})
+    return _text(1).format(debounce=settings.debounce, **{name: number(getattr(settings, name)) for name in names})
+
+
+def _text(section: int) -> str:
+    """The header (0) or the functions (1) of the program."""
+    return Path(__file__).with_name("guarded.script").read_text("utf-8").split("# ---\n")[section]
 
 
 def _beginning(start: Pose, speed: float, settings: Settings) -> list[str]:
-    pose = _pose(start)
+    pose = pose_of(start)
     return [
-        f"if point_dist(get_actual_tcp_pose(), {pose}) > {_number(settings.reach)}:",
-        f'  textmsg("fmopt: ", "bring the part to within {_number(settings.reach)} m of {pose} first")',
+        f"if point_dist(get_actual_tcp_pose(), {pose}) > {number(settings.reach)}:",
+        f'  textmsg("fmopt: ", "bring the part to within {number(settings.reach)} m of {pose} first")',
         "  halt",
         "end",
-        f"movel({pose}, {_number(settings.acceleration)}, {_number(speed)}, 0, 0)",
+        f"movel({pose}, {number(settings.acceleration)}, {number(speed)}, 0, 0)",
         "sleep(0.5)",  # s in which the arm comes to rest, before the sensor is zeroed
         "zero_ftsensor()",
-        f"force_mode_set_damping({_number(settings.damping)})",
-        f"force_mode_set_gain_scaling({_number(settings.gain)})",
+        f"force_mode_set_damping({number(settings.damping)})",
+        f"force_mode_set_gain_scaling({number(settings.gain)})",
         "global touched = False",
         *(f"global {name} = 0.0" for name in ("moving", "level", "mean", "ahead")),
     ]
@@ -240,16 +153,16 @@ def _segment(plan: Plan, rows: Sequence[Move], index: int, base: Pose, settings:
     lines = [f"# move {move.number + 1}, segments[{move.segment}], held: {held}"]
     lines += ["ahead = 0.0"] if begins else []
     if begins and index and move.stop is None and (rows[index - 1].stop or rows[index - 1].state):
-        lines += [_released(move, base, rho, settings), f"sleep({_number(settings.settling)})"]
+        lines += [_released(move, base, rho, settings), f"sleep({number(settings.settling)})"]
     if move.stop is None:
         most = settings.most * plan.specification.contact_force
-        way = f"{_list(_turned(base, move.twist))}, {_number(move.duration)}, {_number(most)}"
+        way = f"{list_of(in_axes_of(base, move.twist))}, {number(move.duration)}, {number(most)}"
         lines += [_force_mode(move, task, base, rho, settings), f"touched = fmopt_move({way})"]
         return [*lines, "if touched:", f'  fmopt_leave("move {move.number + 1}: pushed against something")', "end"]
     pace = _pace(move, settings)
     guarded = [_force_mode(move, task, base, rho, settings)]
     if begins:
-        guarded += [f"sleep({_number(settings.settling)})", "moving = 0.0", "mean = 0.0"]
+        guarded += [f"sleep({number(settings.settling)})", "moving = 0.0", "mean = 0.0"]
     guarded.append(f"touched = fmopt_guarded({', '.join(_guard(rows, index, base, rho, settings, pace))})")
     lines += ["if not touched:", *("  " + line for line in guarded), "end"]
     if move.last:
@@ -271,12 +184,12 @@ def _guard(rows: Sequence[Move], index: int, base: Pose, rho: float, settings: S
     bound = 0.0 if ahead[-1].stop is None else ahead[-1].stop.max_travel - ahead[-1].length
     due = sum(row.length for row in ahead) - settings.early * bound
     force = stop.threshold + settings.alert * (stop.force - stop.threshold)
-    lists = (_turned(base, six) for six in (twist, along, stop.gain))
+    lists = (in_axes_of(base, six) for six in (twist, along, stop.gain))
     # What the gain reads of the holding wrench, the part of e that is known beforehand, at both ends of the way.
     held = stop.gain @ np.column_stack([move.hold_start, move.hold])
     # The program counts time: the way is as commanded until something is touched.
     times = (travel / speed, timeout, max(due, 0.0) / speed)
-    return [*map(_list, lists), _number(force), _list(held), *map(_number, times)]
+    return [*map(list_of, lists), number(force), list_of(held), *map(number, times)]
 
 
 def _pace(move: Move, settings: Settings) -> float:
@@ -285,8 +198,8 @@ def _pace(move: Move, settings: Settings) -> float:
     return min(1.0, settings.approach / max(speeds[0], 1e-9), settings.turning / max(speeds[1], 1e-9))
 
 
-def _turned(base: Pose, six: Array) -> Array:
-    """A twist or wrench (6,) in axes of B, in axes of the base."""
+def in_axes_of(base: Pose, six: Array) -> Array:
+    """A twist or wrench (6,) that is given in axes of B, in those of the base."""
     # About the TCP, which is the moving frame's origin, before and after: no arm comes in.
     return np.concatenate([base.R @ six[:3], base.R @ six[3:]])
 
@@ -302,21 +215,21 @@ def _force_mode(move: Move, task: TaskFrame, base: Pose, rho: float, settings: S
     deviation = max(speed * (move.stop.timeout if move.stop else 2.0 * move.duration), settings.deviation)
     sizes = np.where(np.array(task.selection) == 1, settings.compliant_speed * speed, deviation) / scale
     selection = ", ".join(str(value) for value in task.selection)
-    return f"force_mode({_pose(base.compose(task.pose))}, [{selection}], {_list(task.wrench)}, 2, {_list(sizes)})"
+    return f"force_mode({pose_of(base.compose(task.pose))}, [{selection}], {list_of(task.wrench)}, 2, {list_of(sizes)})"
 
 
 def _released(move: Move, base: Pose, rho: float, settings: Settings) -> str:
     """What lets the springs of the robot go after a touch: a part that leaves it would begin beside where it is."""
     limit = settings.compliant_speed * _speed(move, rho)
     limits = np.array([limit] * 3 + [limit / rho] * 3)
-    return f"force_mode({_pose(base.compose(move.frame))}, {[1] * 6}, {_list(np.zeros(6))}, 2, {_list(limits)})"
+    return f"force_mode({pose_of(base.compose(move.frame))}, {[1] * 6}, {list_of(np.zeros(6))}, 2, {list_of(limits)})"
 
 
 def _indented(lines: Sequence[str]) -> Iterable[str]:
     return ["  " + line for line in lines]
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
     """Fixed point, a picometre fine: the language has no exponents.
 
     Raises:
@@ -328,9 +241,11 @@ def _number(value: float) -> str:
     return "0.0" if text in ("-0.", "0.") else text + "0" * text.endswith(".")
 
 
-def _list(values: Array) -> str:
-    return "[" + ", ".join(_number(float(value)) for value in values) + "]"
+def list_of(values: Array | Sequence[float]) -> str:
+    """Numbers (n,) as a list."""
+    return "[" + ", ".join(number(float(value)) for value in values) + "]"
 
 
-def _pose(pose: Pose) -> str:
-    return "p" + _list(pose.vector())
+def pose_of(pose: Pose) -> str:
+    """A pose as p[x, y, z, rx, ry, rz]."""
+    return "p" + list_of(pose.vector())

@@ -1,5 +1,6 @@
 """`fmopt export`: a plan into one of the formats, where it belongs."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -11,9 +12,9 @@ from fmopt.plan.guarded_moves import moves
 from fmopt.runtime import output
 from fmopt.spatial.se3 import Pose
 
-FORMATS = ("urscript", "ros2", "csv", "json")
-_TABLES = ("csv", "json")
-_NAMES = {"urscript": "plan.script", "ros2": "ros2", "csv": "samples.csv", "json": "samples.json"}
+FORMATS = ("urscript", "ros2", "csv", "json", "mjcf")
+_TABLES = ("csv", "json", "mjcf")
+_NAMES = {"urscript": "plan.script", "ros2": "ros2", "csv": "samples.csv", "json": "samples.json", "mjcf": "scene.xml"}
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class Form:
     Args:
         base: pose (x, y, z, rx, ry, rz) of the hole's frame in the robot's base, m and rad; None for tables.
         caution: what is to be said of the plan in all that is written; empty where the check has certified it.
+        scene: makes the text of "mjcf", which takes the room of execution.
 
     Raises:
         ValueError: the format is unknown, or it is for robots and the base is missing or in other units.
@@ -32,6 +34,7 @@ class Form:
     base: tuple[float, ...] | None = None
     rate: float = 100.0
     caution: str = ""
+    scene: Callable[[Plan], str] | None = None
 
     def __post_init__(self) -> None:
         if self.to not in FORMATS:
@@ -81,13 +84,14 @@ def export(plan: Plan, form: Form, target: Path) -> Written:
         ValueError: the format is several files, and `target` no folder.
         FmoptError: the plan cannot be exported or written.
     """
-    _require_guarded_moves(plan, form.to)
+    _require_taken(plan, form.to)
     text = text_of(plan, form) if target == STDIO else ""
     paths = () if target == STDIO else exported(plan, form, target)
     if not form.for_robots:
         notes = () if form.base is None else (f"{form.to} is in the hole's frame: --base is not used",)
         return Written(paths, notes, text)
-    return Written(paths, (insertion_words(form.frame), _turning(plan, form.to)), text)
+    turning = (_turning(plan, form.to),) if plan.press_plan is None else ()
+    return Written(paths, (insertion_words(form.frame), *turning), text)
 
 
 def _turning(plan: Plan, to: str) -> str:
@@ -99,17 +103,15 @@ def _turning(plan: Plan, to: str) -> str:
     return turning_words(commanded(rows) if to == "urscript" else [m.twist for m in rows], [m.number for m in rows])
 
 
-def _require_guarded_moves(plan: Plan, to: str) -> None:
-    if plan.press_plan is not None and to not in _TABLES:
-        advice = (
-            'ask for evidence = "certified", whose guarded moves are; or take --to csv, or presses of the plan file'
-        )
+def _require_taken(plan: Plan, to: str) -> None:
+    if plan.press_plan is not None and to == "ros2":
+        advice = 'take --to urscript or csv; or ask for evidence = "certified", whose guarded moves are'
         raise PlanFormatError(f"a plan of presses is not exported to {to} yet", advice)
 
 
 def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
     """Writes a plan in another format, and says what was written; arguments as for `export`."""
-    _require_guarded_moves(plan, form.to)
+    _require_taken(plan, form.to)
     if form.to == "ros2":
         from fmopt.plan.export import ros2
 
@@ -122,9 +124,14 @@ def text_of(plan: Plan, form: Form) -> str:
     """A plan as the text of another format; arguments as for `export`."""
     if form.to == "ros2":
         raise ValueError("ros2 is several files: --out has to be a folder")
+    if form.to == "mjcf" and form.scene is not None:
+        return form.scene(plan)
     if form.to == "urscript":
+        from fmopt.plan.export import press_script
         from fmopt.plan.export.urscript import program
 
+        if plan.press_plan is not None:
+            return press_script.program(plan, plan.press_plan, form.frame, form.caution)
         return program(plan, form.frame, form.caution)
     from fmopt.plan.export.sampled import csv_text, json_text
 

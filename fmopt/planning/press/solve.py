@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from fmopt.errors import OverdueError
+from fmopt.errors import OverdueError, SearchError
 from fmopt.execution.evidence import Examination, examine
 from fmopt.execution.press_rig import PressRig
 from fmopt.execution.press_servo import RUNNING
@@ -27,6 +28,7 @@ from fmopt.planning.press.task import PressTask
 from fmopt.runtime.clock import clock, deadline, until
 from fmopt.task.problem import Problem
 
+_CLEAR_OF_OFFSET = 3.0  # times the accuracy of the force, that a press has at least
 _TRACE_SECONDS = 30.0  # for a single trial, which is shown even where the time limit is used up
 _TRACE_EVERY = 25  # periods between poses that are shown
 
@@ -53,10 +55,8 @@ def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSo
         OverdueError: the time limit leaves no draw for any.
     """
     problem = posed.problem
-    task = PressTask(problem, problem.moving, problem.fixed, posed.clearance, problem.start_box)
-    robot, conditions = robot_for(task), conditions_of(problem)
-    settings = problem.settings
-    choosing = Choosing(task.bodies, task.seat, robot, conditions, settings.seed, settings.draws, task.filled)
+    task, settings = task_of(posed), problem.settings
+    choosing = _choosing(task)
     progress("presses: sections of the parts")
     pace, limit = Pace(settings.draws + VERTICES), deadline() - clock()
     ranked = halved(choosing, proposals(task), progress, pace)
@@ -66,31 +66,74 @@ def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSo
         plan, evidence = examined(choosing, ranked, asked, partial(subject, posed), progress)
     solution = PressSolution(plan, evidence, untried="" if evidence or not settings.draws else pace.words(limit))
     with until(clock() + _TRACE_SECONDS), suppress(OverdueError):
-        return replace(solution, trace=traced(task, plan, conditions))
+        return replace(solution, trace=traced(task, plan, choosing.conditions))
     return solution
 
 
 def tried_again(posed: Posed, plan: PressPlan) -> PressSolution:
     """Presses that were chosen for another variant, tried as they are: parts, errors and hardware are of this one."""
     problem, settings = posed.problem, posed.problem.settings
-    task = PressTask(problem, problem.moving, problem.fixed, posed.clearance, problem.start_box)
+    task = task_of(posed)
     stated = robot_for(task)
-    robot = replace(plan.robot, stiffness=stated.stiffness, mass=stated.mass, inertia=stated.inertia)
+    robot = replace(stated, damping=plan.robot.damping, limits=plan.robot.limits, arm=plan.robot.arm)
     same = replace(plan, robot=robot, seat=task.seat, filled=task.filled)
     asked = Examination(settings.draws, settings.min_rate, settings.seed, threads=1)
     return PressSolution(same, examine(task.bodies, same, conditions_of(problem), asked, subject(posed, same)))
 
 
+def task_of(posed: Posed) -> PressTask:
+    """A problem as presses see it."""
+    problem = posed.problem
+    return PressTask(problem, problem.moving, problem.fixed, posed.clearance, problem.start_box)
+
+
+def _choosing(task: PressTask) -> Choosing:
+    settings = task.problem.settings
+    robot, conditions = robot_for(task), conditions_of(task.problem)
+    return Choosing(task.bodies, task.seat, robot, conditions, settings.seed, settings.draws, task.filled)
+
+
 def robot_for(task: PressTask) -> PressRobot:
     """The robot that a problem states, at strength 1."""
     stated = task.problem.robot
-    return robot_of(task, (stated.stiffness, stated.turning), (stated.mass, stated.mass * stated.gyration**2))
+    robot = robot_of(task, (stated.stiffness, stated.turning), (stated.mass, stated.mass * stated.gyration**2))
+    return replace(robot, delay=stated.delay, noise=(stated.force_noise, stated.torque_noise, *robot.noise[2:]))
 
 
 def conditions_of(problem: Problem) -> Conditions:
     """What trials of a problem are drawn from."""
     drift = max(problem.velocity_error.translation, problem.velocity_error.rotation, Conditions.drift)
-    return Conditions(numbers(problem.start_box), problem.friction, drift=drift)
+    offset = problem.robot.force_offset, problem.robot.torque_offset
+    return Conditions(numbers(problem.start_box), problem.friction, offset=offset, drift=drift)
+
+
+def weakness(posed: Posed) -> str:
+    """A warning where each sequence has a press below three times the accuracy of the robot's force; else empty.
+
+    A press counts by its largest component. The first one, which comes down, ends where it meets the part.
+    """
+    problem, robot, wanted = posed.problem, posed.problem.robot, posed.problem.specification
+    if problem.settings.evidence == "certified" or problem.plane is not None:
+        return ""
+    task = task_of(posed)
+    choosing = _choosing(task)
+    try:
+        sequences = [choosing.plan([one]).attempts[0].presses[1:] for one in proposals(task)]
+    except SearchError:  # which planning raises again
+        return ""
+    least = max(min((max(map(abs, press.wrench[:3])) for press in some), default=math.inf) for some in sequences)
+    share = _CLEAR_OF_OFFSET * robot.force_offset / least
+    if share <= 1.0:
+        return ""
+    force, torque = (share * one for one in (wanted.contact_force, wanted.torque_limit))
+    if force <= robot.max_force and torque <= robot.max_torque:
+        advice = f"raise contact_force to {math.ceil(force)} N and torque_limit to {torque:.2g} N m"
+    else:
+        advice = f"take a sensor that is accurate to {least / _CLEAR_OF_OFFSET:.2g} N, or zero it where it presses"
+    return (
+        f"warning: the weakest press of the strongest sequence has {least:.3g} N, less than {_CLEAR_OF_OFFSET:g} times "
+        f"the {robot.force_offset:.3g} N by which the robot's force may be off; {advice}"
+    )
 
 
 def traced(task: PressTask, plan: PressPlan, conditions: Conditions) -> tuple[TracePose, ...]:

@@ -16,7 +16,7 @@ from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import convex_hull_polyhedron, placed
 from fmopt.geometry.section import section_limit
 from fmopt.plan.field_types import numbers
-from fmopt.plan.press import Conditions, Seat
+from fmopt.plan.press import Seat
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem
@@ -200,7 +200,7 @@ class PressTask:
     @property
     def offset_share(self) -> float:
         """The greatest offset of the force over that of the last press."""
-        return Conditions.offset[0] / self.steady_force
+        return self.problem.robot.force_offset / self.steady_force
 
     @property
     def keeps_attitude(self) -> bool:
@@ -216,7 +216,7 @@ class PressTask:
         if self.landing.is_empty:
             return False, False
         west, south, east, north = self.landing.bounds
-        arms, least = np.array([min(-south, north), min(-west, east)]), _SURE * Conditions.offset[1]
+        arms, least = np.array([min(-south, north), min(-west, east)]), _SURE * self.problem.robot.torque_offset
         found = (self.steady_force * arms > least) | (self.box[3:5] * arms > self.clearance.per_side)
         return bool(found[0]), bool(found[1])
 

@@ -76,18 +76,15 @@ class Shape:
 
     @property
     def numbers(self) -> Array:
-        """All but the heading: (6,), (8,) with those of the touch, or (9,) with those of lying flat."""
+        """What may be varied: (6,), (8,) with those of the touch, or (9,) with those of lying flat."""
         more = self.touch or self.flat or ()
         return np.array([self.about_y, self.about_x, self.turn, self.depth, *self.room, *more])
 
-    @staticmethod
-    def of(numbers: Array, heading: float = 0.0) -> Shape:
-        """The shape of (6,), (8,) or (9,) numbers, rad and m, and the bearing in which the part leans, rad."""
-        about_y, about_x, turn, depth, x, y, *more = (float(number) for number in numbers)
-        shape = Shape(about_y, about_x, turn, depth, (x, y), heading=heading)
-        if len(more) == 3:
-            return replace(shape, flat=(more[0], more[1], more[2]))
-        return replace(shape, touch=(more[0], more[1])) if more else shape
+    def varied(self, numbers: Array) -> Shape:
+        """The shape with other such numbers, rad and m."""
+        about_y, about_x, turn, depth, x, y, *more = numbers.tolist()
+        touch, flat = (tuple(more) if own else None for own in (self.touch, self.flat))
+        return Shape(about_y, about_x, turn, depth, (x, y), touch, flat, self.heading, self.between)
 
 
 @dataclass(frozen=True, eq=False)

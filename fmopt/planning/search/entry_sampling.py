@@ -12,15 +12,16 @@ from functools import cached_property
 from itertools import chain, islice, product, zip_longest
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.errors import OverdueError
 from fmopt.geometry.part import Part
-from fmopt.geometry.section import leading_corners, walls_around
+from fmopt.geometry.section import corner_walls, leading_corners, outline, walls_around
 from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.search.best_first import begin
-from fmopt.planning.search.entry import Entry, Shape, lowest, start_spread, swung_by
-from fmopt.planning.search.entry_candidates import funnel_depth, funnel_width, likely_headings
+from fmopt.planning.search.entry import Entry, Shape, lowest, start_spread, swung_by, turned_axes
+from fmopt.planning.search.entry_room import funnel_depth, funnel_width
 from fmopt.planning.search.guarded_move import Place
 from fmopt.planning.search.successors import Node, Task, successor_by
 from fmopt.spatial.values import Array
@@ -35,6 +36,9 @@ _RISE = (0.03, 0.1)  # of the way from there, how high the corner is lifted
 _LEAN = (1.2, 3.0)  # of the errors of angle, how far a part leans that is laid flat
 _TURN = 0.2  # rad, how far it is turned about its own axis at most, either way, drawn evenly
 _PLAY = 0.25  # of the play between walls, what a laid part's height is taken to be uncertain by at least
+_OBTUSE = math.radians(55.0)  # corners that turn by less are held by two walls next to parallel
+_BEST = math.radians(100.0)  # of the angles of corners, which of them goes in first
+_SAME = 1e-6  # of the part's width, by which a part that looks the same once turned may differ
 _CELL = 0.4  # rad, the directions of tilts that are one
 _LEFT_FLAT = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])  # which errors are left to a part that has lain flat
 
@@ -74,7 +78,7 @@ class Drawing:
         that stand at an angle, wherever they are.
         """
         around = walls_around(self.moving)
-        corners: list[_Towards] = [(way.heading, None) for way in likely_headings(self.moving) if way.wall is None]
+        corners: list[_Towards] = [(heading, None) for heading in headings(self.moving)]
         pairs = list[_Towards]()
         for pair in around.pairs:
             x, y = -around.inward[list(pair)].sum(axis=0)
@@ -125,6 +129,29 @@ class Drawing:
 
     def _lateral(self, shape: Shape) -> float:
         return float(self.start_box[:2].max()) + self._swing(shape)
+
+
+def headings(moving: Part) -> list[float]:
+    """Turns about z, rad, that put a corner of the tip between its walls, one of each that look the same.
+
+    None comes first. Obtuse corners are left out, whose walls are next to parallel, and with them the first.
+    """
+    loop = outline(leading_corners(moving))
+    found, obtuse = list[tuple[float, float]](), False
+    for corner in loop:
+        (one, _), (two, _) = corner_walls(moving, corner)
+        turn = math.acos(float(np.clip(one @ two, -1.0, 1.0)))
+        obtuse = obtuse or turn < _OBTUSE
+        if turn >= _OBTUSE:
+            found.append((round(abs(math.pi - turn - _BEST), 6), math.atan2(*(one + two)[::-1]) - 0.25 * math.pi))
+    found.sort(key=lambda way: (way[0], abs(way[1])))
+    ways, seen = list[float](), list[KDTree]()
+    for heading in [*([] if obtuse else [0.0]), *(heading for _, heading in found)]:
+        sight = loop[:, :2] @ turned_axes(heading)[:2, :2]
+        if all(np.max(before.query(sight)[0]) > _SAME * float(np.ptp(sight)) for before in seen):
+            ways.append(heading)
+            seen.append(KDTree(sight))
+    return ways
 
 
 def drawn(rng: np.random.Generator, between: tuple[float, float]) -> float:

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Field
@@ -280,16 +282,35 @@ class Specification(Table):
 
 
 class RobotTable(Table):
-    """The robot that carries presses out, as it is felt at the moving part."""
+    """The robot that carries presses out, as it is felt at the moving part; what is not given is of its preset."""
 
-    stiffness: Stiffness = 20_000.0
-    """Of axes held in position, 20 N/mm if not given; plain numbers are in N/m."""
-    turning: Torque = 100.0
-    """Torque that turns a held axis by one radian, 100 N*m if not given."""
-    mass: Mass = 2.0
-    """Apparent mass, 2 kg if not given; plain numbers are in kg."""
-    gyration: Distance = 0.07
-    """Radius of gyration of that mass about the leading face's centre, 70 mm if not given."""
+    preset: Literal["generic", "ur5e", "ur10e", "franka"] = "generic"
+    """Text stands for it alone."""
+    stiffness: Stiffness | None = None
+    """Of axes held in position; plain numbers are in N/m."""
+    turning: Torque | None = None
+    """Torque that turns a held axis by one radian."""
+    mass: Mass | None = None
+    """Apparent mass; plain numbers are in kg."""
+    gyration: Distance | None = None
+    """Radius of gyration of that mass about the leading face's centre."""
+    force_offset: Force | None = None
+    """Accuracy of the force that it applies after zeroing, as [Trochimczuk2026]: evidence is drawn from this."""
+    torque_offset: Torque | None = None
+    """The same of the torque."""
+    force_noise: Force | None = None
+    torque_noise: Torque | None = None
+    """Standard deviations of a raw sample."""
+    delay: Duration | None = None
+    """Of its measurements."""
+    max_force: Force | None = None
+    max_torque: Torque | None = None
+    """The greatest that it can control; contact_force and torque_limit are at most as much."""
+
+    def properties(self) -> dict[str, Any]:
+        """All of its values, in SI units."""
+        text = Path(__file__).with_name("robots.toml").read_text("utf-8")
+        return {**tomllib.loads(text)[self.preset], **self.model_dump(exclude_none=True)}
 
 
 class Settings(Table):
@@ -341,7 +362,8 @@ class ProblemFile(Table):
     uncertainty: Uncertainty = Field(default_factory=Uncertainty)
     """How far off the part may start, which nobody but you can know: [uncertainty] start, or its sources."""
     specification: Specification = Field(default_factory=Specification)
-    robot: RobotTable = Field(default_factory=RobotTable)
+    robot: Annotated[RobotTable, Short()] = Field(default_factory=RobotTable)
+    """Text stands for the preset alone."""
     settings: Settings = Field(default_factory=Settings)
 
     def operand(self, side: str) -> Operand:
@@ -374,20 +396,20 @@ def spelled_out(source: Source) -> tuple[Source, list[Fault]]:
         if key in values:
             values.update({(*key, name): values[key] for name in table})
 
-    for side in ("moving", "fixed"):
-        if isinstance(data.get(side), str):
-            data[side] = {"model": data[side]}
-            put((side,), data[side])
+    for key, name in (("moving", "model"), ("fixed", "model"), ("robot", "preset")):
+        if isinstance(data.get(key), str):
+            data[key] = {name: data[key]}
+            put((key,), data[key])
     errors = data.get("uncertainty")
     if isinstance(errors, Mapping) and isinstance(errors.get("start"), str):
-        key = ("uncertainty", "start")
+        place = ("uncertainty", "start")
         try:
             start = error_of(errors["start"])
         except QuantityError as error:
-            faults.append(source.place(key).fault(error.code, error.message, error.advice))
+            faults.append(source.place(place).fault(error.code, error.message, error.advice))
             start = {"position": 0, "angle": 0}  # so that it is not told as missing, too
         data["uncertainty"] = {**errors, "start": start}
-        put(key, start)
+        put(place, start)
     return replace(source, data=data, values=values), faults
 
 

@@ -196,7 +196,7 @@ FALSE: dict[str, tuple[Callable[[Plan], None], str]] = {
     "above": (_set("lift", "above")(-0.0400001), "looks down"),
     "clear": (_set("lift", "clear")(0.0008), "lift.clear: is short by"),
     "below the start": (_set("lift", "clear")(0.0005), "is below the start"),
-    "turn": (_set("lift", "turn")(0.25), "is turned further"),
+    "turn": (_set("lift", "turn")(lambda x: 0.5 * x), "is turned further"),
     "room": (_set("moves", 6, "room")(lambda x: x + 1e-7), "of room are stated"),
     "no back-off": (_set("moves", 2, "back_off")(False), "does not where it has"),
     "covers": (_set("covers", 0)(lambda x: x * (1.0 + 1e-14)), "no start covers"),

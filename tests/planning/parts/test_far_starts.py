@@ -9,7 +9,7 @@ import pytest
 
 from fmopt.certificate.contact_implications import Assembly
 from fmopt.planning.pipeline import synthesise
-from fmopt.planning.search.entry_candidates import room
+from fmopt.planning.search.entry_room import room
 from fmopt.spatial.values import Array
 from fmopt.task.explain import explain
 from fmopt.task.problem import VelocityError, load

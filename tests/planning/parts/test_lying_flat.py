@@ -20,7 +20,6 @@ from fmopt.execution.trials import Trials, run
 from fmopt.plan import guarded_moves, parsed
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.planning.search.entry import Shape, tilted_entry
-from fmopt.planning.search.entry_candidates import flat_shapes, tilted_shapes
 from fmopt.report.moves import move_words, moves
 from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose, length
@@ -30,7 +29,7 @@ from fmopt.verify import verify
 from tests import ROOT
 from tests.shared.executions.model import execute
 from tests.shared.lies.mutations import changed
-from tests.shared.searched import certified_plan, leaving, steadier, tilted_motion
+from tests.shared.searched import certified_plan, drawn_shapes, leaving, steadier, tilted_motion
 
 SHAPE = Shape(0.352, 0.524, 0.088, 0.00103, (0.00376, 0.00413), flat=(0.00371, 0.00057, 0.151))
 FLAT = ["v3-f10", "v1-f10", "v2-f10"]
@@ -51,17 +50,11 @@ def plan(peg: Problem, motion: CertifiedMotion) -> dict[str, Any]:
     return certified_plan(peg, motion)
 
 
-def test_shapes_are_numbers_again() -> None:
-    assert Shape.of(SHAPE.numbers) == SHAPE
-    assert len(SHAPE.numbers) == 9
-
-
 @pytest.mark.parametrize("name", ["square_peg_100um_2mm", "hexagon_prism", "factory_rect_8mm_tight", "octagon_prism"])
 def test_it_leans_on_one_corner_and_lies_on_others_beside_the_mouth(name: str) -> None:
     problem = load(ROOT / "problems" / f"{name}.toml")
     play = measured_clearance(problem).play
-    at_once = tilted_shapes(problem.moving, play, problem.start_box, problem.settings.max_tilt)
-    for shape in list(flat_shapes(at_once, problem.moving, play, problem.start_box, 0.02, (0.0, 0.0)))[:6]:
+    for shape in drawn_shapes(problem, 2, 12):
         entry = tilted_entry(problem.moving, play, problem.approach, shape)
         assert entry.leant is not None
         assert entry.over is not None

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from fmopt.contact.c_surface import Surfaces
-from fmopt.contact.primitive import Kind, PrimitiveContact, vertex_face
+from fmopt.contact.primitive import Kind, vertex_face
 from fmopt.errors import InputError, SearchError
 from fmopt.planning import pipeline
 from fmopt.planning.control.controlled_motion import _touching
@@ -24,7 +24,7 @@ from fmopt.planning.placement.sequence_program import Placed, certified
 from fmopt.planning.posed import FINE
 from fmopt.planning.search.best_first import best_sequences, search
 from fmopt.planning.search.entry import Entry, planar_entries
-from fmopt.planning.search.entry_candidates import roomy_in_plane
+from fmopt.planning.search.entry_room import roomy_in_plane
 from fmopt.planning.search.guarded_move import IN_PLANE, freedoms
 from fmopt.planning.search.successors import Task
 from fmopt.spatial.se3 import Pose
@@ -53,20 +53,8 @@ def searched(slot: Problem, box: Array) -> tuple[Task, Iterator[tuple[Entry, ...
     return task, planar_entries(slot.moving, slot.fixed, roomy, slot.approach, slot.settings.max_tilt)
 
 
-def distance(slot: Problem, contact: PrimitiveContact, pose: Pose) -> float:
-    return float(Surfaces.of([contact], slot.moving.polyhedron, slot.fixed.polyhedron).values(pose)[0])
-
-
 def thoroughly(task: Task, moves: Sequence[Move]) -> Placed:
     return certified(task.assembly, moves, Reached(task.start, (), ()), task.tolerance, FINE)
-
-
-def faults(tmp_path: Path, file: str, old: str, new: str) -> list[Any]:
-    copied(tmp_path)
-    edit(tmp_path / file, old, new)
-    with pytest.raises(InputError) as caught:
-        load(tmp_path / NAMES[0])
-    return list(caught.value.faults)
 
 
 def test_the_slot_in_numbers(slot: Problem) -> None:
@@ -102,7 +90,11 @@ def test_the_slot_in_numbers(slot: Problem) -> None:
     ],
 )
 def test_faults_of_planar_problems(tmp_path: Path, file: str, old: str, new: str, code: str, words: str) -> None:
-    found = faults(tmp_path, file, old, new)
+    copied(tmp_path)
+    edit(tmp_path / file, old, new)
+    with pytest.raises(InputError) as caught:
+        load(tmp_path / NAMES[0])
+    found = caught.value.faults
     assert any(fault.code == code and words in str(fault) and fault.file.endswith(file) for fault in found)
     assert all(fault.line > 0 and fault.advice for fault in found)
 
@@ -190,7 +182,7 @@ def test_a_contact_yet_to_be_made_is_listed_where_it_will_be(slot: Problem) -> N
     at = Pose.from_vector([0.0034919, 0.0, 0.0140875, 0.0, -0.6280714, 0.0])
     slopes = [n for n, face in enumerate(fixed.faces) if 0.1 < face.normal[2] < 0.9]
     corners = [vertex_face(fixed, 0, n) for n in slopes]
-    due = [c for c in corners if 0.02 < distance(slot, c, at) < 0.025]
+    due = [c for c in corners if 0.02 < Surfaces.of([c], body, fixed).values(at)[0] < 0.025]
     assert len(due) == 1
     assert _touching(slot, tuple(due), at) == set(due)
     high = at.moved([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from itertools import permutations, product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ import pytest
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.contact_implications import aligned, facts
 from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
-from fmopt.planning.search.entry_candidates import funnel_depth, funnel_width
+from fmopt.planning.search.entry_room import funnel_depth, funnel_width
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, load
 from fmopt.verify.arithmetic.exact import inner, outer, unit_of
@@ -27,8 +26,7 @@ EXACT = ((13, -4, 5), (-7, 3, 11), (2, 9, -6))
 
 @pytest.fixture(scope="module")
 def tapered(tmp_path_factory: pytest.TempPathFactory) -> Problem:
-    folder: Path = tmp_path_factory.mktemp("tapered")
-    return load(write_toml(pair("tapered", HEXAGON), folder))
+    return load(write_toml(pair("tapered", HEXAGON), tmp_path_factory.mktemp("tapered")))
 
 
 @pytest.fixture(scope="module")
@@ -142,12 +140,9 @@ def vector3(numbers: list[int] | tuple[int, ...]) -> Vector:
     return (x, y, z)
 
 
-def test_the_walls_of_a_tapered_hole_are_no_mouth(tapered: Problem) -> None:
-    assert funnel_depth(tapered.fixed) == 0.0
-    assert funnel_width(tapered.fixed) == 0.0
-
-
-def test_slopes_that_lead_to_walls_are_a_mouth() -> None:
-    funnelled = load(ROOT / "problems" / "bilba_chamfered_60.toml").fixed
-    assert funnel_depth(funnelled) == pytest.approx(14e-3)
-    assert 0.0 < funnel_width(funnelled) < math.inf
+def test_slopes_that_lead_to_walls_are_a_mouth_those_of_a_tapered_hole_are_none(tapered: Problem) -> None:
+    funnelled, plain = (load(ROOT / "problems" / f"{name}.toml").fixed for name in ("bilba_chamfered_60", "square_peg"))
+    assert funnel_depth(funnelled) == pytest.approx(14e-3, abs=1e-12)
+    assert 1e-3 < funnel_width(funnelled) < math.inf
+    for part in (plain, tapered.fixed):
+        assert funnel_depth(part) == funnel_width(part) == 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,8 @@ from fmopt.plan import canonical, parsed, write
 from fmopt.plan.export.sampled import csv_text, samples
 from fmopt.planning import pipeline
 from fmopt.planning.pipeline import synthesise
-from fmopt.planning.press.solve import PressSolution
+from fmopt.planning.posed import Posed
+from fmopt.planning.press.solve import PressSolution, weakness
 from fmopt.report.figures import figures
 from fmopt.report.page import report_page
 from fmopt.report.presses import carried_words, evidence_words
@@ -41,6 +43,19 @@ def test_the_square_peg_is_tested() -> None:
     first = found.press_plan.attempts[0].presses[0]
     reaction = [-force if gives else 0.0 for force, gives in zip(first.wrench, first.gives, strict=True)]
     assert samples(found, 10.0).fa[0].tolist() == reaction
+
+
+def test_a_press_near_the_accuracy_of_the_robot_is_told_before_planning() -> None:
+    problem = press_problem()
+    assert weakness(Posed.of(problem)) == ""
+    rough = replace(problem, robot=replace(problem.robot, force_offset=3.0, max_force=50.0))
+    told = re.search(r"contact_force to (\d+) N and torque_limit to (\S+) N m", weakness(Posed.of(rough)))
+    assert told is not None
+    force, torque = map(float, told.groups())
+    wanted = replace(rough.specification, contact_force=force, torque_limit=torque)
+    assert weakness(Posed.of(replace(rough, specification=wanted))) == ""
+    rougher = replace(problem, robot=replace(problem.robot, force_offset=20.0, max_force=50.0))
+    assert "take a sensor that is accurate to" in weakness(Posed.of(rougher))
 
 
 @pytest.mark.wide
@@ -118,7 +133,7 @@ def test_a_certified_plan_says_what_its_trials_came_to(square_peg_plan: dict[str
     assert carried_words(found.plan).startswith("BUT 2 of 2 draws seat")  # two draws show no rate of 0.9
 
 
-@pytest.mark.parametrize("to", ["urscript", "ros2"])
+@pytest.mark.parametrize("to", ["ros2"])
 def test_presses_are_not_exported(
     to: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

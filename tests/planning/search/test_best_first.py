@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import chain
+from functools import partial
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.planning.moves.moves import Move, Tried
 from fmopt.planning.search.best_first import MoveSequence, _Frontier, begin, best_sequences, search, shortfall
 from fmopt.planning.search.entry import Entry, start_spread, straight_entry, tilted_entry
-from fmopt.planning.search.entry_candidates import tilted_shapes
+from fmopt.planning.search.entry_sampling import Drawing, beginnings
 from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, neighbourhood
 from fmopt.planning.search.successors import Costs, Task
 from fmopt.spatial.se3 import Pose, exp
@@ -53,13 +53,14 @@ def asked(
     half = np.array([*(1e-3 * scale * x for x in box[:3]), *(DEGREE * x for x in box[3:])])
     clearance = mating_clearance(assembly.moving, assembly.fixed, depth)
     play, moving, height = clearance.play, assembly.moving, 1e-3 * scale
-    straight = straight_entry(moving, play, half, height)
-    tilted = (tilted_entry(moving, play, height, shape) for shape in tilted_shapes(moving, play, half, 12 * DEGREE))
-    rounds = chain([straight] if straight else [], ((entry,) for entry in tilted))
     costs = replace(Costs.of(start_spread(moving, half), clearance.per_side), states=states)
     goal = Pose(np.array([0.0, 0.0, -depth]), np.eye(3))
     tolerance = Tolerance((velocity, velocity), clearance.half_diagonal)
-    return Task(assembly, goal, ErrorSet.from_box(half), tolerance, costs, 15.6 * DEGREE), rounds
+    task = Task(assembly, goal, ErrorSet.from_box(half), tolerance, costs, 15.6 * DEGREE)
+    if straight := straight_entry(moving, play, half, height):
+        return task, iter([straight])
+    shapes = Drawing(moving, assembly.fixed, play, half, 2.0 * velocity, 12 * DEGREE).shapes(0)
+    return task, ((entry,) for entry in beginnings(task, shapes, partial(tilted_entry, moving, play, height), 100))
 
 
 def test_errors_that_fit_into_the_clearance_need_no_contact() -> None:
@@ -166,9 +167,7 @@ def test_the_order_of_moves_not_rounding_tells_states_of_equal_cost_apart() -> N
     assert images[0].cost > images[1].cost
     for order in (images, images[::-1]):
         front = _Frontier(task.final_rank, task.costs, order)
-        first, second = front.pop(), front.pop()
-        assert first is order[0]
-        assert second is order[1]
+        assert [front.pop(), front.pop()] == order
 
 
 def test_a_search_cut_short_says_how_far_it_came() -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
+from fmopt.planning.motion import drawing
+from fmopt.planning.posed import Posed
 from fmopt.planning.search.best_first import MoveSequence, best_sequences
 from fmopt.planning.search.entry import Entry, Shape, tilted_entry
-from fmopt.planning.search.entry_candidates import tilted_shapes
+from fmopt.planning.search.entry_sampling import beginnings
 from fmopt.planning.search.entry_tuning import Limits, tuned
 from fmopt.planning.search.successors import Task
 from fmopt.task.problem import Problem, load
@@ -34,10 +37,8 @@ def task(problem: Problem) -> Task:
 
 @pytest.fixture(scope="module")
 def found(problem: Problem, task: Task) -> MoveSequence:
-    shapes = tilted_shapes(
-        problem.moving, measured_clearance(problem).play, problem.start_box, problem.settings.max_tilt
-    )
-    return best_sequences(task, ((entry(problem, shape),) for shape in shapes))[0]
+    begun = beginnings(task, drawing(Posed.of(problem)).shapes(0), partial(entry, problem), 100)
+    return best_sequences(task, ((one,) for one in begun))[0]
 
 
 def test_the_same_moves_get_more_margin(problem: Problem, task: Task, found: MoveSequence) -> None:
@@ -56,9 +57,7 @@ def test_the_same_moves_get_more_margin(problem: Problem, task: Task, found: Mov
 def test_the_next_sequence_counts_where_the_first_has_next_to_no_margin(
     problem: Problem, task: Task, found: MoveSequence
 ) -> None:
-    def entry_of(shape: Shape) -> Entry:
-        return entry(problem, shape)
-
+    entry_of = partial(entry, problem)
     better = tuned(task, (found,), entry_of, Limits(math.inf, 12, measured_clearance(problem).per_side))
     assert 0.0 < found.reached.margin < better.reached.margin
     for candidates in ((found, better), (better, found)):

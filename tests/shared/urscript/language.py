@@ -15,6 +15,7 @@ block: statement+
 ?statement: "local" NAME "=" expression -> local
     | "global" NAME "=" expression -> set_global
     | NAME "=" expression -> assign
+    | NAME "[" expression "]" "=" expression -> put
     | "if" expression ":" block ["else" ":" block] "end" -> if_
     | "while" expression ":" block "end" -> while_
     | "return" expression -> return_
@@ -25,7 +26,7 @@ block: statement+
 ?sum: product | sum "+" product -> add | sum "-" product -> sub
 ?product: atom | product "*" atom -> mul | product "/" atom -> div
 ?atom: NUMBER -> number | "-" atom -> neg | STRING -> string | "True" -> true | "False" -> false
-    | call | NAME "[" NUMBER "]" -> item | NAME -> name
+    | call | NAME "[" expression "]" -> item | NAME -> name
     | "p" "[" expression ("," expression)* "]" -> pose | "[" expression ("," expression)* "]" -> list
     | "(" expression ")"
 call: NAME "(" [expression ("," expression)*] ")"
@@ -56,6 +57,11 @@ BUILT_IN: dict[str, tuple[str, ...]] = {
     "get_actual_tcp_pose": (),
     "get_actual_tcp_speed": (),
     "point_dist": (POSE, POSE),
+    "pose_trans": (POSE, POSE),
+    "pose_inv": (POSE,),
+    "sqrt": ("number",),
+    "cos": ("rad",),
+    "sin": ("rad",),
     "sleep": ("s",),
     "textmsg": ("text", "text"),
 }
@@ -102,8 +108,8 @@ def faults(tree: Tree[Token]) -> list[str]:
 
 def _wrong(node: Any, unit: str) -> str:
     if unit == POSE:
-        is_call = isinstance(node, Tree) and node.data == "call"
-        return "" if is_call or (node.data == "pose" and len(node.children) == 6) else f"no pose for {unit}"
+        is_pose = node.data in ("call", "name", "item") or (node.data == "pose" and len(node.children) == 6)
+        return "" if is_pose else f"no pose for {unit}"
     if unit == "text":
         return "" if node.data in ("string", "name") else "no text"
     value = constant(node)
@@ -159,6 +165,9 @@ class Interpreter:
             case "assign":
                 name = str(node.children[0])
                 (local if name in local else self.globals)[name] = self.value(node.children[1], local)
+            case "put":
+                name, at, given = str(node.children[0]), *(self.value(child, local) for child in node.children[1:])
+                (local if name in local else self.globals)[name][int(at)] = given
             case "if_":
                 wanted, first, second = node.children
                 chosen = first if self.value(wanted, local) else second
@@ -218,7 +227,7 @@ class Interpreter:
             case "name" | "item":
                 name = str(node.children[0])
                 found = local[name] if name in local else self.globals[name]
-                return found if node.data == "name" else found[int(node.children[1])]
+                return found if node.data == "name" else found[int(at(1))]
             case "call":
                 return self.call(node, local)
             case other:

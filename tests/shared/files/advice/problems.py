@@ -144,6 +144,11 @@ def large(folder: Path, mm: float) -> Any:
     return files(folder, {**tall, "problem.toml": SHORT + ROBOT.replace('"0.1 mm"', f'"{mm} mm"')})
 
 
+def weak(newtons: int) -> str:
+    """A problem with a robot of little force."""
+    return f'{WHOLE}[robot]\nmax_force = "{newtons} N"\n'
+
+
 PUSH, END = 'contact_force = "1 N"', 'termination_force = "0.2 N"'
 IMPACT = ('impact_force = "30 N"', 'contact_stiffness = "20 N/mm"')
 TURN = 28.6478897  # deg
@@ -190,6 +195,14 @@ CASES: tuple[Case, ...] = (
     edited("an end beyond the push", lower(20), problem, forces(30), forces(2), forces(30, 300)),
     edited(
         "a push below the end", lower(1), problem, impact(PUSH), impact(PUSH, END), impact('contact_force = "20 N"')
+    ),
+    edited(
+        "a weak robot",
+        "lower it to 5 N, or state max_force in [robot]",
+        problem,
+        weak(5),
+        f'{weak(5)}[specification]\ncontact_force = "5 N"\n',
+        weak(20),
     ),
     edited("half an impact", APPARENT, problem, impact(*IMPACT), impact(*IMPACT, 'apparent_mass = "5 kg"'), impact()),
     edited("far off with large parts", "keep them at most 500 mm", large, 300, 249),

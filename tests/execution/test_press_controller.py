@@ -1,0 +1,87 @@
+"""The controller of presses in MuJoCo alone, and a robot that runs the exported program, on draws of the evidence."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+import fmopt.press
+from fmopt.execution.engines.engine import Bodies
+from fmopt.execution.mjcf import mjcf
+from fmopt.execution.press_controller import Errors
+from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
+from fmopt.plan import Plan, parsed
+from fmopt.plan.export.press_script import program
+from fmopt.plan.press import PressPlan
+from fmopt.spatial.se3 import Pose, exp
+from tests.shared.plans.press_plan import press_plan_document
+from tests.shared.urscript.language import faults
+from tests.shared.urscript.language import parsed as syntax
+from tests.shared.urscript.press_robot import PressModeRobot
+
+BASE = Pose(np.array([0.4, -0.1, 0.2]), exp([0.2, -0.4, 0.7]))
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return parsed(press_plan_document())
+
+
+def presses_of(plan: Plan) -> PressPlan:
+    assert plan.press_plan is not None
+    return plan.press_plan
+
+
+def drawn(plan: Plan, numbers: range) -> Errors:
+    assert plan.trials is not None
+    return drawn_errors(plan.trials.conditions, count_presses(presses_of(plan)), plan.trials.seed, numbers)
+
+
+def in_mujoco(plan: Plan, errors: Errors) -> tuple[bool, float]:
+    """Whether one part is seated, and after how many seconds, in a scene of MuJoCo that nothing of fmopt steps."""
+    model = mujoco.MjModel.from_xml_string(mjcf(plan))
+    model.geom_friction[:, 0] = errors.friction[0]
+    data, presses = mujoco.MjData(model), presses_of(plan)
+    controller = fmopt.press.Controller(presses, errors=errors)
+    data.qpos[:] = controller.starts[0]
+    substeps, reaction, R = round(presses.robot.period / model.opt.timestep), np.zeros((1, 6)), np.zeros(9)
+    while not controller.done[0]:
+        command = controller.step(data.qpos[None], reaction, data.qvel[None])
+        model.dof_damping[:3] = command.damping[0]
+        mujoco.mju_quat2Mat(R, data.qpos[3:])
+        turn, reaction = R.reshape(3, 3), np.zeros((1, 6))
+        data.qfrc_applied[:] = np.concatenate([command.wrench[0, :3], turn.T @ command.wrench[0, 3:]])
+        for _ in range(substeps):
+            mujoco.mj_step(model, data)
+            reaction[0] += data.qfrc_constraint / substeps
+        reaction[0, 3:] = turn @ reaction[0, 3:]
+    return bool(controller.seated[0]), controller.time
+
+
+def test_the_controller_seats_the_part_in_mujoco_alone_as_the_plan_does(plan: Plan) -> None:
+    errors = drawn(plan, range(2))
+    for k, one in enumerate(carry_out(Bodies.of(plan), presses_of(plan), errors, 1, range(2))):
+        seated, seconds = in_mujoco(plan, errors.of([k]))
+        assert seated == one.seated
+        assert seconds == pytest.approx(one.seconds, abs=0.5)
+
+
+def test_the_program_seats_the_part_as_the_plan_does(plan: Plan) -> None:
+    text = program(plan, presses_of(plan), BASE)
+    assert faults(syntax(text)) == []
+    errors = drawn(plan, range(2))
+    for k, one in enumerate(carry_out(Bodies.of(plan), presses_of(plan), errors, 1, range(2))):
+        robot = PressModeRobot(Bodies.of(plan), presses_of(plan), BASE, errors.of([k]), k)
+        assert robot.run(text).seated == one.seated == (robot.outcome == 0.0)
+        assert robot.log == ["fmopt: seated"]
+
+
+def test_a_part_beside_the_hole_is_brought_back_and_the_outcome_told(plan: Plan) -> None:
+    presses = replace(presses_of(plan), attempts=presses_of(plan).attempts[:1])
+    errors = drawn(plan, range(1))
+    errors.start[0, :2] = 0.015, 0.001
+    robot = PressModeRobot(Bodies.of(plan), presses, BASE, errors, 0)
+    assert not robot.run(program(plan, presses, BASE)).seated
+    assert (robot.outcome, robot.log) == (2.0, ["fmopt: no attempt seated the part"])
+    assert robot.believed.vector() == pytest.approx(np.array(presses.attempts[0].start), abs=3e-4)
