@@ -36,15 +36,17 @@ class _Progress:
 
 
 class Stages(_Progress):
-    """Progress of a long command: one changing line, on a terminal only."""
+    """Progress of a long command: one changing line, on a terminal only, and warnings."""
 
     def __init__(self, silent: bool) -> None:
-        self._console = Console(stderr=True)
+        self._console, self._silent = Console(stderr=True), silent
         self._bar = None if silent or not self._console.is_terminal else self._console.status("")
 
     def __call__(self, doing: str) -> None:
-        """Says what is being done."""
-        if self._bar is not None:
+        """Says what is being done; a warning stays to be seen."""
+        if doing.startswith("warning: ") and not self._silent:
+            self._console.print(one_line(doing), markup=False, highlight=False, soft_wrap=True)
+        elif self._bar is not None:
             self._bar.update(_shown(doing))
 
 

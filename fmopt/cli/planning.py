@@ -62,8 +62,6 @@ def solve(
     from fmopt import plan
     from fmopt.cli.console import Stages, print_solved
     from fmopt.planning.pipeline import RESERVED, synthesise
-    from fmopt.planning.posed import Posed
-    from fmopt.planning.press.solve import weakness
     from fmopt.runtime import output
     from fmopt.runtime.clock import clock
     from fmopt.runtime.compiled import announce
@@ -89,8 +87,6 @@ def solve(
         compile_kernels(stages)
         begun = clock()
         try:
-            if not quiet and (weak := weakness(Posed.of(problem))):
-                say(weak, err=True)
             result = synthesise(problem, stages, RESERVED).carried_out(problem.settings, stages)
         except FmoptError as error:
             kept = output.set_aside(folder, ("plan.json", "timings.json", "report.html"))
@@ -258,8 +254,6 @@ def check(
         check_part(file, unit, out, (as_json, quiet))
         return
     from fmopt.planning.pipeline import tried
-    from fmopt.planning.posed import Posed
-    from fmopt.planning.press.solve import weakness
     from fmopt.task.assembly import carried_out, is_assembly, load_assembly
     from fmopt.task.explain import assembly_facts, explain, explain_assembly, facts
     from fmopt.task.problem import load
@@ -270,12 +264,10 @@ def check(
         answer(assembly_facts(assembly, steps), explain_assembly(assembly, steps), as_json, quiet)
         return
     problem = load(file)
-    clearance, weak = tried(problem), weakness(Posed.of(problem))
+    clearance = tried(problem)
     drawn = [] if out is None else [draw_found((problem.moving, problem.fixed), out)]
-    words = "\n".join([explain(problem, clearance), *filter(None, [weak]), *(f"wrote {path}" for path in drawn)])
-    found = facts(problem, clearance)
-    found["warnings"] += filter(None, [weak])
-    answer({**found, "written": [str(path) for path in drawn]}, words, as_json, quiet)
+    words = "\n".join([explain(problem, clearance), *(f"wrote {path}" for path in drawn)])
+    answer({**facts(problem, clearance), "written": [str(path) for path in drawn]}, words, as_json, quiet)
 
 
 @app.command(epilog="Example: fmopt schema problem > problem.schema.json")

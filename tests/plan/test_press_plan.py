@@ -1,7 +1,5 @@
 """The plan file of presses: read and written alike, and refused with the place of what is wrong."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from fmopt.errors import OverdueError, SearchError
+from fmopt.errors import OverdueError
 from fmopt.execution.evidence import Examination, examine
 from fmopt.execution.press_rig import PressRig
 from fmopt.execution.press_servo import RUNNING
@@ -18,7 +19,7 @@ from fmopt.execution.rotation import between
 from fmopt.plan.description import TracePose
 from fmopt.plan.evidence import VERTICES, Evidence
 from fmopt.plan.field_types import numbers
-from fmopt.plan.press import Conditions, PressPlan, PressRobot
+from fmopt.plan.press import Attempt, Conditions, PressPlan, PressRobot
 from fmopt.planning.posed import Posed, Progress
 from fmopt.planning.press.choice import Choosing, Pace, examined, halved, with_retries
 from fmopt.planning.press.library import robot_of
@@ -59,7 +60,10 @@ def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSo
     choosing = _choosing(task)
     progress("presses: sections of the parts")
     pace, limit = Pace(settings.draws + VERTICES), deadline() - clock()
-    ranked = halved(choosing, proposals(task), progress, pace)
+    proposed = proposals(task)
+    if weak := weakness(choosing, proposed, problem):
+        progress(weak)
+    ranked = halved(choosing, proposed, progress, pace)
     asked = Examination(settings.draws, settings.min_rate, settings.seed)
     plan, evidence = choosing.plan(with_retries(ranked)), None
     if settings.draws and not pace.in_vain:
@@ -107,20 +111,13 @@ def conditions_of(problem: Problem) -> Conditions:
     return Conditions(numbers(problem.start_box), problem.friction, offset=offset, drift=drift)
 
 
-def weakness(posed: Posed) -> str:
+def weakness(choosing: Choosing, proposed: Sequence[Attempt], problem: Problem) -> str:
     """A warning where each sequence has a press below three times the accuracy of the robot's force; else empty.
 
     A press counts by its largest component. The first one, which comes down, ends where it meets the part.
     """
-    problem, robot, wanted = posed.problem, posed.problem.robot, posed.problem.specification
-    if problem.settings.evidence == "certified" or problem.plane is not None:
-        return ""
-    task = task_of(posed)
-    choosing = _choosing(task)
-    try:
-        sequences = [choosing.plan([one]).attempts[0].presses[1:] for one in proposals(task)]
-    except SearchError:  # which planning raises again
-        return ""
+    robot, wanted = problem.robot, problem.specification
+    sequences = [choosing.plan([one]).attempts[0].presses[1:] for one in proposed]
     least = max(min((max(map(abs, press.wrench[:3])) for press in some), default=math.inf) for some in sequences)
     share = _CLEAR_OF_OFFSET * robot.force_offset / least
     if share <= 1.0:

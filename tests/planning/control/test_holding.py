@@ -1,7 +1,5 @@
 """How surely contacts are held, and how that changes as poses are displaced: derivatives against differences."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

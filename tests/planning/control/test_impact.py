@@ -1,7 +1,5 @@
 """Impacts: the bound on the normal speed by sampling, the force of a mass on a spring, plans that are slowed."""
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Jam-free ranges: agreement with the planar jamming diagram and cone programs, soundness by sampling, refusals."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The kernels of nearest twists against quadratic programs of another solver, the plain functions, and refusals."""
 
-from __future__ import annotations
-
 from typing import Any, cast
 
 import daqp

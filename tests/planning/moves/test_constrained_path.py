@@ -1,7 +1,5 @@
 """Kernels that keep contacts along a motion, against the plain formulas; compiled and as they are written."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

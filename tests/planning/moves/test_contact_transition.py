@@ -1,7 +1,5 @@
 """What touches a wall and its rims along a piece of motion, against the plain formula; compiled and as written."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -17,14 +17,16 @@ from fmopt.plan import canonical, parsed, write
 from fmopt.plan.export.sampled import csv_text, samples
 from fmopt.planning import pipeline
 from fmopt.planning.pipeline import synthesise
-from fmopt.planning.posed import Posed
-from fmopt.planning.press.solve import PressSolution, weakness
+from fmopt.planning.press.choice import Choosing
+from fmopt.planning.press.propose import proposals
+from fmopt.planning.press.solve import PressSolution, conditions_of, robot_for, weakness
 from fmopt.report.figures import figures
 from fmopt.report.page import report_page
 from fmopt.report.presses import carried_words, evidence_words
+from fmopt.task.problem import Problem
 from fmopt.verify import verify
 from tests.shared.commands import ended
-from tests.shared.plans.press_plan import DRAWS, MIN_RATE, press_plan_document, press_problem
+from tests.shared.plans.press_plan import DRAWS, MIN_RATE, press_plan_document, press_problem, press_task
 
 BASE = ("--base", *"000000")
 
@@ -45,17 +47,23 @@ def test_the_square_peg_is_tested() -> None:
     assert samples(found, 10.0).fa[0].tolist() == reaction
 
 
+def warning(problem: Problem) -> str:
+    task = press_task(problem)
+    robot, conditions = robot_for(task), conditions_of(problem)
+    return weakness(Choosing(task.bodies, task.seat, robot, conditions, 0), proposals(task), problem)
+
+
 def test_a_press_near_the_accuracy_of_the_robot_is_told_before_planning() -> None:
     problem = press_problem()
-    assert weakness(Posed.of(problem)) == ""
+    assert warning(problem) == ""
     rough = replace(problem, robot=replace(problem.robot, force_offset=3.0, max_force=50.0))
-    told = re.search(r"contact_force to (\d+) N and torque_limit to (\S+) N m", weakness(Posed.of(rough)))
+    told = re.search(r"contact_force to (\d+) N and torque_limit to (\S+) N m", warning(rough))
     assert told is not None
     force, torque = map(float, told.groups())
     wanted = replace(rough.specification, contact_force=force, torque_limit=torque)
-    assert weakness(Posed.of(replace(rough, specification=wanted))) == ""
+    assert warning(replace(rough, specification=wanted)) == ""
     rougher = replace(problem, robot=replace(problem.robot, force_offset=20.0, max_force=50.0))
-    assert "take a sensor that is accurate to" in weakness(Posed.of(rougher))
+    assert "take a sensor that is accurate to" in warning(rougher)
 
 
 @pytest.mark.wide
