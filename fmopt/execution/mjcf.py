@@ -6,14 +6,14 @@ import numpy as np
 
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.physics import Physics
-from fmopt.execution.engines.scene import scene
+from fmopt.execution.engines.scene import numbers, scene
+from fmopt.execution.press_controller import begun
 from fmopt.execution.press_trials import SOFT
 from fmopt.execution.robot import Robot
-from fmopt.execution.rotation import product as turned
 from fmopt.execution.rotation import quaternions
 from fmopt.plan import Plan
+from fmopt.plan.evidence import VERTICES
 from fmopt.plan.guarded_moves import moves
-from fmopt.spatial.values import Array
 
 
 def mjcf(plan: Plan) -> str:
@@ -32,22 +32,14 @@ def mjcf(plan: Plan) -> str:
     clearance = plan.moving.measured_clearance
     physics = Physics.of_fit(clearance if presses is None else SOFT * clearance, robot.period)
     text = scene(Bodies.of(plan), physics, robot.mass, robot.inertia, friction)
-    errors = {"start": np.zeros(6)}
-    errors |= {f"vertex_{k}": np.array(signs) * box for k, signs in enumerate(product((-1.0, 1.0), repeat=6))}
-    keys = "\n".join(f'    <key name="{name}" qpos="{_begun(start, error)}"/>' for name, error in errors.items())
+    errors = np.vstack([np.zeros(6), np.array([*product((-1.0, 1.0), repeat=6)]) * box])
+    names = ["start", *(f"vertex_{k}" for k in range(VERTICES))]
+    poses = map(numbers, begun(start[None], errors).tolist())
+    keys = "\n".join(f'    <key name="{name}" qpos="{q}"/>' for name, q in zip(names, poses, strict=True))
     goal = np.array(plan.goal)
-    site = f'    <site name="seat" pos="{_words(goal[:3])}" quat="{_words(quaternions(goal[3:]))}" size="0.0005"/>\n'
-    custom = (
-        f'  <custom><numeric name="start_error" data="{_words(box)}"/></custom>\n  <keyframe>\n{keys}\n  </keyframe>\n'
-    )
+    place = f'pos="{numbers(goal[:3].tolist())}" quat="{numbers(quaternions(goal[3:]).tolist())}"'
+    site = f'    <site name="seat" {place} size="0.0005"/>\n'
+    numeric = f'  <custom><numeric name="start_error" data="{numbers(box.tolist())}"/></custom>\n'
+    custom = f"{numeric}  <keyframe>\n{keys}\n  </keyframe>\n"
     body, end = '    <body name="part">', "</mujoco>"
     return text.replace(body, site + body).replace(end, custom + end)
-
-
-def _begun(start: Array, error: Array) -> str:
-    q = turned(quaternions(error[3:]), quaternions(start[3:]))
-    return _words(np.concatenate([start[:3] + error[:3], q]))
-
-
-def _words(values: Array) -> str:
-    return " ".join(repr(float(value)) for value in values)

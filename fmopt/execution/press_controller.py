@@ -63,6 +63,11 @@ class Errors:
         return Errors(*(getattr(self, one.name)[which] for one in fields(self)))
 
 
+def begun(start: Array, error: Array) -> Array:
+    """Poses (n, 7) of starts (n, 6), m and rad, off by errors (n, 6): a turn about the axes of B comes last."""
+    return np.hstack([start[:, :3] + error[:, :3], product(quaternions(error[:, 3:]), quaternions(start[:, 3:]))])
+
+
 @dataclass
 class _Back:
     """A way back: times (m,), s, positions (m, 3) and quaternions (m, 4)."""
@@ -122,8 +127,8 @@ class Controller:
         counts, robot, n = [len(attempt.presses) for attempt in plan.attempts], plan.robot, count
         self._first = [sum(counts[:k]) for k in range(len(counts))]  # press of each attempt
         self._ends = press_servo.ends_of(self.presses)
-        start, off = np.array([plan.attempts[course[0]].start for course in self.courses]), self.errors.start
-        q = np.hstack([start[:, :3] + off[:, :3], product(quaternions(off[:, 3:]), quaternions(start[:, 3:]))])
+        off = self.errors.start
+        q = begun(np.array([plan.attempts[course[0]].start for course in self.courses]), off)
         self.starts, self.reasons = q, [list[str]() for _ in range(n)]
         self.time, self.ticks, self._sample = 0.0, 0, 0
         self._trails, self._backs = np.zeros(n, np.int64), [_Back(np.zeros(1), q[:1], q[:1])] * n
@@ -272,7 +277,7 @@ class Controller:
         """Out along the way in, up, over, and down to the start of the following attempt."""
         trail = np.array([poses[k] for poses in self._trail[self._trails[k] :]])[::-1]
         start, error = np.array(self.plan.attempts[following].start), self.errors.start[k]
-        goal = np.concatenate([start[:3] + error[:3], product(quaternions(error[3:]), quaternions(start[3:]))])
+        goal = begun(start[None], error[None])[0]
         over = max(self.plan.clear + error[2], trail[-1, 2], goal[2])
         up, across = trail[-1].copy(), goal.copy()
         up[2] = across[2] = over

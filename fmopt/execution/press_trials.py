@@ -14,10 +14,8 @@ from fmopt.errors import PlanFormatError
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.engine import Bodies, Setup
 from fmopt.execution.noise import Noise
-from fmopt.execution.press_controller import Errors
+from fmopt.execution.press_controller import Errors, begun
 from fmopt.execution.press_rig import PressRig
-from fmopt.execution.rotation import product as turned
-from fmopt.execution.rotation import quaternions
 from fmopt.plan import Plan
 from fmopt.plan.evidence import VERTICES, TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan
@@ -99,10 +97,9 @@ def carry_out(
     friction = errors.friction if np.ptp(errors.friction) > 0.0 else float(errors.friction[0])
     put = ENGINES[engine].scene(Setup(bodies, SOFT * plan.seat.clearance, plan.robot, friction, time_step, threads))
     courses = courses or [range(len(plan.attempts))] * len(errors.start)
-    start = np.array([plan.attempts[course[0]].start for course in courses])
-    starts = start[:, :3] + errors.start[:, :3], turned(quaternions(errors.start[:, 3:]), quaternions(start[:, 3:]))
+    starts = begun(np.array([plan.attempts[course[0]].start for course in courses]), errors.start)
     noise = Noise(seed ^ _NOISE, numbers, width=12)
-    return PressRig(put(starts), plan, courses, errors, bodies.penetration, noise, look).run()
+    return PressRig(put((starts[:, :3], starts[:, 3:])), plan, courses, errors, bodies.penetration, noise, look).run()
 
 
 def count_presses(plan: PressPlan) -> int:

@@ -279,14 +279,18 @@ class Plan:
             UnprovedError: the check does not certify the plan.
             FmoptError: the plan cannot be exported so, or the file not be written.
         """
-        from fmopt.execution.mjcf import mjcf
         from fmopt.notebook.checking import admitted
         from fmopt.plan.export.write import Form, exported
 
         frame = base.vector() if isinstance(base, Pose) else base
         form = Form(to, None if frame is None else tuple(map(float, frame)), rate)
         plan = files.parsed(self.document)
-        return exported(plan, replace(form, caution=admitted(plan, unverified), scene=mjcf), Path(path))
+        form = replace(form, caution=admitted(plan, unverified))
+        if to == "mjcf":
+            from fmopt.execution.mjcf import mjcf
+
+            form = replace(form, scene=mjcf)
+        return exported(plan, form, Path(path))
 
     def to_dataframe(self) -> polars.DataFrame:
         """The segments as a data frame, a line each: poses, travel, margins and forces in SI units.

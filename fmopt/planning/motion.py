@@ -346,6 +346,7 @@ def _rounds(posed: Posed, task: Task, roomy: Array, entry_of: Callable[[Shape], 
     elif problem.plane is not None:
         yield from planar_entries(moving, problem.fixed, roomy, problem.approach, tilt)
     elif tilt > 0.0:
+        found = drawing(posed)
         for seed in range(_DRAWINGS):
-            for entry in beginnings(task, drawing(posed).shapes(seed), entry_of, _DRAWN):
+            for entry in beginnings(task, found.shapes(seed), entry_of, _DRAWN):
                 yield (entry,)

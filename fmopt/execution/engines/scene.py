@@ -28,27 +28,21 @@ def scene(bodies: Bodies, physics: Physics, mass: float, inertia: float, frictio
     physics.trusted()
     found = {"fixed": bodies.fixed, "moving": bodies.moving}
     meshes = [_mesh(f"{side}{i}", vertices) for side in found for i, vertices in enumerate(found[side])]
-    return (
-        Path(__file__)
-        .with_name("scene.xml")
-        .read_text("utf-8")
-        .format(
-            step=physics.time_step,
-            cone=physics.cone,
-            impratio=physics.impratio,
-            margin=physics.margin,
-            solref=_numbers(physics.contact),
-            solimp=_numbers(physics.solimp),
-            friction=friction,
-            meshes="\n".join(meshes),
-            fixed=_geoms(
-                "fixed", len(found["fixed"]), "0.6 0.65 0.7 0.35"
-            ),  # see-through, for what goes on in the hole
-            moving=_geoms("moving", len(found["moving"]), _COLOUR) + _spheres(bodies.balls),
-            mass=mass,
-            inertia=inertia,
-            contacts=CONTACTS,
-        )
+    template = Path(__file__).with_name("scene.xml").read_text("utf-8")
+    return template.format(
+        step=physics.time_step,
+        cone=physics.cone,
+        impratio=physics.impratio,
+        margin=physics.margin,
+        solref=numbers(physics.contact),
+        solimp=numbers(physics.solimp),
+        friction=friction,
+        meshes="\n".join(meshes),
+        fixed=_geoms("fixed", len(found["fixed"]), "0.6 0.65 0.7 0.35"),  # see-through, for what goes on in the hole
+        moving=_geoms("moving", len(found["moving"]), _COLOUR) + _spheres(bodies.balls),
+        mass=mass,
+        inertia=inertia,
+        contacts=CONTACTS,
     )
 
 
@@ -78,7 +72,7 @@ def compiled(text: str) -> Any:
 
 
 def _mesh(name: str, vertices: Array) -> str:
-    return f'    <mesh name="{name}" inertia="exact" vertex="{_numbers(vertices.ravel().tolist())}"/>'
+    return f'    <mesh name="{name}" inertia="exact" vertex="{numbers(vertices.ravel().tolist())}"/>'
 
 
 def _geoms(side: str, count: int, colour: str) -> str:
@@ -88,11 +82,11 @@ def _geoms(side: str, count: int, colour: str) -> str:
 def _spheres(balls: Iterable[tuple[Array, float]]) -> str:
     """The balls of the moving part, which the engine collides as they are."""
     return "".join(
-        f'\n      <geom name="ball{i}" type="sphere" size="{radius!r}" pos="{_numbers(at.tolist())}" rgba="{_COLOUR}"/>'
+        f'\n      <geom name="ball{i}" type="sphere" size="{radius!r}" pos="{numbers(at.tolist())}" rgba="{_COLOUR}"/>'
         for i, (at, radius) in enumerate(balls)
     )
 
 
-def _numbers(values: Sequence[float]) -> str:
-    # Numbers that read back exactly: vertices are rounded by the engine's single precision alone.
+def numbers(values: Sequence[float]) -> str:
+    """Numbers (n,) that read back exactly: vertices are rounded by the engine's single precision alone."""
     return " ".join(repr(value) for value in values)

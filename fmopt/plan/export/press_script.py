@@ -5,12 +5,11 @@ The program measures poses and forces in the frame of the hole as the base knows
 
 from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
 from fmopt.plan import Plan
-from fmopt.plan.export.urscript import Settings, heading, in_axes_of, list_of, number, pose_of
+from fmopt.plan.export.urscript import Settings, heading, in_axes_of, list_of, number, pose_of, templates
 from fmopt.plan.press import Force, Level, Next, Press, PressPlan, Standstill, Time, Travel
 from fmopt.runtime.escape import one_line
 from fmopt.spatial.se3 import Pose
@@ -29,7 +28,7 @@ def program(plan: Plan, presses: PressPlan, base: Pose, caution: str = "nothing 
     Raises:
         PlanFormatError: a number is not finite.
     """
-    whole, attempt, again = (Path(__file__).with_name("presses.script")).read_text("utf-8").split("# ---\n")
+    whole, attempt, again = templates("presses.script")
     settings, robot, body = Settings(), presses.robot, plan.moving.body
     fans = [(loop[0], a, b) for loops in body.faces for loop in loops for a, b in pairwise(loop[1:])]
     corners = np.array(body.vertices)[fans]

@@ -94,7 +94,7 @@ def _head(plan: Plan, rows: Sequence[Move], base: Pose, caution: str) -> str:
     turning = turning_words(commanded(rows), [move.number for move in rows])
     failing = f"# {one_line(words[0].upper() + words[1:])}.\n" if words else ""
     said = heading(plan, base, f"WARNING: {caution}." if caution else "It has passed the independent check.")
-    return _text(0).format(failing=failing, turning=one_line(turning), **said)
+    return templates("guarded.script")[0].format(failing=failing, turning=one_line(turning), **said)
 
 
 def heading(plan: Plan, base: Pose, standing: str) -> dict[str, str]:
@@ -114,14 +114,14 @@ def heading(plan: Plan, base: Pose, standing: str) -> dict[str, str]:
 
 
 def _functions(settings: Settings) -> str:
-    limits = ("acceleration", "acceleration_angular", "stop", "stop_angular")
-    names = (*limits, "starting", "memory", "averaging", "slow")
-    return _text(1).format(debounce=settings.debounce, **{name: number(getattr(settings, name)) for name in names})
+    names = ("acceleration", "acceleration_angular", "stop", "stop_angular", "starting", "memory", "averaging", "slow")
+    values = {name: number(getattr(settings, name)) for name in names}
+    return templates("guarded.script")[1].format(debounce=settings.debounce, **values)
 
 
-def _text(section: int) -> str:
-    """The header (0) or the functions (1) of the program."""
-    return Path(__file__).with_name("guarded.script").read_text("utf-8").split("# ---\n")[section]
+def templates(name: str) -> list[str]:
+    """The sections of a file of program text."""
+    return Path(__file__).with_name(name).read_text("utf-8").split("# ---\n")
 
 
 def _beginning(start: Pose, speed: float, settings: Settings) -> list[str]:

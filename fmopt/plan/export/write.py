@@ -124,7 +124,8 @@ def text_of(plan: Plan, form: Form) -> str:
     """A plan as the text of another format; arguments as for `export`."""
     if form.to == "ros2":
         raise ValueError("ros2 is several files: --out has to be a folder")
-    if form.to == "mjcf" and form.scene is not None:
+    if form.to == "mjcf":
+        assert form.scene is not None
         return form.scene(plan)
     if form.to == "urscript":
         from fmopt.plan.export import press_script

@@ -57,7 +57,8 @@ def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSo
     """
     problem = posed.problem
     task, settings = task_of(posed), problem.settings
-    choosing = _choosing(task)
+    robot, conditions = robot_for(task), conditions_of(problem)
+    choosing = Choosing(task.bodies, task.seat, robot, conditions, settings.seed, settings.draws, task.filled)
     progress("presses: sections of the parts")
     pace, limit = Pace(settings.draws + VERTICES), deadline() - clock()
     proposed = proposals(task)
@@ -70,7 +71,7 @@ def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSo
         plan, evidence = examined(choosing, ranked, asked, partial(subject, posed), progress)
     solution = PressSolution(plan, evidence, untried="" if evidence or not settings.draws else pace.words(limit))
     with until(clock() + _TRACE_SECONDS), suppress(OverdueError):
-        return replace(solution, trace=traced(task, plan, choosing.conditions))
+        return replace(solution, trace=traced(task, plan, conditions))
     return solution
 
 
@@ -78,8 +79,7 @@ def tried_again(posed: Posed, plan: PressPlan) -> PressSolution:
     """Presses that were chosen for another variant, tried as they are: parts, errors and hardware are of this one."""
     problem, settings = posed.problem, posed.problem.settings
     task = task_of(posed)
-    stated = robot_for(task)
-    robot = replace(stated, damping=plan.robot.damping, limits=plan.robot.limits, arm=plan.robot.arm)
+    robot = replace(robot_for(task), damping=plan.robot.damping, limits=plan.robot.limits, arm=plan.robot.arm)
     same = replace(plan, robot=robot, seat=task.seat, filled=task.filled)
     asked = Examination(settings.draws, settings.min_rate, settings.seed, threads=1)
     return PressSolution(same, examine(task.bodies, same, conditions_of(problem), asked, subject(posed, same)))
@@ -89,12 +89,6 @@ def task_of(posed: Posed) -> PressTask:
     """A problem as presses see it."""
     problem = posed.problem
     return PressTask(problem, problem.moving, problem.fixed, posed.clearance, problem.start_box)
-
-
-def _choosing(task: PressTask) -> Choosing:
-    settings = task.problem.settings
-    robot, conditions = robot_for(task), conditions_of(task.problem)
-    return Choosing(task.bodies, task.seat, robot, conditions, settings.seed, settings.draws, task.filled)
 
 
 def robot_for(task: PressTask) -> PressRobot:

@@ -10,6 +10,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -281,6 +282,11 @@ class Specification(Table):
     """Stiffness of contact, part, sensor and robot in series; plain numbers are in N/m."""
 
 
+@cache
+def _presets() -> dict[str, dict[str, float]]:
+    return tomllib.loads(Path(__file__).with_name("robots.toml").read_text("utf-8"))
+
+
 class RobotTable(Table):
     """The robot that carries presses out, as it is felt at the moving part; what is not given is of its preset."""
 
@@ -309,8 +315,7 @@ class RobotTable(Table):
 
     def properties(self) -> dict[str, Any]:
         """All of its values, in SI units."""
-        text = Path(__file__).with_name("robots.toml").read_text("utf-8")
-        return {**tomllib.loads(text)[self.preset], **self.model_dump(exclude_none=True)}
+        return {**_presets()[self.preset], **self.model_dump(exclude_none=True)}
 
 
 class Settings(Table):

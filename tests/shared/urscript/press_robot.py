@@ -12,7 +12,7 @@ import numpy as np
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.engine import Bodies, Setup
 from fmopt.execution.noise import Noise
-from fmopt.execution.press_controller import Errors
+from fmopt.execution.press_controller import Errors, begun
 from fmopt.execution.press_rig import PressRig
 from fmopt.execution.press_servo import DONE, HOLDING
 from fmopt.execution.press_trials import SOFT
@@ -35,9 +35,8 @@ class PressModeRobot:
         put = ENGINES["mujoco"].scene(
             Setup(bodies, SOFT * plan.seat.clearance, plan.robot, float(errors.friction[0]), None, 1)
         )
-        start, error = np.array(plan.attempts[0].start), errors.start
-        q = product(quaternions(error[:, 3:]), quaternions(start[None, 3:]))
-        engine = put((start[None, :3] + error[:, :3], q))
+        pose = begun(np.array([plan.attempts[0].start]), errors.start)
+        engine = put((pose[:, :3], pose[:, 3:]))
         self.rig = PressRig(engine, plan, [[0]], errors, bodies.penetration, Noise(seed, [0], width=12))
         self.state, self.zero, self.log = self.rig.state, np.zeros(6), list[str]()
         self.state.mode[0], self.state.due[0] = HOLDING, np.inf
@@ -99,8 +98,8 @@ class PressModeRobot:
         """Leads the part along a straight line."""
         self._held()
         goal = self.base.inverse().compose(Pose.from_vector(pose))
-        error, state = self.errors.start[0], self.state
-        p, q = goal.p + error[:3], product(quaternions(error[3:]), quaternions(goal.vector()[3:]))
+        state, (wanted,) = self.state, begun(goal.vector()[None], self.errors.start)
+        p, q = wanted[:3], wanted[3:]
         here = state.p[0].copy(), state.q[0].copy()
         turn = from_quaternions(q) @ from_quaternions(here[1]).T
         seconds = max(
