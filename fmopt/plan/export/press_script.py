@@ -63,7 +63,7 @@ def _press(press: Press, base: Pose) -> Iterator[str]:
     rocking = press.rocking
     given = (
         str(selection),
-        list_of(press.wrench),
+        list_of(np.where(press.gives, press.wrench, 0.0)),
         number(max(press.ramp, 1e-3)),
         list_of(in_axes_of(base, np.where(press.gives, 0.0, press.twist))),
         list_of(limits),

@@ -3,8 +3,6 @@
 The contact of a ball on a face is a worked example of a kind of contact that is added by its definition alone.
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 from collections.abc import Callable

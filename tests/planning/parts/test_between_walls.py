@@ -1,7 +1,5 @@
 """Ways to begin between two walls that stand at an angle, whether or not they meet in a corner."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path

@@ -60,6 +60,7 @@ BUILT_IN: dict[str, tuple[str, ...]] = {
     "pose_trans": (POSE, POSE),
     "pose_inv": (POSE,),
     "sqrt": ("number",),
+    "pow": ("number", "number"),
     "cos": ("rad",),
     "sin": ("rad",),
     "sleep": ("s",),

@@ -68,6 +68,7 @@ class PressModeRobot:
             "pose_trans": lambda a, b: list(Pose.from_vector(a).compose(Pose.from_vector(b)).vector()),
             "pose_inv": lambda a: list(Pose.from_vector(a).inverse().vector()),
             "sqrt": np.sqrt,
+            "pow": pow,
             "cos": np.cos,
             "sin": np.sin,
             "sleep": lambda time: self.run_for(time, np.zeros(6)),
