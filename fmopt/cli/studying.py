@@ -43,8 +43,9 @@ def study_run(
     """Run a study, or go on with one that was interrupted: what is done is not done again."""
     from fmopt.cli.console import Runs, Stages
     from fmopt.study import command
+    from fmopt.study.running.running import Options
 
-    asked = command.Asked(jobs, limit, retry_failed, cluster)
+    options = Options(jobs, limit, retry_failed, cluster)
     if out is not None and len(files) > 1:
         raise typer.BadParameter("several studies cannot share one folder", param_hint="--out")
     allocations = [file for file in files if command.allocates(file)]
@@ -61,11 +62,11 @@ def study_run(
             continue
         if dry_run:
             with Stages(quiet or as_json) as stages:
-                found = command.forecast(file, folder, asked, stages)
+                found = command.forecast(file, folder, options, stages)
             typer.echo(json.dumps(asdict(found)) if as_json else _foretold(file, found))
             continue
         with Runs(file.stem, quiet or as_json) as progress:
-            tally = command.carry_out(file, folder, asked, progress)
+            tally = command.carry_out(file, folder, options, progress)
         answer({**asdict(tally), "folder": str(folder)}, _told(tally, folder), as_json, quiet)
         if tally.interrupted:
             # As shells tell it of a process that a signal has ended.

@@ -17,9 +17,9 @@ from fmopt.errors import Interruption, PlanFormatError, ResourceError
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.summary import summary
 from fmopt.execution.trials import LATER, METHODS, Trials, run
-from fmopt.execution.workers import spread
 from fmopt.plan import Plan
 from fmopt.runtime import output
+from fmopt.runtime.pool import share_out
 from fmopt.runtime.process import cores
 
 CHUNK = 125  # trials that run together; more make each cheaper
@@ -107,7 +107,7 @@ def run_all(what: Plan, trials: Trials, file: Path, workers: int, advance: Calla
         advance(len(records))
 
     try:
-        spread(partial(run, what, trials), chunks, workers, take)
+        share_out([partial(run, what, trials, chunk) for chunk in chunks], workers, take)
     except (KeyboardInterrupt, Interruption) as error:
         # What the note says is kept is written in `finally`, whatever it is that ends the run.
         total = trials.inside + trials.beyond

@@ -36,6 +36,7 @@ from fmopt.planning.robustness.error_tolerance import CertifiedMotion, error_tol
 from fmopt.planning.robustness.state_trace import Visited, visited
 from fmopt.runtime.clock import clock, deadline, heed, until
 from fmopt.runtime.compiled import undisturbed
+from fmopt.runtime.pool import share_out
 from fmopt.runtime.process import cores
 from fmopt.task.object_model.command import Answer
 from fmopt.task.problem import Problem, Settings, VelocityError
@@ -74,12 +75,12 @@ class Synthesis:
         from fmopt.execution.confidence import lower_bound
         from fmopt.execution.engines.mujoco_engine import version
         from fmopt.execution.trials import Trials, run
-        from fmopt.execution.workers import spread
 
         progress(f"trials: {settings.draws} draws")
         draws, workers, records = settings.draws, cores(), list[Any]()
+        trials = partial(run, self.plan, Trials(draws, seed=settings.seed))
         chunks = [range(k, draws, workers) for k in range(min(workers, draws))]
-        spread(partial(run, self.plan, Trials(draws, seed=settings.seed)), chunks, workers, records.extend)
+        share_out([partial(trials, chunk) for chunk in chunks], workers, records.extend)
         seated = sum(record["success"] for record in records)
         found = CarriedOut(draws, seated, lower_bound(seated, draws), settings.min_rate, settings.seed, version())
         described = replace(Description.parsed(self.document["description"]), carried_out=found)

@@ -15,10 +15,10 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from typing import IO
 
 from fmopt.errors import ResourceError
 
@@ -33,32 +33,33 @@ _PR_SET_PDEATHSIG = 1
 
 
 class Child:
-    """A process of the calling thread, whose output goes to the file `said` or to this one's standard error.
+    """A process of the calling thread; `last_words` is the last line that it wrote, once it has ended.
 
     Raises:
         ResourceError: no process can be made.
     """
 
-    def __init__(self, entry: str, *arguments: str, said: IO[bytes] | None = None) -> None:
+    def __init__(self, entry: str, *arguments: str) -> None:
         near, far = socket.socketpair()
         watched, held = os.pipe()
-        self._life = os.fdopen(held, "wb")
+        self._life, self.last_words = os.fdopen(held, "wb"), ""
+        # No pipe: nobody reads it as long as the process runs, and a full one would hold it up.
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115 (open as long as the process lives)
         given = (str(far.fileno()), str(watched), str(os.getpid()), entry, *arguments)
         try:
             self.process = subprocess.Popen(
                 # Where this process looks for modules, which a program may have changed since it began.
                 [sys.executable, "-c", _CODE, json.dumps(sys.path), *given],
                 stdin=subprocess.DEVNULL,
-                # What a library prints does not get into what the parent does.
-                stdout=subprocess.DEVNULL if said is None else said,
-                stderr=said,
+                stdout=self._output,
+                stderr=self._output,
                 pass_fds=(far.fileno(), watched),
                 process_group=0,
                 env={**os.environ, **dict.fromkeys(_ONE_THREAD, "1")},
             )
         except OSError as error:
-            near.close()
-            self._life.close()
+            for opened in (near, self._life, self._output):
+                opened.close()
             raise ResourceError(f"no process can be started: {error.strerror}", "free memory") from error
         finally:  # while these are open here as well, nobody notices that the other end is closed
             far.close()
@@ -66,14 +67,18 @@ class Child:
         self.connection = Connection(near.detach())
 
     def end(self, gone: bool = False) -> int:
-        """Ends the process and says how it ended, as a return code; its own way if it has `gone` already."""
+        """Ends the process and returns its code; its own one if it has `gone` already."""
         if gone:
             with suppress(subprocess.TimeoutExpired):
                 self.process.wait(FAREWELL)
         self.process.kill()
         code = self.process.wait()
-        self.connection.close()
-        self._life.close()
+        if not self._output.closed:
+            self._output.seek(0)
+            lines = self._output.read()[-2000:].decode(errors="replace").split("\n")
+            self.last_words = next((line for line in reversed(lines) if line.strip()), "")
+        for opened in (self.connection, self._life, self._output):
+            opened.close()
         return code
 
 

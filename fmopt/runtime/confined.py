@@ -7,7 +7,6 @@ import importlib
 import json
 import signal
 import sys
-import tempfile
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -53,21 +52,19 @@ def read(path: Path, reader: Reader, *arguments: str) -> Any:
 
 
 def _read(reader: Reader, *arguments: str) -> Any:
-    with tempfile.TemporaryFile() as said:
-        child, gone = Child(f"{__name__}:work", reader.entry, *arguments, said=said), False
-        try:
-            importlib.import_module(_NEXT)
-            if not child.connection.poll(SECONDS):
-                raise GeometryError(f"{reader.name} has not read it in {SECONDS:g} s", reader.simpler)
-            answer = json.loads(child.connection.recv_bytes())
-        except (EOFError, ConnectionError):
-            gone = True
-        # Ctrl-C, too, ends it from here: the process does not listen to that itself.
-        finally:
-            code = child.end(gone)
-        if gone:
-            said.seek(0)
-            raise _ending(reader, code, said.read())
+    child, gone = Child(f"{__name__}:work", reader.entry, *arguments), False
+    try:
+        importlib.import_module(_NEXT)
+        if not child.connection.poll(SECONDS):
+            raise GeometryError(f"{reader.name} has not read it in {SECONDS:g} s", reader.simpler)
+        answer = json.loads(child.connection.recv_bytes())
+    except (EOFError, ConnectionError):
+        gone = True
+    # Ctrl-C, too, ends it from here: the process does not listen to that itself.
+    finally:
+        code = child.end(gone)
+    if gone:
+        raise _ending(reader, code, child.last_words)
     if "message" in answer:
         raise GeometryError(answer["message"], answer["advice"])
     if "found" not in answer:
@@ -99,10 +96,9 @@ def _limit() -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no image of its memory on the disk
 
 
-def _ending(reader: Reader, code: int, said: bytes) -> FmoptError:
+def _ending(reader: Reader, code: int, last: str) -> FmoptError:
     """The error of a process that did not answer."""
     if code >= 0:
-        last = said[-2000:].decode(errors="replace").strip().split("\n")[-1]
         return FmoptError(f"the process that reads it ended with exit code {code}: {last}")
     name = signal.Signals(-code).name
     if -code in (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP):  # what others send

@@ -4,19 +4,16 @@ import json
 import math
 import statistics
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from fmopt.runtime.process import cores
 from fmopt.study.design import Study, load_study
 from fmopt.study.evaluation import evaluate
 from fmopt.study.results.table import csv_text, parquet, results
 from fmopt.study.running.batch import Batch, laid_out
-from fmopt.study.running.running import Options, Tally, Work, run
+from fmopt.study.running.running import Options, Tally, Work, hands, run
 from fmopt.study.running.store import NAME, efforts, owned, recorded
 from fmopt.study.running.workers import Local, run_batch
 from fmopt.task.toml.source import read
@@ -26,21 +23,7 @@ _SHOWN = 10  # runs that a dry run lists
 _ALLOCATION = "allocation.json"
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What the command line says of a study.
-
-    `jobs` are processes, or batches under way on a cluster, None for as many as there are processors; `cluster` is the
-    address of a Dask scheduler, None for this machine.
-    """
-
-    jobs: int | None = None
-    limit: int | None = None
-    retry_failed: bool = False
-    cluster: str | None = None
-
-
-def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally], None]) -> Tally:
+def carry_out(file: Path, folder: Path, options: Options, progress: Callable[[Tally], None]) -> Tally:
     """Starts or continues the study of a file in a folder, and writes its table.
 
     Raises:
@@ -49,9 +32,7 @@ def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally]
     """
     from fmopt.runtime import output
 
-    work = load_study(file).work()
-    with _hands(asked) as (executor, count):
-        tally = run(work, folder, evaluate, Options(count, asked.limit, asked.retry_failed, executor), progress)
+    tally = run(load_study(file).work(), folder, evaluate, options, progress)
     # From the store, not from memory: it has what earlier starts did, too, and nothing that is not durable.
     output.save(csv_text(results(folder)).encode(), folder / "table.csv")
     return tally
@@ -142,7 +123,7 @@ class Forecast:
     listing: tuple[str, ...]
 
 
-def forecast(file: Path, folder: Path, asked: Asked, progress: Callable[[str], None]) -> Forecast:
+def forecast(file: Path, folder: Path, options: Options, progress: Callable[[str], None]) -> Forecast:
     """Says what a study would do; writes nothing.
 
     The time of a run is the median of the runs in the folder, or that of a trial of the middle run, on this machine.
@@ -153,7 +134,7 @@ def forecast(file: Path, folder: Path, asked: Asked, progress: Callable[[str], N
     """
     study = load_study(file)
     work = study.work()
-    with _hands(asked) as (_, count):
+    with hands(options) as (_, count):
         pass  # for a cluster that cannot be had
     keys = list(dict.fromkeys(run.key for run in work.runs))
     outcomes, known = dict[str, str](), list[float]()
@@ -162,8 +143,8 @@ def forecast(file: Path, folder: Path, asked: Asked, progress: Callable[[str], N
         # The store may hold a design that this file had before: only runs of the present one count.
         outcomes = {key: outcomes[key] for key in keys if key in outcomes}
         known = [effort.seconds for key, effort in efforts(folder).items() if key in outcomes]
-    again = {key for key, outcome in outcomes.items() if outcome != "done"} if asked.retry_failed else set()
-    left = len([key for key in keys if key not in outcomes or key in again][: asked.limit])
+    again = {key for key, outcome in outcomes.items() if outcome != "done"} if options.retry_failed else set()
+    left = len([key for key in keys if key not in outcomes or key in again][: options.limit])
     seconds: float | None
     if known:
         seconds, source = statistics.median(known), f"the median of {len(known)} runs that are done"
@@ -174,28 +155,17 @@ def forecast(file: Path, folder: Path, asked: Asked, progress: Callable[[str], N
     return Forecast(len(keys), len(outcomes), left, seconds, rest, source, tuple(_listing(study)))
 
 
-@contextmanager
-def _hands(asked: Asked) -> Iterator[tuple[Executor | None, int]]:
-    """Where batches go, None for processes on this machine, and how many are under way at a time."""
-    if asked.cluster is None:
-        yield None, asked.jobs or cores()
-        return
-    from fmopt.study.running.cluster import cluster
-
-    with cluster(asked.cluster) as (executor, threads):
-        yield executor, asked.jobs or threads
-
-
 def _trial(work: Work) -> tuple[float | None, str]:
     middle = work.runs[len(work.runs) // 2]
     # In a worker under the study's limits: a trial that hangs or crashes ends as the run itself would.
     with Local(1) as local:
         # Inputs go to a folder of this process's own, as a dry run writes nothing into that of the study.
         batch = Batch((middle,), evaluate, work.limits, work.inputs, laid_out(work.inputs, None))
-        row, effort = local.submit(run_batch, batch).result().rows[0]
-    if row.outcome == "done":
-        return effort.seconds, "a trial of the middle run"
-    return None, f"a trial of the middle run failed ({row.outcome}: {row.reason})"
+        returned = local.submit(run_batch, batch).result()
+    if returned.loss is None and returned.rows[0][0].outcome == "done":
+        return returned.rows[0][1].seconds, "a trial of the middle run"
+    failure = returned.loss or returned.rows[0][0]
+    return None, f"a trial of the middle run failed ({failure.outcome}: {failure.reason})"
 
 
 def _listing(study: Study) -> Iterator[str]:

@@ -100,10 +100,11 @@ def study(
         InputError: the file cannot be used.
         ResourceError: the folder, the workers or the cluster cannot be had.
     """
-    from fmopt.study.command import Asked, carry_out
+    from fmopt.study.command import carry_out
+    from fmopt.study.running.running import Options
 
     folder = Path(out) if out is not None else Path("out") / Path(file).stem
-    carry_out(Path(file), folder, Asked(jobs, limit, retry_failed, cluster), lambda _: None)
+    carry_out(Path(file), folder, Options(jobs, limit, retry_failed, cluster), lambda _: None)
     return Outcome(folder)
 
 

@@ -14,8 +14,9 @@ from numba import from_dtype, types
 
 from fmopt.certificate.kernels_rows import ROW, Turned
 from fmopt.runtime import compiled
-from fmopt.runtime.ahead import compile_ahead, json_of, type_of
+from fmopt.runtime.ahead import compile_ahead, type_of
 from tests import ROOT
+from tests.shared.kernel_list import json_of
 
 KERNEL = """
 from fmopt.runtime.compiled import announce, compiled

@@ -115,8 +115,8 @@ def test_signals_that_who_started_it_ignores_are_ignored() -> None:
 def test_a_child_ends_with_its_parent_however_that_ends(tmp_path: Path) -> None:
     code = (
         "import os, signal, time\n"
-        "from fmopt.runtime.child_process import Child\n"
-        "children = [Child('fmopt.execution.workers:serve') for _ in range(2)]\n"
+        "from fmopt.runtime.pool import Worker\n"
+        "workers = [Worker() for _ in range(2)]\n"
         "time.sleep(0.5)\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )

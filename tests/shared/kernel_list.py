@@ -13,8 +13,12 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numba import types
+from numba.np.numpy_support import as_dtype
+
 from fmopt.planning.pipeline import synthesise
-from fmopt.runtime.ahead import Listed, json_of
+from fmopt.runtime.ahead import Listed
 from fmopt.runtime.compiled import KERNELS, LIST
 from fmopt.task.problem import load
 
@@ -40,6 +44,27 @@ def listed() -> str:
         ",\n".join(f"  {json.dumps(name)}: {json.dumps(kinds)}" for name, kinds in groups[g].items()) for g in order
     )
     return "[\n" + ",\n".join(f" {{\n{line}\n }}" for line in lines) + "\n]\n"
+
+
+def json_of(kind: Any) -> Any:
+    """A type of an argument of a kernel as JSON; `type_of` of `fmopt.runtime.ahead` reads it.
+
+    Raises:
+        TypeError: kernels of the list take no such type.
+    """
+    match kind:
+        case types.Array():
+            return ["array", json_of(kind.dtype), kind.ndim, kind.layout, not kind.mutable, kind.aligned]
+        case types.Record():
+            return ["record", np.lib.format.dtype_to_descr(as_dtype(kind))]
+        case types.BaseNamedTuple():  # before plain tuples, which it is as well
+            name = f"{kind.instance_class.__module__}:{kind.instance_class.__qualname__}"
+            return ["named", name, list(map(json_of, kind.types))]
+        case types.BaseTuple():
+            return ["tuple", list(map(json_of, kind.types))]
+        case types.Number() | types.Boolean():
+            return kind.name
+    raise TypeError(f"no kernel that is compiled ahead takes {kind}")
 
 
 def _group(name: str) -> str:

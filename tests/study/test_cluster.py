@@ -86,23 +86,20 @@ def scheduler() -> Iterator[str]:
 def test_a_cluster_gives_the_same_rows(scheduler: str, tmp_path: Path) -> None:
     work = replace(evaluations.work(60, Limits(seconds=2.0, memory=4 << 30)))
     run(work, tmp_path / "here", evaluations.mixed, Options(2))
-    with cluster(scheduler) as (executor, threads):
-        tally = run(work, tmp_path / "there", evaluations.mixed, Options(threads, limit=25, executor=executor))
-        assert (tally.done, tally.total) == (25, 60)
-    with cluster(scheduler) as (executor, threads):
-        tally = run(work, tmp_path / "there", evaluations.mixed, Options(threads, executor=executor))
+    tally = run(work, tmp_path / "there", evaluations.mixed, Options(limit=25, cluster=scheduler))
+    assert (tally.done, tally.total) == (25, 60)
+    tally = run(work, tmp_path / "there", evaluations.mixed, Options(cluster=scheduler))
     assert (tally.done, tally.failed) == (60, 6)
     assert recorded(tmp_path / "there") == recorded(tmp_path / "here")
 
 
 def test_a_host_that_is_lost_costs_one_run(scheduler: str, tmp_path: Path) -> None:
-    with cluster(scheduler) as (executor, threads):
-        tally = run(evaluations.work(6), tmp_path, evaluations.hostile, Options(threads, executor=executor))
+    tally = run(evaluations.work(6), tmp_path, evaluations.hostile, Options(cluster=scheduler))
     assert (tally.done, tally.failed) == (6, 1)
     rows = [record.row for record in recorded(tmp_path)[1]]
     assert [row and row.outcome for row in rows] == ["killed", "done", "done", "done", "done", "done"]
     assert rows[0] is not None
-    assert rows[0].reason == "its host was lost 3 times"
+    assert rows[0].reason == "its host was lost, 3 times"
 
 
 @pytest.mark.wide
@@ -149,8 +146,8 @@ def test_a_study_without_hosts_ends_and_goes_on_later(monkeypatch: pytest.Monkey
         host = threading.Thread(target=kept_alive, args=(address, over, 1))
         host.start()
         lost = pytest.raises(ResourceError, match="lost all its workers")
-        with cluster(address) as (executor, threads), lost:
-            run(work, tmp_path, evaluations.hostile, Options(threads, executor=executor))
+        with lost:
+            run(work, tmp_path, evaluations.hostile, Options(cluster=address))
         over.set()
         host.join()
     assert sum(record.row is not None for record in recorded(tmp_path)[1]) < 6
@@ -192,8 +189,8 @@ def test_a_scheduler_that_dies_ends_the_study_in_words_and_without_failures(
 
         try:
             gone = pytest.raises(ResourceError, match="the scheduler is gone")
-            with gone, cluster(address) as (executor, threads):
-                run(work, tmp_path, evaluations.slow, Options(threads, executor=executor), store_of=Fatal)
+            with gone:
+                run(work, tmp_path, evaluations.slow, Options(cluster=address), store_of=Fatal)
         finally:
             running.kill()
             over.set()

@@ -116,7 +116,7 @@ def test_failures_are_done_again_when_asked(tmp_path: Path) -> None:
 def test_who_is_killed_from_outside_is_tried_three_times(tmp_path: Path) -> None:
     assert run(evaluations.work(4), tmp_path, evaluations.suicidal, Options(1)).failed == 1
     found = table(tmp_path)[0].row
-    assert found == Row(evaluations.work(1).runs[0].key, "killed", "the worker was killed 3 times by SIGKILL", {})
+    assert found == Row(evaluations.work(1).runs[0].key, "killed", "the worker was killed by SIGKILL, 3 times", {})
 
 
 def test_numbers_that_are_none_are_an_error(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fmopt.errors import ResourceError
 from fmopt.runtime import output
-from fmopt.study.running.store import Effort, Row
+from fmopt.study.running.store import Effort, Outcome, Row
 from fmopt.task.toml.source import Key
 
 Assigned = str | int | float | bool
@@ -65,11 +65,20 @@ class Batch:
 
 
 @dataclass(frozen=True)
+class Loss:
+    """How the process of a run ended that has no answer; the outcome is "killed" where it was ended from outside."""
+
+    outcome: Outcome
+    reason: str
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Returned:
-    """What came of a batch: rows in order, and the runs that were not done because the work was called off."""
+    """What came of a batch: rows of its first runs in order, and how the next one was lost, if it was."""
 
     rows: tuple[tuple[Row, Effort], ...]
-    left: tuple[Run, ...] = ()
+    loss: Loss | None = None
 
 
 _FOLDERS: dict[str, Path] = {}  # this process's own, until it ends

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from fmopt.errors import ResourceError
-from fmopt.study.running.running import Remote
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -21,8 +20,8 @@ _RETURN = 120.0  # s: for workers to come back after all were lost
 _GLANCE = 1.0  # s between looks at whether there are workers
 
 
-class Hosts(Remote):
-    """The workers of a scheduler as an executor."""
+class Hosts(Executor):
+    """The workers of a scheduler as an executor, which may go away for good."""
 
     def __init__(self, client: Client, address: str) -> None:
         self._client, self._executor, self._address = client, client.get_executor(), address
@@ -81,7 +80,7 @@ def _checked(address: str) -> None:
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[tuple[Executor, int]]:
+def cluster(address: str) -> Iterator[tuple[Hosts, int]]:
     """An executor of a Dask scheduler, at such as `tcp://10.0.0.5:8786`, and how many batches its workers do at a time.
 
     Raises:

@@ -91,9 +91,15 @@ def _finished(folder: Path, store: str) -> None:
 
 def _killed_once(folder: Path, chance: random.Random, found: Kills, store: str) -> bool:
     """Starts, or resumes, a study and kills its workers, and at last all of it; whether it came to its end before."""
+    late = chance.random() > 0.1
     with subprocess.Popen(
         _command(folder, store), cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     ) as study:
+        begun = folder / "begun"
+        before = begun.stat().st_size if begun.exists() else 0
+        # Now and then while it starts; mostly once it is at work, however long a busy machine takes to start it.
+        while late and study.poll() is None and not (begun.exists() and begun.stat().st_size > before):
+            time.sleep(0.01)
         while True:
             time.sleep(chance.uniform(0.02, 0.5))
             if study.poll() is not None:
