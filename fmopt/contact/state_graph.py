@@ -54,10 +54,6 @@ class ContactGraph(Value):
     sons: tuple[tuple[int, ...], ...]
     fathers: tuple[tuple[int, ...], ...]
 
-    def index(self, contacts: frozenset[str]) -> int | None:
-        """The state with exactly these active contacts, if there is one."""
-        return next((i for i, state in enumerate(self.states) if frozenset(state.contacts) == contacts), None)
-
     def count(self) -> dict[int, int]:
         """Number of states by dimension."""
         dimensions = [state.dimension for state in self.states]

@@ -255,33 +255,22 @@ def _evidence(solved: Solved) -> dict[str, Scalar]:
     }
 
 
+def _quantity(columns: str, answer: Callable[[Solved], Mapping[str, Scalar]]) -> Quantity:
+    return Quantity(tuple(columns.split()), answer)
+
+
 # Each has a verdict and a shortfall, which `evaluate` fills in where it has no answer.
 QUANTITIES: Mapping[str, Quantity] = {
-    "clearance": Quantity(("clearance", "clearance_x", "clearance_y", "verdict", "shortfall"), _clearance),
-    "plan": Quantity(("verdict", "shortfall", "moves", "segments", "cost", "lower_bound"), _plan),
-    "margins": Quantity(
-        ("verdict", "shortfall", "margin", "nominal_clearance", "binding_contact", "binding_words", "binding_move"),
-        _margins,
+    "clearance": _quantity("clearance clearance_x clearance_y verdict shortfall", _clearance),
+    "plan": _quantity("verdict shortfall moves segments cost lower_bound", _plan),
+    "margins": _quantity(
+        "verdict shortfall margin nominal_clearance binding_contact binding_words binding_move", _margins
     ),
-    "tolerated_error": Quantity(("verdict", "shortfall", "tolerated_factor"), _tolerated),
-    "bias": Quantity(("verdict", "shortfall", "holds", "least_normal_force", "greatest_push"), _bias),
-    "execution": Quantity(
-        ("verdict", "shortfall", "trials", "successes", "success", "success_low", "success_high"), _execution
-    ),
-    "evidence": Quantity(
-        (
-            "verdict",
-            "shortfall",
-            "draws",
-            "seated",
-            "rate",
-            "bound",
-            "first_tries",
-            "vertices_seated",
-            "cycle_time",
-            "cycle_time_95",
-            "seats",
-        ),
+    "tolerated_error": _quantity("verdict shortfall tolerated_factor", _tolerated),
+    "bias": _quantity("verdict shortfall holds least_normal_force greatest_push", _bias),
+    "execution": _quantity("verdict shortfall trials successes success success_low success_high", _execution),
+    "evidence": _quantity(
+        "verdict shortfall draws seated rate bound first_tries vertices_seated cycle_time cycle_time_95 seats",
         _evidence,
     ),
 }

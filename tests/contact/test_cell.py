@@ -43,7 +43,7 @@ def test_a_forgotten_contact_is_noticed() -> None:
     graph = contact_graph(space := local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014)), faces(space))
     for forgotten in contacts:
         surfaces = Surfaces.of([c for c in contacts if c is not forgotten], PEG, BLOCK)
-        moved = pose.moved(1.2 * graph.states[graph.index(frozenset({forgotten.id})) or 0].point)
+        moved = pose.moved(1.2 * next(state.point for state in graph.states if set(state.contacts) == {forgotten.id}))
         assert gap(moved) < 0.0 < np.min(surfaces.values(moved))
 
 

@@ -111,15 +111,11 @@ def rank_correlation(x: Array, y: Array) -> Estimate | None:
 
     The interval of a perfect order reaches as far as that of the order with two neighbours exchanged.
     """
-    from scipy.stats import rankdata
+    from scipy.stats import spearmanr
 
-    if len(x) < 4:
+    if len(x) < 4 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
         return None
-    a, b = (rankdata(values) - 0.5 * (len(x) + 1.0) for values in (x, y))
-    size = math.sqrt(float(a @ a) * float(b @ b))
-    if size == 0.0:
-        return None
-    rho = min(max(float(a @ b) / size, -1.0), 1.0)
+    rho = float(spearmanr(x, y).statistic)
     n = float(len(x))
     # Two neighbours exchanged make Σd² = 2 in ρ = 1 − 6 Σd²/(n (n² − 1)); at ρ = 1 the arctanh is infinite.
     most = 1.0 - 12.0 / (n * (n**2 - 1.0))
@@ -150,10 +146,9 @@ def sobol_indices(values: Array, dimensions: int) -> list[SobolIndex] | None:
     if len(rows) < 8 or not float(np.var(rows[:, :2])) > 0.0:
         return None
     rng = np.random.default_rng(0)  # the same interval for the same results
-    draws = [_indices(rows)] + [_indices(rows[rng.integers(0, len(rows), len(rows))]) for _ in range(_DRAWS)]
-    found = np.array([draw for draw in draws if np.isfinite(draw).all()])
-    low, high = np.quantile(found[1:], [0.025, 0.975], axis=0)
-    bounded = np.stack([found[0], low, high], axis=-1).tolist()
+    draws = [_indices(rows[rng.integers(0, len(rows), len(rows))]) for _ in range(_DRAWS)]
+    found = _indices(rows), *np.nanquantile(draws, [0.025, 0.975], axis=0)  # no number where a draw does not vary
+    bounded = np.stack(found, axis=-1).tolist()
     return [SobolIndex(*(Estimate(*bounded[k][i]) for k in (0, 1))) for i in range(dimensions)]
 
 

@@ -3,7 +3,7 @@
 A transaction holds the results of one batch. The log is synchronised before `add` returns (`synchronous = FULL`), so
 that what it took is there after a kill and after a power cut; what it did not take leaves no trace.
 
-One owner of a folder at a time: a POSIX record lock, which the kernel drops when its owner dies.
+One owner of a folder at a time: a lock on a file with its process, which the kernel drops when the owner dies.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import fcntl
 import json
 import os
 import sqlite3
-import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -37,9 +36,6 @@ CREATE TABLE IF NOT EXISTS results
 CREATE TABLE IF NOT EXISTS kept (key TEXT PRIMARY KEY, content BLOB NOT NULL);
 CREATE TABLE IF NOT EXISTS effort (key TEXT PRIMARY KEY, seconds REAL NOT NULL, peak INTEGER NOT NULL) WITHOUT ROWID;
 """
-
-_FLOCK = "hhqqi4x"  # struct flock: type, whence, start, length, pid
-_HERE: set[tuple[int, int]] = set()  # files that this process holds: the kernel lets a process lock a file twice
 
 
 @dataclass(frozen=True)
@@ -227,46 +223,21 @@ def owned(folder: Path) -> Iterator[None]:
     """Holds a folder until the block ends.
 
     Raises:
-        ResourceError: it is held already, by which process; or it cannot be written to.
+        ResourceError: it is held already, by which process; or its lock cannot be written.
     """
     path = folder / "lock"
-    if path.exists() and _name(path.stat()) in _HERE:  # opening and closing it would give up the lock
-        raise _taken(folder, os.getpid())
-    try:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except OSError as error:
-        raise ResourceError(f"{path}: {error.strerror or error}", "choose another folder with --out") from error
-    name = _name(os.fstat(descriptor))
-    try:
-        fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        owner = _owner(descriptor)
-        os.close(descriptor)
-        raise _taken(folder, owner) from None
-    except OSError as error:
-        os.close(descriptor)
-        raise ResourceError(f"{path}: {error.strerror or error}", "choose a folder whose disk knows locks") from error
-    _HERE.add(name)
-    try:
+    # The file stays: if it went, one could hold the old one and another a new one of its name.
+    with translated(path):
+        file = path.open("a+", encoding="ascii")
+    with file:
+        with translated(path):
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                file.seek(0)
+                message = f"{folder}: process {file.read()} runs a study in this folder"
+                raise ResourceError(message, "wait for it, or choose another with --out") from None
+            file.truncate(0)
+            file.write(str(os.getpid()))
+            file.flush()
         yield
-    finally:
-        _HERE.discard(name)
-        # The file stays: if it went, one could hold the old one and another a new one of its name.
-        os.close(descriptor)
-
-
-def _name(status: os.stat_result) -> tuple[int, int]:
-    # Not its path, of which a file may have several.
-    return status.st_dev, status.st_ino
-
-
-def _owner(descriptor: int) -> int:
-    """The process that holds the lock, as the kernel knows it; 0 when it has just let go."""
-    asked = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
-    kind, _, _, _, pid = struct.unpack(_FLOCK, fcntl.fcntl(descriptor, fcntl.F_GETLK, asked))
-    return 0 if kind == fcntl.F_UNLCK else int(pid)
-
-
-def _taken(folder: Path, owner: int) -> ResourceError:
-    who = f"process {owner}" if owner else "another process, which is just ending,"
-    return ResourceError(f"{folder}: {who} runs a study in this folder", "wait for it, or choose another with --out")
