@@ -172,7 +172,6 @@ class Linkage(Value, hole=(None, 3), hand=(None, 6), sizes=(4,)):
         hole: turns (k, 3) of the hole, rad; zero for generators that are not fixed there.
         hand: generators (k, 6) that are fixed in the hand, as they are turned now, m and rad; zero for others.
         sizes: of h_p, h, g_p and g_r at most (4,), m and rad.
-        origin: p̄₀ (3,), m; None before the first piece of motion.
     """
 
     hole: Array

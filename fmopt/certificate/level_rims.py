@@ -34,7 +34,6 @@ class LevelRim:
         way: unit direction (3,) of the face's edge that touches it, in the body.
         normal: of the face in the body (3,).
         offset: of the face, m.
-        held: whether the rim lies in the plane.
     """
 
     at: Array

@@ -24,8 +24,6 @@ class Witness:
     """A plane between two pieces: along a face or edges, as vertex indices of the pieces, or any plane of the B-frame.
 
     Args:
-        moving: vertices of the moving piece's face or edge.
-        fixed: vertices of the fixed piece's face or edge.
         plane: for kind "plane" the unit normal (3) and the offset; the fixed piece lies behind it.
     """
 

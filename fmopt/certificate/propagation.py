@@ -50,7 +50,6 @@ class Advance:
 
     Args:
         motion: displacement (6,) of the piece inside the held contacts.
-        length: length of the piece in the metric of ρ, m.
         approach: how much nearer the contact being made comes; None without one.
         overtravel: how much longer or shorter the piece is at most until its move's contact is made, as a share of it.
     """

@@ -34,8 +34,6 @@ class Linearisation:
 
     Args:
         twist: V (6,) from S to G.
-        turn: τ, rad.
-        length: L in the metric of ρ, m.
         directions: compliant twists C_h of the held basis (h, 6).
         made: row of the contact being made, by the contacts held, at both ends; None without.
         start_dual: T^S (6, h), dual to the held rows at the start.

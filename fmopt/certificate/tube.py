@@ -57,7 +57,6 @@ class Numbers(NamedTuple):
 
     Args:
         length: L in the metric of ρ, m.
-        turn: τ, rad.
         rate: how much nearer the contact being made comes, m; 0 without one.
         leaning: |turning part of N′|, m.
         rates: velocity errors per unit of length, in translation and in angle (1/m).

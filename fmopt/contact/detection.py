@@ -47,7 +47,6 @@ class Walls(NamedTuple):
         normals: (m, 3), unit length.
         offsets: (m,), m.
         tails: (s, 3), where the edges of each face begin, m.
-        heads: (s, 3), where they end.
         begun: (m + 1,), which of the edges are the first of each face, and how many there are.
     """
 

@@ -51,8 +51,6 @@ class BoundTable(Value):
     """The bounds of k contacts, tabulated for evaluation.
 
     Attributes:
-        clauses: of each contact.
-        listed: every bound, once.
         surfaces: C-surface functions of the bounds' contacts.
         places: (k, clauses, alternatives, bounds together), index into `listed`; the number of bounds where a set is
             full, one more where a clause has no further alternative.
@@ -283,8 +281,6 @@ class Crossings:
     """The m edge–edge contacts among some of two parts, and what tells at a pose how their edges pass each other.
 
     Attributes:
-        parts: the moving part and the fixed one.
-        contacts: all of the contacts.
         moving: ends (m, 2, 3) of the moving edges, m.
         beside: normals (m, 2, 3) of the faces beside them.
         along: vectors (m, 3) along the fixed edges, m.

@@ -25,7 +25,6 @@ class Faces(Value):
 
     Attributes:
         active: (n, k), the half-spaces whose planes hold the face.
-        dimensions: (n,).
         points: (n, 6), a point in the relative interior of each face.
         lineality: dimension of the lines in the polyhedron, part of every face.
     """
@@ -85,7 +84,6 @@ class _Cut(Value):
         everywhere: (k,), which of the others hold all of it.
         interior: (n,), the point that is 0.
         axes: (n, r), orthonormal, of its coordinates.
-        lineality: dimension of its lines.
     """
 
     rows: Array

@@ -30,7 +30,6 @@ class ContactState(Value, point=(6,)):
     """The contacts that are active together on one facet, merged.
 
     Attributes:
-        id: name within the graph, "free" for free space.
         dimension: of the facet, 6 − rank.
         point: (6,), local coordinates X in m and rad of a point in its relative interior.
     """
@@ -80,8 +79,6 @@ class LocalSpace(Value, normals=("contacts", 6), offsets=("contacts",), scale=(6
     """Half-spaces normals·x ≥ offsets in scaled local coordinates x = X / scale around a pose.
 
     Attributes:
-        pose: where the contacts were linearised.
-        contacts: the k contacts.
         normals: unit rows (k, 6).
         offsets: (k,), distances in scaled units (clearances).
         scale: (6,), a clearance in m for lengths, clearance / ρ in rad for angles.
@@ -131,7 +128,6 @@ class Cell:
     Attributes:
         limits: bounds of the cell in which exactly these contacts count; see `fmopt.contact.facet_bounds.cell`.
         reach: m; |dx|, |dy| and |dz| stay below it, where the linear picture is to be trusted.
-        angle: rad; the same for each rotation coordinate.
     """
 
     limits: Sequence[Bound] = ()

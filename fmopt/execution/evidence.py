@@ -17,9 +17,7 @@ class Examination:
     """How a plan is examined.
 
     Attributes:
-        draws: fixed beforehand.
         min_rate: that the bound has to reach.
-        seed: of the draws.
         examined: number of the plan among those examined for the problem, from 1.
         threads: of the physics engine, None for as many as there are cores.
     """

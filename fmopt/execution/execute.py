@@ -53,10 +53,7 @@ def execute(what: Plan, trials: Trials, settled: Settled, caution: str = "") -> 
 
 
 def compare(plans: Sequence[Plan], trials: int, seed: int, settled: Settled) -> list[dict[str, Any]]:
-    """Runs plans and the baselines with the same errors, and writes `comparison.json`.
-
-    Returns:
-        A row for each plan: its title, and for each method the success inside the certified set.
+    """Run plans and the baselines with the same errors, and write `comparison.json`: for each plan a row of successes.
 
     Raises:
         PlanFormatError: a plan has presses.

@@ -35,7 +35,6 @@ class Recovery(Value, shifts=(None, 3), points=(None, 3)):
         sunk: m, by how much start errors may lower points of the part.
         shifts: of the start (k, 3), m.
         orders: for each move, in which order they are tried, after it failed `EARLY` or `LATE`.
-        points: vertices (v, 3) of the moving part.
         radii: of the balls about them (v,), m, 0 of those that are points.
     """
 

@@ -41,7 +41,6 @@ class State:
         tare: reaction (n, 6) beyond the expected one when the move began.
         sensed, slowly: means of the last force of the new contacts, N, over the robot's shorter and longer time.
         felt, stalled: samples in a row that said the contact is felt, and that the part stands at the greatest push.
-        friction: coefficient (n,) that the reaction against the motion tells of.
         effort: push in pushes of the step; it grows while the part stands and no contact is felt, and falls again.
     """
 

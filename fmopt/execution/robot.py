@@ -9,16 +9,13 @@ class Robot:
     """A compliant tool held by a hybrid position/force servo.
 
     Args:
-        mass: apparent mass, kg.
         gyration: radius of gyration about the part's reference point, m; it makes inertia and turning stiffness of mass
             and stiffness.
         stiffness: of the servo, N/m.
-        damping: ratio, on all axes.
         resistances: force per speed with which force-controlled axes give way on the way, N·s/m and N·m·s/rad.
         settling: s in which the part settles before each move.
         memory: s over which slow changes of the force signal are taken for the level that a touch rises above.
         learning: s over which the servo learns the coefficient of friction that it makes up for.
-        period: of the controller, s.
         cut_off: of the low-pass filter on the force signal, Hz.
         noise: standard deviations of force (N) and torque (N·m) in each raw sample.
         averaging: s over which the force of the new contacts is averaged, where it alone tells of them, and where the

@@ -26,7 +26,6 @@ class Reader:
     """What reads files.
 
     Attributes:
-        name: of the library, in messages.
         entry: "module:function" of texts, which returns what JSON has; its GeometryErrors are raised by `read`.
         simpler, again: advice where it takes too long or too much memory, and where it breaks down.
     """

@@ -26,7 +26,6 @@ class Axis:
     Args:
         dimension: of its values; None when they are words.
         values: those that it takes in turn; empty when it has a distribution.
-        distribution: over its range; None when it has values.
         sets: key path and dimension of each parameter that it sets, and the arithmetic that gives its value, or nothing
             for the axis's own.
     """

@@ -94,7 +94,6 @@ def study(
 
     Args:
         out: folder for the results; out/<study> when not given. What is done there already is not done again.
-        jobs: processes; as many as there are processors when not given.
 
     Raises:
         InputError: the file cannot be used.

@@ -41,7 +41,6 @@ class Witness:
     """A pose at which two pieces certainly overlap.
 
     Args:
-        pose: (x, y, z, rotation vector), m and rad.
         error: error (e, ε) on top of that nominal pose, zero for the nominal pose itself.
         depth: certain depth of a common point in both pieces, m.
     """

@@ -115,7 +115,6 @@ class Setup:
     """What a scene is made of.
 
     Args:
-        clearance: a side, m, which says how hard contacts have to be.
         friction: coefficient, or (n,) of each body.
         time_step: s; None for what the clearance asks for.
         threads: that step the bodies; one where cores are taken by processes, a chunk each.

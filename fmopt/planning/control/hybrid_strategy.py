@@ -55,7 +55,6 @@ class HybridStrategy(Value):
         position_axes: twists (6 − r, 6) in the frame's coordinates, orthonormal in diag(1, 1, 1, ρ², ρ², ρ²).
         force_axes: wrenches (r, 6) in its coordinates, orthonormal in the dual metric, reciprocal to the twists.
         velocity: twist (6,), V / ‖V‖_ρ.
-        speed: m/s.
         bias_wrench: applied wrench (6,), N and N·m.
         push: size of the part of the bias that pushes along the motion, N in the metric of ρ.
         normal_forces: (m,), a normal force of each held contact that balances the rest of the bias, N.

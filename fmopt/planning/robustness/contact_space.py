@@ -197,7 +197,6 @@ class Confirmation(Value):
     """A state on the true surfaces.
 
     Attributes:
-        pose: the pose found, or the best one.
         residual: largest |f| of its contacts there, m; of a split one, in the middle of its linear facet.
         clearance: least f of the other contacts within their bounds, m; inf when there are none.
         inside: how far the pose is inside the bounds of its contacts, m; inf when there are none.

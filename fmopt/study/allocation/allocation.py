@@ -44,7 +44,6 @@ class Allocation:
     """The answer.
 
     Args:
-        values: tolerances in SI, rounded down.
         margin: least margin of the fixed motion with them, m.
         replanned_margin: its least margin, m; None when there is none.
     """

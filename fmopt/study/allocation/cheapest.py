@@ -42,7 +42,6 @@ class Cheapest(Value, u=(None,)):
         u: multiples (p,) of the present tolerances.
         bound: no point that keeps the margins costs less, where margins are concave; None where they were seen not to
             be.
-        margin: least margin there, m.
         binding: its name; or, where all margins are wide, why the motion could not be followed beyond.
     """
 

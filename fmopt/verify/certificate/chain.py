@@ -65,10 +65,7 @@ class Link:
     """What a segment hands on.
 
     Attributes:
-        errors: error set at its end.
         thick_along: directions in whose span its thickness generators lie.
-        basis: contacts that the next piece finds held by the basis, with directions.
-        facts: what is known to be held then, None at the start of the plan.
     """
 
     errors: ErrorSet
@@ -325,7 +322,6 @@ class Leg:
 
     Attributes:
         twist: V = (Δ, ω).
-        progress: its share of the move, s₁ − s₀.
         overtravel: bound of how much longer or shorter than V an execution's piece can be, as a share of V.
         directions: C, along which contacts give way.
         hold: projector along C.

@@ -23,10 +23,7 @@ class Wall:
     """A fixed plane and what is known to lie on it.
 
     Attributes:
-        plane: the wall, normal towards the moving part.
-        points: body points exactly on it.
         between: pairs of body points with an unknown point strictly between them on it.
-        flush: body planes that lie in it.
         looked: how many points, flushes and turns there were when conclusions were last looked for.
     """
 

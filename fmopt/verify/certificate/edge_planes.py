@@ -26,8 +26,6 @@ class LevelRim(NamedTuple):
     """A rim that contacts keep level with a face of the moving part, and from going behind it.
 
     Attributes:
-        touch: the contact of an edge of the face on it.
-        face: the plane of the face, in the body.
         held: whether the rim lies in that; else it may yet come nearer, or go away.
     """
 
@@ -49,8 +47,6 @@ class Known:
     """What contacts say during the piece: facts of the held ones, and those that open or close but never pass.
 
     Attributes:
-        facts: of all contacts of the state.
-        made: the basis contact that the move makes, or None.
         hinge: its hinge, when it has one among the held contacts.
         leaving: contacts that the move gives up; none of them has a hinge among the held ones.
         coming_off: planes with the body points that lay in them with the contacts given up.

@@ -19,8 +19,6 @@ class Touch:
     """A primitive contact with its geometry.
 
     Attributes:
-        id: name in the plan.
-        kind: "vertex-face", "face-vertex", "edge-edge" or "ball-face".
         moving: body points.
         fixed: world points.
         plane: of the face (in the world for vertex-face, in the body for face-vertex), None for edge-edge; for
@@ -28,7 +26,6 @@ class Touch:
         faces: planes of the fixed faces left and right of a fixed edge, in the world; for vertex-face and ball-face its
             own.
         face: index of the face, −1 for edge-edge.
-        indices: vertex indices of the moving and of the fixed part.
     """
 
     id: str
@@ -55,8 +52,6 @@ class Rim(NamedTuple):
     """A face of the moving part, one edge of which is held on a rim, and how another edge meets it.
 
     Attributes:
-        held: the contact of the edge held.
-        face: its plane, in the body.
         away: unit direction in the face across the edge held, in the body.
         far: how far along `away` the other edge reaches, m.
     """
@@ -83,17 +78,12 @@ class Task:
     """The piece to be carried through.
 
     Attributes:
-        start, goal: nominal poses.
-        held: basis contacts held along the piece, with directions.
-        made: basis contact that the move makes, or None.
-        state: all contacts held along the piece.
         goal_state: all contacts held after the move.
         share: φ, the piece's share of what is left of the move; ONE on its last piece.
         theta: stated bound of |ε|, rad.
         angles: stated half-widths of the box of ε, rad.
         box: stated half-widths of the box of e, m.
         rates: λ_t and λ_r.
-        rho: characteristic length, m.
     """
 
     start: Pose
@@ -124,8 +114,6 @@ class Assembly(Incidence):
     """The parts, their convex pieces and the contacts of a plan.
 
     Attributes:
-        touches: contacts by id.
-        flaws: what is wrong with parts, pieces or contacts.
         form: how far the surfaces of both parts may lie from these, together, m.
     """
 

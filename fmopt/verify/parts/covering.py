@@ -229,8 +229,6 @@ class Hull:
     """A convex piece.
 
     Attributes:
-        points: its vertices on the lattice.
-        loops: of its faces.
         outer, inner: half-spaces of the faces, beyond the outermost vertex and behind the innermost of the face.
     """
 

@@ -73,8 +73,6 @@ class Incidence:
     """The parts and their pieces, and which of their points, lines and planes are the same.
 
     Attributes:
-        moving, fixed: surfaces of the parts.
-        moving_pieces, fixed_pieces: convex pieces, the balls of the moving part the last of them.
         body_points: vertices of the moving part and of its pieces.
     """
 
@@ -194,7 +192,6 @@ class Turn(NamedTuple):
     """A body direction that is known to be turned onto a world direction.
 
     Attributes:
-        body, world: unit vectors.
         exact: the body direction exactly.
         onto: the world direction exactly; None for an edge in a wall at an odd angle to a flush.
         level: for such an edge the normal of the wall exactly, else None.

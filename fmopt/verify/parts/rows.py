@@ -108,7 +108,6 @@ class Distance(NamedTuple):
     """A distance at one pose.
 
     Attributes:
-        f: value.
         N: gradient (6,) in (e, ε).
         reach: |u||k|.
         push: u.

@@ -117,8 +117,6 @@ class Shape:
         vertices: the same in fixed point, m: where the plan states none other, these are the points themselves.
         radii: of the balls about the vertices, m, 0 of those that are points; more than planes whose normals are longer
             than 1 by rounding make of them.
-        ball: whether it is a ball, and has no faces.
-        faces: faces with their planes.
     """
 
     def __init__(self, body: Body) -> None:

@@ -47,10 +47,7 @@ class Surface:
     Attributes:
         points: vertices on the lattice.
         centres: those of them that are the centres of balls, which need no face.
-        loops: of each face, as vertices.
         triangles: as vertices; empty where a face cannot be cut up.
-        faces: the face that each is of.
-        flaws: what keeps the faces from being the surface of a solid.
 
     Raises:
         TooMuchWork: they take too many steps to compare.

@@ -132,11 +132,9 @@ class Hybrid:
         frame: compliance frame, a pose in the B-frame.
         position_axes, force_axes: twists servoed in position and wrenches servoed in force, in its coordinates.
         velocity: unit twist of the reference point in axes of the B-frame.
-        speed: m/s.
         bias: wrench applied to the moving part.
         push: size of its part along the motion.
         pressed: held contacts with the normal forces that balance the rest of it.
-        felt: contacts that end the move.
         wrench, threshold, max_travel, timeout: when the move ends.
         stays: what the held contacts stay closed under: "push", "stop" or "none".
         jam_free: directions in which the bias cannot be balanced; None where nothing is claimed.
@@ -202,7 +200,6 @@ class Evidence:
         draws, seated, first_tries: uniform draws, how many seat, and how many at the first attempt.
         confidence, bound, min_rate: of the rate with which draws seat, and the rate asked for.
         vertices, vertices_seated: of the start box.
-        subject: SHA-256 of what was carried out.
         tested: whether it says that the rate asked for is reached.
         start: half-widths (6,) of the start errors that are drawn from, m and rad.
         outcomes, vertex_outcomes: for each the attempt at which it seats, from 0; −1 where it does not.
@@ -228,20 +225,14 @@ class Plan:
     """A plan without its description.
 
     Attributes:
-        verdict: its own: CERTIFIED, NOT_PROVED or REFUTED.
         title, problem: of the problem that it is for, and that problem's SHA-256.
-        version: of the program that wrote it.
         sha256, digest_holds: its seal, and whether it is that of the document.
-        contacts: every primitive contact that segments name.
         start_box: half-widths (6,) of the start errors, m and rad.
         velocity_error: shares of translation and of rotation.
         rho: characteristic length, m.
         sources: boxes of the start errors by the frame that they are fixed in; none where all are in the world.
-        goal: pose (6,).
         touch: how far apart parts are taken to touch, m.
-        recovery: backing off and trying again; None in a bare proof.
         presses: number of segments that are presses: all or none.
-        evidence: of a plan of presses; None where it was not carried out.
         subject: SHA-256 of what evidence is of: parts, presses and goal.
     """
 

@@ -315,8 +315,6 @@ class Fields:
     Attributes:
         where: its place, such as "segments[].tube".
         classes: what each key counts for; one whose value is an object or a list of such has the classes of its keys.
-        required: the keys that must be there.
-        known: all keys.
     """
 
     where: str
