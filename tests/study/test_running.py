@@ -13,9 +13,9 @@ import pytest
 
 from fmopt.errors import ResourceError
 from fmopt.study.running import running
-from fmopt.study.running.batch import Limits
+from fmopt.study.running.batch import Evaluate, Limits
 from fmopt.study.running.running import Options, Tally, run
-from fmopt.study.running.store import Recorded, Row, recorded
+from fmopt.study.running.store import Outcome, Recorded, Row, recorded
 from tests.shared.studies import evaluations
 
 
@@ -30,12 +30,13 @@ def children() -> set[int]:
     return found
 
 
-def test_every_run_gets_its_row_whatever_the_number_of_workers(tmp_path: Path) -> None:
-    work = evaluations.work(200)
+def test_every_run_gets_its_row_whatever_the_number_of_workers_and_nothing_is_left_running(tmp_path: Path) -> None:
+    work, before = evaluations.work(200), children()
     one = run(work, tmp_path / "1", evaluations.quick, Options(1))
     two = run(work, tmp_path / "2", evaluations.quick, Options(2))
     assert (one.total, one.done, one.failed, one.fresh) == (two.total, two.done, two.failed, two.fresh)
     assert one.done == 200
+    assert children() == before
     assert table(tmp_path / "1") == table(tmp_path / "2")
     row = table(tmp_path / "1")[7].row
     assert row is not None
@@ -113,17 +114,16 @@ def test_failures_are_done_again_when_asked(tmp_path: Path) -> None:
     assert (again.fresh, again.failed, again.done) == (2, 0, 14)
 
 
-def test_who_is_killed_from_outside_is_tried_three_times(tmp_path: Path) -> None:
-    assert run(evaluations.work(4), tmp_path, evaluations.suicidal, Options(1)).failed == 1
-    found = table(tmp_path)[0].row
-    assert found == Row(evaluations.work(1).runs[0].key, "killed", "the worker was killed by SIGKILL, 3 times", {})
-
-
-def test_numbers_that_are_none_are_an_error(tmp_path: Path) -> None:
-    run(evaluations.work(1), tmp_path, evaluations.infinite, Options(1))
-    found = table(tmp_path)[0].row
-    assert found is not None
-    assert (found.outcome, found.reason) == ("error", "not a finite number: x")
+@pytest.mark.parametrize(
+    ("evaluate", "outcome", "reason"),
+    [
+        (evaluations.suicidal, "killed", "the worker was killed by SIGKILL, 3 times"),
+        (evaluations.infinite, "error", "not a finite number: x"),
+    ],
+)
+def test_a_run_without_an_answer_says_why(evaluate: Evaluate, outcome: Outcome, reason: str, tmp_path: Path) -> None:
+    assert run(evaluations.work(2), tmp_path, evaluate, Options(1)).failed >= 1
+    assert table(tmp_path)[0].row == Row(evaluations.work(1).runs[0].key, outcome, reason, {})
 
 
 def test_workers_that_cannot_begin_end_the_study_in_words(tmp_path: Path) -> None:
@@ -131,12 +131,6 @@ def test_workers_that_cannot_begin_end_the_study_in_words(tmp_path: Path) -> Non
     small = replace(evaluations.work(4), limits=Limits(memory=1 << 20))
     with pytest.raises(ResourceError, match="before they begin"):
         run(small, tmp_path, evaluations.quick, Options(1))
-    assert children() == before
-
-
-def test_nothing_is_left_running(tmp_path: Path) -> None:
-    before = children()
-    run(evaluations.work(5), tmp_path, evaluations.quick, Options(2))
     assert children() == before
 
 

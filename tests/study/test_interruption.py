@@ -1,4 +1,7 @@
-"""A disk that fails: every k-th write, fsync, rename and open in turn; the study ends in one line and resumes."""
+"""Studies that are killed or whose disk fails: nothing acknowledged is lost, doubled or torn, and they resume.
+
+A naive store would not pass.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests import ROOT
-from tests.shared.studies.kills import _intact, _table
+from tests.shared.studies.kills import JOBS, LONGEST_BATCH, LostError, _intact, _table, killed
 
 DRIVER = "tests.shared.studies.driver"
 RUNS = 24
@@ -55,3 +58,20 @@ def _failing(folder: Path, kind: str, code: int, number: int, wanted: bytes) -> 
     assert _table(folder, "store") == wanted
     shutil.rmtree(folder)
     return done.returncode
+
+
+@pytest.mark.wide
+def test_fifty_kills_lose_nothing(tmp_path: Path) -> None:
+    found = killed(tmp_path, 50, 1)
+    assert found.total >= 50
+    assert min(found.counts.values()) >= 5
+    assert (
+        found.begun - found.needed
+        <= LONGEST_BATCH * JOBS * (found.counts["parent"] + found.counts["group"]) + (found.counts["worker"])
+    )
+
+
+@pytest.mark.wide
+def test_a_naive_store_is_found_out_within_fifty_kills(tmp_path: Path) -> None:
+    with pytest.raises(LostError, match=r"torn|lost|does not resume"):
+        killed(tmp_path, 50, 1, "naive")
