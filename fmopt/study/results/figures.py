@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import string
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -122,10 +122,9 @@ def _border(axes: Axes, x: Array, y: Array, good: Truth, done: Truth) -> None:
     lines = [((x[c + 1], x[c + 1]), (y[r], y[r + 1])) for r in range(rows) for c in range(columns - 1) if beside[r, c]]
     lines += [((x[c], x[c + 1]), (y[r + 1], y[r + 1])) for r in range(rows - 1) for c in range(columns) if above[r, c]]
     # All of the white first, so that none of it lies on the red of a neighbour.
-    for across, up in lines:
-        axes.plot(across, up, color="white", linewidth=4.0, solid_capstyle="projecting")
-    for across, up in lines:
-        axes.plot(across, up, color=RUST, linewidth=2.0, solid_capstyle="projecting")
+    for color, linewidth in (("white", 4.0), (RUST, 2.0)):
+        for across, up in lines:
+            axes.plot(across, up, color=color, linewidth=linewidth, solid_capstyle="projecting")
 
 
 def _labelled(view: View, axes: Axes, across: Varied, up: Varied) -> None:
@@ -172,25 +171,29 @@ def _curve(view: View, name: str, figure: Figure) -> None:
     axes.set_title(title(view, name, "", "; dashed: no value"))
 
 
-def _clouds(view: View, name: str, figure: Figure) -> None:
+def _panels(view: View, label: str, figure: Figure) -> Iterator[tuple[Axes, Varied]]:
+    """Two panels a row, one for each free axis, with one label up."""
     panels = figure.subplots(-(-len(view.free) // 2), 2, squeeze=False, sharey=True).ravel()
+    yield from zip(panels, view.free, strict=False)
+    for axes in panels[len(view.free) :]:
+        axes.set_axis_off()
+    panels[0].set_ylabel(label)
+
+
+def _clouds(view: View, name: str, figure: Figure) -> None:
     y, good = view.answer(name), view.good
-    for axes, axis in zip(panels, view.free, strict=False):
+    for axes, axis in _panels(view, answer_label(name), figure):
         x = view.axis(axis)
         axes.plot(x[good], y[good], ".", color=BLUE, markersize=4)
         axes.plot(x[~good], y[~good], "x", color=RUST, markersize=4)
         if axis.log:
             axes.set_xscale("log")
         axes.set_xlabel(axis_label(axis))
-    for axes in panels[len(view.free) :]:
-        axes.set_axis_off()
-    panels[0].set_ylabel(answer_label(name))
     figure.suptitle(f"{answer_label(name)}; dots: {view.goodness}, crosses: not")
 
 
 def _shares(view: View, figure: Figure) -> None:
-    panels = figure.subplots(-(-len(view.free) // 2), 2, squeeze=False, sharey=True).ravel()
-    for axes, axis in zip(panels, view.free, strict=False):
+    for axes, axis in _panels(view, view.goodness, figure):
         for group in bins(view, axis):
             found, middle = group.share, group.middle
             axes.plot([middle, middle], [found.low, found.high], color=GREY, linewidth=3.0)
@@ -198,9 +201,6 @@ def _shares(view: View, figure: Figure) -> None:
             axes.plot([middle], [found.value], "o", color=BLUE)
         axes.set_ylim(-0.03, 1.03)
         _across(view, axes, axis)
-    for axes in panels[len(view.free) :]:
-        axes.set_axis_off()
-    panels[0].set_ylabel(view.goodness)
     figure.suptitle(f"share that is {view.goodness}, 95 % intervals")
 
 
