@@ -228,16 +228,15 @@ def owned(folder: Path) -> Iterator[None]:
     path = folder / "lock"
     # The file stays: if it went, one could hold the old one and another a new one of its name.
     with translated(path):
-        file = path.open("a+", encoding="ascii")
+        file = path.open("a+b", buffering=0)  # a buffer would write again as it is closed
     with file:
         with translated(path):
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 file.seek(0)
-                message = f"{folder}: process {file.read()} runs a study in this folder"
+                message = f"{folder}: process {file.read().decode()} runs a study in this folder"
                 raise ResourceError(message, "wait for it, or choose another with --out") from None
             file.truncate(0)
-            file.write(str(os.getpid()))
-            file.flush()
+            file.write(str(os.getpid()).encode())
         yield
