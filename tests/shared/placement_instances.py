@@ -6,8 +6,6 @@ from itertools import combinations
 
 import numpy as np
 
-from fmopt.planning.optimise.cone_program import Solution, Solver, checked
-from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.placement.formation import Row, edge_edge, plane, vertex_face
 from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement
 from fmopt.planning.placement.nonlinear_program import SurfacePlacement
@@ -18,11 +16,6 @@ CLEARANCE = 1e-4
 METRIC = Metric(0.014, CLEARANCE)
 BOX = np.array([1e-3, 1e-3, 1e-3, 0.05, 0.05, 0.05])
 LEVERS = np.array([1.0, 1.0, 1.0, 0.02, 0.02, 0.02])
-
-
-def max_min_clearance(problem: Placement, solver: Solver | None = None) -> Solution:
-    """The poses of largest least clearance; the value t (m) is negative where obstacles must overlap."""
-    return checked(problem.program(), solver or ClarabelSolver())
 
 
 def random_placement(seed: int, rows: int = 10, contacts: int = 3, growth: float = 0.0, spare: int = 0) -> Placement:

@@ -7,13 +7,16 @@ in the metric |X|² = |d|² + ρ²|δ|² ([DakinPopplestone1993] appendix II, wi
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solution, certify, left_out, stated
+from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solution, Solver, certify, checked, left_out, stated
+from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.spatial.values import Array, Value, frozen
+
+_BINDING = 1e-6  # share in the price of t, which is 1 in all, from which a row binds
 
 
 @dataclass(frozen=True)
@@ -182,3 +185,83 @@ def per_weight(slacks: Array, weights: Array) -> Array:
     """Clearances (…, k) of slacks (…, k), m, by weights (k,), 0 or more; those of weight 0 have inf."""
     counted = weights > 0.0
     return np.asarray(np.where(counted, slacks / np.where(counted, weights, 1.0), np.inf))
+
+
+def max_min_clearance(problem: Placement, solver: Solver | None = None) -> Solution:
+    """The poses of largest least clearance; the value t (m) is negative when obstacles must overlap.
+
+    The answer of the solver, Clarabel if None, is checked again.
+
+    Raises:
+        InfeasibleError: the affine spaces, bounds and rows of weight 0 contradict each other.
+        SolverError: no certified optimum.
+    """
+    return checked(problem.program(), ClarabelSolver() if solver is None else solver)
+
+
+def lexicographic(problem: Placement, solver: Solver | None = None) -> Solution:
+    """The max-min solution whose second-least clearance is largest too, and so on.
+
+    Rows with positive multipliers are tight at every optimum: they are held where they are, and the rest
+    is maximised again, until no row is left.
+
+    Raises:
+        InfeasibleError, SolverError: as `max_min_clearance`.
+    """
+    solver = ClarabelSolver() if solver is None else solver
+    original = problem.program()
+    first = checked(original, solver)
+    program, latest = original, first
+    for _ in range(len(original.h)):  # each round holds at least one row more
+        held = _held(program, latest)
+        if held is None:
+            break
+        program = held
+        latest = checked(program, solver)
+    x = np.append(latest.x[:-1], first.value)
+    x[-1] = min(first.value, float(problem.clearances(x).min(initial=np.inf)))
+    return certify(original, x, first.duals)  # later multipliers are of other programs
+
+
+def _held(program: ConeProgram, solution: Solution) -> ConeProgram | None:
+    """The program with its binding rows held at their level and the others still to be raised; None at the end."""
+    counted = program.G[:, -1] < 0.0
+    duals = np.zeros(len(program.h)) if solution.duals is None else solution.duals.rows
+    binding = counted & (-program.G[:, -1] * duals > _BINDING)
+    if not binding.any() or (counted == binding).all() or solution.value >= program.upper[-1]:
+        return None
+    for k in np.flatnonzero((program.W[binding] > 0.0).any(axis=0))[::-1]:  # from the last: others keep their places
+        program = _straightened(program, int(k), solution.x)
+    level = program.h[binding] + program.G[binding, -1] * solution.value
+    held = program.G[binding].copy()
+    held[:, -1] = 0.0
+    return replace(
+        program,
+        A=np.vstack([program.A, held]),
+        b=np.concatenate([program.b, -level]),
+        G=program.G[~binding],
+        h=program.h[~binding],
+        W=program.W[~binding],
+    )
+
+
+def _straightened(program: ConeProgram, k: int, x: Array) -> ConeProgram:
+    """The program on the ray where |F x + g| is linear, with that norm replaced by the linear function.
+
+    A row with a norm that is tight at every optimum is constant over them; it is concave, so the norm is linear
+    there, and F x + g keeps its direction.
+    """
+    F, g = program.norms[k].F, program.norms[k].g
+    v = F @ x + g
+    length = float(np.linalg.norm(v))
+    along = v / length if length > _BINDING * program.size.norms[k] else np.zeros_like(v)
+    across = np.eye(len(g)) - np.outer(along, along)
+    return replace(
+        program,
+        A=np.vstack([program.A, across @ F]),
+        b=np.concatenate([program.b, -across @ g]),
+        G=program.G - np.outer(program.W[:, k], along @ F),
+        h=program.h - program.W[:, k] * float(along @ g),
+        W=np.delete(program.W, k, axis=1),
+        norms=program.norms[:k] + program.norms[k + 1 :],
+    )

@@ -10,14 +10,13 @@ import pytest
 
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.planning.optimise import solvers
-from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement
+from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement, lexicographic, max_min_clearance
 from fmopt.planning.placement.nonlinear_program import place_on_surfaces
 from tests.shared.placement_instances import (
     CLEARANCE,
     METRIC,
     line_search,
     linear_surfaces,
-    max_min_clearance,
     random_placement,
     translations,
     vertex_enumeration,
@@ -104,6 +103,26 @@ def test_negative_clearance_is_reported_and_contradictions_raise() -> None:
 def test_without_counted_rows_the_cap_is_the_value() -> None:
     free = translations([[1, 0, 0]], [0], weights=[0], cap=2.0)
     assert max_min_clearance(free).value == pytest.approx(2.0, abs=1e-8)
+
+
+def test_lexicographic_centres_what_max_min_leaves_open() -> None:
+    # x between ±1, y between −1 and 3, z between −4 and 4 with a roof at z = 2: least clearances 1, 2, 3.
+    walls = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0, 0, -1]]
+    solution = lexicographic(translations(walls, [-1, -1, -1, -3, -4, -4, -2]))
+    assert solution.value == pytest.approx(1.0, abs=1e-7)
+    assert solution.x[:3] == pytest.approx([0.0, 1.0, -1.0], abs=1e-6)
+    assert abs(solution.gap) < 1e-6
+
+
+@pytest.mark.parametrize("growth", [0.0, 0.02])
+@pytest.mark.parametrize("seed", range(5))
+def test_lexicographic_never_loses_the_minimum_and_raises_the_rest(seed: int, growth: float) -> None:
+    problem = random_placement(seed, rows=14, contacts=2, growth=growth)
+    first, refined = max_min_clearance(problem), lexicographic(problem)
+    assert close(first.value, refined.value)
+    a, b = np.sort(problem.clearances(first.x).ravel()), np.sort(problem.clearances(refined.x).ravel())
+    differ = np.flatnonzero(np.abs(a - b) > 1e-5 * CLEARANCE)
+    assert not len(differ) or b[differ[0]] > a[differ[0]]
 
 
 def test_persistent_solvers_return_the_bits_of_fresh_ones() -> None:

@@ -23,6 +23,7 @@ from fmopt.planning.placement.formation import (
     formation_derivatives,
     vertex_face,
 )
+from fmopt.planning.placement.largest_clearance import max_min_clearance
 from fmopt.planning.placement.nonlinear_program import (
     SurfacePlacement,
     certify_on_surfaces,
@@ -35,7 +36,6 @@ from tests.shared.placement_instances import (
     METRIC,
     linear_surfaces,
     linearised,
-    max_min_clearance,
     peg_placement,
     peg_rows,
     random_placement,
