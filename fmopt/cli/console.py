@@ -115,7 +115,7 @@ def _compared(part: dict[str, Any]) -> str:
 def print_solved(plan: Plan, findings: Sequence[str], folder: Path, report: bool) -> None:
     """Prints the outcome of `fmopt solve`: the moves or the first attempt's presses, and what is said of them."""
     from fmopt.report.moves import summary_rows
-    from fmopt.report.presses import HEAD, press_rows
+    from fmopt.report.presses import ENDINGS, HEAD, OUTCOMES, outcome_rows, press_rows
 
     console = Console(highlight=False)
     head: tuple[str, ...]
@@ -126,23 +126,31 @@ def print_solved(plan: Plan, findings: Sequence[str], folder: Path, report: bool
         (head, *rows), few = summary_rows(plan), (0, 1, 5)
         words = _solved_words(plan, findings)
     columns = range(len(head)) if console.width >= _WIDE else few
-    table = Table(title=_shown(plan.title), title_justify="left")
-    for k in columns:
-        table.add_column(head[k], justify="right" if "margin" in head[k] else "left")
-    for row in rows:
-        table.add_row(*(_shown(row[k]) for k in columns))
-    console.print(table)
+    console.print(_table(plan.title, head, rows, columns))
+    if plan.press_plan is not None and plan.trials is not None:
+        console.print(_table(OUTCOMES, ENDINGS, outcome_rows(plan, plan.trials), range(len(ENDINGS))))
     for line in filter(None, words):
         console.print(_shown(line))
     console.print(_shown(f"wrote {folder / 'plan.json'}" + (f", {folder / 'report.html'}" if report else "")))
 
 
+def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], columns: Sequence[int]) -> Table:
+    table = Table(title=_shown(title), title_justify="left")
+    for k in columns:
+        table.add_column(head[k], justify="right" if "margin" in head[k] else "left")
+    for row in rows:
+        table.add_row(*(_shown(row[k]) for k in columns))
+    return table
+
+
 def _press_words(plan: Plan, presses: PressPlan, findings: Sequence[str]) -> Iterator[str]:
     """What is said of a plan of presses below its table, line by line."""
+    from fmopt.report.naming import pose_words
     from fmopt.report.presses import conditions_words, evidence_words, timing_words
     from fmopt.report.sections import clearance_words
 
     yield f"clearance a side: measured {clearance_words(plan, 'measured')}"
+    yield f"starts at {pose_words(presses.attempts[0].start)}"
     if others := presses.attempts[1:]:
         yield f"{len(others)} further attempts where it fails: {', '.join(attempt.source for attempt in others)}"
     yield f"{plan.verdict}: {evidence_words(plan)}"

@@ -1,13 +1,14 @@
 """Evidence: a frozen plan of presses carried out for draws that nothing was chosen on, and for all vertices."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fmopt.execution.confidence import lower_bound
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.mujoco_engine import version
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors, vertex_errors
-from fmopt.plan.evidence import CONFIDENCE, MIN_VERTICES, VERTICES, Evidence, TrialOutcome
+from fmopt.plan.evidence import CONFIDENCE, MAX_WAYS, MIN_VERTICES, VERTICES, Evidence, TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan
 from fmopt.runtime.process import cores
 
@@ -39,7 +40,7 @@ def examine(
     numbers = range(asked.draws + VERTICES)
     drawn_part = drawn_errors(conditions, presses, asked.seed, numbers[: asked.draws])
     errors = drawn_part.followed_by(vertex_errors(conditions, presses))
-    outcomes = carry_out(bodies, plan, errors, asked.seed, numbers, threads=threads)
+    outcomes = _with_few_ways(carry_out(bodies, plan, errors, asked.seed, numbers, threads=threads))
     drawn, vertices = outcomes[: asked.draws], outcomes[asked.draws :]
     seated, at_vertices = count_seated(drawn), count_seated(vertices)
     bound = lower_bound(seated, asked.draws)
@@ -61,6 +62,17 @@ def examine(
         outcomes=tuple(drawn),
         vertex_outcomes=tuple(vertices),
     )
+
+
+def _with_few_ways(outcomes: Sequence[TrialOutcome]) -> list[TrialOutcome]:
+    """The outcomes with the ways of a few of them, of each kind of failure the first ones."""
+    seen, ranks = Counter[tuple[str, str]](), dict[int, int]()
+    for number, one in enumerate(outcomes):
+        if one.way:
+            ranks[number] = seen[one.press, one.kind]
+            seen[one.press, one.kind] += 1
+    few = sorted(ranks, key=ranks.__getitem__)[:MAX_WAYS]
+    return [replace(one, way=one.way if number in few else ()) for number, one in enumerate(outcomes)]
 
 
 def count_seated(outcomes: Sequence[TrialOutcome]) -> int:

@@ -151,6 +151,7 @@ class Controller:
         self._sensors = Sensors(np.tile(now, (late, 1, 1)), np.zeros((samples, n, 6)), np.repeat(noise, 3), now)
         self._every, self._keep = round(SAMPLE / robot.period), round(_TRAIL / robot.period)
         self._wrench, self._follows, self._trail = six(), np.full(n, -1), list[Array]()
+        self._begins = [list[tuple[int, int, bool]]() for _ in range(n)]  # pose of the trail, press, on the way back
         self._pose, self._speed = q.copy(), six()
         for k in range(n):
             self._load(k)
@@ -213,6 +214,7 @@ class Controller:
     def _load(self, k: int) -> None:
         """Works out what the servo needs of the press that body k begins; a body that runs none is held."""
         state, press, robot = self.state, self.presses[self.state.step[k]], self.plan.robot
+        self._begins[k].append((len(self._trail), int(state.step[k]), bool(state.mode[k] == BACKING)))
         runs = state.mode[k] == RUNNING
         gives, twist, wrench = np.array(press.gives) & runs, np.array(press.twist), np.array(press.wrench)
         sizes = np.repeat(np.linalg.norm(twist.reshape(2, 3), axis=1), 3)

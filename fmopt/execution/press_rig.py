@@ -6,18 +6,25 @@ the robot's delay; damping of translations is integrated implicitly by the engin
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from fmopt.execution.engines.engine import Engine
 from fmopt.execution.press_controller import Controller, Errors
 from fmopt.execution.press_servo import Ints
+from fmopt.execution.rotation import between
 from fmopt.execution.summary import SHARE
-from fmopt.plan.evidence import TrialOutcome
+from fmopt.plan.description import TracePose
+from fmopt.plan.evidence import Three, TrialOutcome
+from fmopt.plan.field_types import numbers
 from fmopt.plan.press import PressPlan
 from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array
+
+_MAX_POSES = 60  # of a way, beside those at which a press begins or ends
 
 
 class PressRig(Controller):
@@ -81,5 +88,29 @@ class PressRig(Controller):
             reasons=tuple(self.reasons[k]),
             offset=(x, y, z),
             turn=(rx, ry, rz),
+            rests=self._rests(k),
+            way=self._way(k) if self.reasons[k] else (),
         )
         return off, turned
+
+    def _rests(self, k: int) -> tuple[tuple[Three, ...], ...]:
+        """Where body k was at the end of each press, to 0.1 µm, by attempt."""
+        ends = [begin for begin, _, _ in self._begins[k][1:]] + [len(self._trail)]
+        # Later entries of a press are the hold after it, by which it is judged.
+        found = {step: end for end, (_, step, back) in zip(ends, self._begins[k], strict=True) if not back}
+        rests = {step: np.round(self._trail[max(end - 1, 0)][k, :3], 7) + 0.0 for step, end in found.items()}
+        attempts = [range(first, last) for first, last in pairwise([*self._first, len(self.presses)])]
+        at = [[rests[step].tolist() for step in attempts[number] if step in rests] for number in self.courses[k]]
+        return tuple(tuple((x, y, z) for x, y, z in points) for points in at if points)
+
+    def _way(self, k: int) -> tuple[TracePose, ...]:
+        """The way of body k so far, to 0.1 µm."""
+        begins, steps, backs = zip(*self._begins[k], strict=True)
+        count = len(self._trail)
+        shown = {*np.linspace(0, count - 1, _MAX_POSES).astype(int).tolist(), *(min(one, count - 1) for one in begins)}
+        every, found = self._keep * self.plan.robot.period, list[TracePose]()
+        for at in sorted(shown):
+            q, row = self._trail[at][k], bisect(begins, at) - 1
+            pose = np.round([*q[:3], *between(q[3:], np.array([1.0, 0.0, 0.0, 0.0]))], 7) + 0.0
+            found.append(TracePose(round(at * every, 6), steps[row], numbers(pose), backs[row]))
+        return tuple(found)

@@ -12,7 +12,7 @@ from fmopt.report.control_tables import hybrid_cells, jamming_cells
 from fmopt.report.moves import summary_rows
 from fmopt.report.moves import verdict as spoken
 from fmopt.report.naming import pose_words
-from fmopt.report.presses import HEAD, press_rows
+from fmopt.report.presses import ENDINGS, HEAD, OUTCOMES, outcome_rows, press_rows
 from fmopt.report.shell import table
 
 if TYPE_CHECKING:
@@ -47,7 +47,10 @@ def plan_sheet(plan: Plan) -> str:
     found = spoken(plan.stated)
     text = f"<p><strong>{escape(found.word)}</strong>: {escape(plan.stated.title)}<br>{escape(found.sentence)}</p>"
     if plan.presses is not None:
-        return _sheet(text + table("Presses", HEAD, press_rows(plan.presses.attempts[0])) + plan.scene()._repr_html_())
+        text += table("Presses", HEAD, press_rows(plan.presses.attempts[0]))
+        if plan.evidence is not None:
+            text += table(OUTCOMES, ENDINGS, outcome_rows(plan.stated, plan.evidence))
+        return _sheet(text + plan.scene()._repr_html_())
     head, *rows = summary_rows(plan.stated)
     margins = [move.margin for move in plan.moves]
     worst = margins.index(min(margins))

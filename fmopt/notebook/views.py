@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from fmopt.papers.lee_huang.mapping import Mapping as Diagrams
     from fmopt.task.problem import Problem
 
-_SCENE, _STILL = (8.2, 8.0), (8.2, 6.5)  # inches
+_SCENE, _PRESSES, _STILL = (8.2, 8.0), (8.2, 9.4), (8.2, 6.5)  # inches
 _PAIRS = ((0, 1), (0, 2), (3, 4))
 _MANY = 1500  # lines of a graph that can still be told apart
 
@@ -53,7 +53,8 @@ def _plan(plan: Plan) -> Iterable[Drawing]:
 
     stated = plan.stated
     title = f"{stated.moving.name} going into {stated.fixed.name}, to be turned and played"
-    yield Drawing("scene", title, title, _SCENE, fragment=partial(scene, stated))
+    size = _SCENE if stated.press_plan is None else _PRESSES
+    yield Drawing("scene", title, title, size, fragment=partial(scene, stated))
     for figure in catalogue(stated).values():
         yield Drawing(figure.name, figure.title, figure.alt, figure.size, figure.paint)
 

@@ -156,7 +156,10 @@ def parsed(document: Any, name: str = "") -> Plan:
             from fmopt.plan.press import press_plan_of
 
             presses = press_plan_of(document)
-            trials = evidence_of(document["evidence"]) if judged.evidence is not None else None
+            counts = [len(attempt.presses) for attempt in presses.attempts]
+            trials = evidence_of(document["evidence"], counts) if judged.evidence is not None else None
+            if any(one.press >= counts[0] for one in description.trace):
+                raise PlanError("description.trace", "names a press that the first attempt does not have")
         return Plan(**vars(judged), description=description, press_plan=presses, trials=trials)
     except PlanError as error:
         # The reader of plans stands alone, as the check does; this error has advice and an exit code.

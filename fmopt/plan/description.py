@@ -175,11 +175,12 @@ class Search:
 
 @dataclass(frozen=True, config=FORM)
 class TracePose:
-    """A pose (6,) on the way of a trial without errors, at a time (s), in a press of the first attempt, by number."""
+    """A pose (6,) of a trial at a time (s), in a press of the plan, by number, or on the way back from it."""
 
     time: NonNegative
     press: Index
     pose: Six
+    back: Flag = False
 
 
 @dataclass(frozen=True, config=FORM)

@@ -1,18 +1,23 @@
 """Evidence that a plan seats: outcomes of trials in the physics engine, with the lower bound of their rate."""
 
+import re
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.dataclasses import dataclass
 
+from fmopt.plan.description import TracePose
 from fmopt.plan.field_types import validated
 from fmopt.plan.press import Conditions
+from fmopt.verify.reading.reader import PlanError
 
 _FORM = ConfigDict(extra="forbid", allow_inf_nan=False)
 CONFIDENCE = 0.975  # of the bound: two plans at most are examined, so that the answer holds at 0.95
 MAX_EXAMINED = 2  # plans for one problem
 MIN_VERTICES = 58  # of the 64 that have to seat
 VERTICES = 64
+MAX_WAYS = 8  # of trials that do not seat, which are kept pose by pose
 
 Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
 Count: TypeAlias = Annotated[int, Field(ge=0, le=100_000)]
@@ -24,7 +29,8 @@ class TrialOutcome:
     """One trial: whether it seats, at which attempt (from 0), how long (s), greatest force (N) and penetration (m).
 
     `press` is the last one that it was at, `reasons` say what speaks against it; `offset` (m) and `turn` (rad) are from
-    the goal.
+    the goal. `rests` has, for each attempt, where the reference point was at the end of each press that it came to, m;
+    `way` the poses of a trial that does not seat, and nothing where it is not kept.
     """
 
     seated: bool
@@ -36,6 +42,14 @@ class TrialOutcome:
     reasons: tuple[str, ...]
     offset: Three
     turn: Three
+    rests: tuple[tuple[Three, ...], ...] = ()
+    way: tuple[TracePose, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """The first reason against it, without the numbers of the one trial; empty where it seats."""
+        words = self.reasons[-1] if self.reasons[:1] == ("stopped on the way",) else next(iter(self.reasons), "")
+        return re.sub(r"^[-.\d ]+(mm )?|( of)? [-.\d]+ (µm|N)$", "", words)
 
 
 @dataclass(frozen=True, config=_FORM)
@@ -73,6 +87,12 @@ class Evidence:
     vertex_outcomes: tuple[TrialOutcome, ...]
 
     @property
+    def trials(self) -> dict[str, TrialOutcome]:
+        """Outcomes by name, "draw 14" or "vertex 3": draws come first."""
+        kinds = ("draw", self.outcomes), ("vertex", self.vertex_outcomes)
+        return {f"{kind} {number}": one for kind, outcomes in kinds for number, one in enumerate(outcomes)}
+
+    @property
     def cycle_times(self) -> tuple[float, float] | None:
         """Median and 95 % of the cycle times of the draws that seat, s; None where none does."""
         seconds = sorted(one.seconds for one in self.outcomes if one.seated)
@@ -80,13 +100,18 @@ class Evidence:
         return (seconds[len(seconds) // 2], seconds[late]) if seconds else None
 
 
-def evidence_of(value: Any) -> Evidence:
-    """The evidence of a plan file.
+def evidence_of(value: Any, counts: Sequence[int]) -> Evidence:
+    """The evidence of a plan file, whose attempts have so many presses.
 
     Raises:
         PlanError: it is none; says where, and what is wrong.
     """
-    return validated(_ADAPTER, value, "evidence")
+    found = validated(_ADAPTER, value, "evidence")
+    for name, one in found.trials.items():
+        fits = all(0 < len(rests) <= count for rests, count in zip(one.rests, counts, strict=False))
+        if not fits or len(one.rests) > len(counts) or any(pose.press >= sum(counts) for pose in one.way):
+            raise PlanError(f"evidence, {name}", "rests or goes on in presses that the plan does not have")
+    return found
 
 
 def evidence_record(evidence: Evidence) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from html import escape
@@ -10,9 +11,12 @@ from fmopt.plan import Plan
 from fmopt.plan.evidence import Evidence, TrialOutcome
 from fmopt.plan.position_force import AXES
 from fmopt.plan.press import Attempt, Force, Level, Press, PressPlan, Standstill, Time, Travel
-from fmopt.report.naming import combination, degrees, millimetres, pose_words
-from fmopt.report.shell import table
+from fmopt.report.naming import degrees, millimetres, pose_words
+from fmopt.report.shell import Markup, table
 
+_MAX_LISTED = 40  # trials that do not seat
+OUTCOMES = "Outcomes by press and kind: draws, and vertices in brackets"
+ENDINGS = ("attempt", "press", "go on", "retry", "seat", "fail")
 HEAD = ("press", "S", "Pa: twist of held axes", "Fa: wrench on the others", "ends")
 
 
@@ -36,16 +40,25 @@ def _s_words(press: Press) -> str:
 def _twist_words(press: Press) -> str:
     if press.rocking is not None:
         return f"cone of {degrees(press.rocking.angle)}°, {press.rocking.rate:g} times a second"
-    rates = enumerate(zip(AXES, press.twist, strict=True))
-    moving = [f"{axis} {1e3 * v:+.3g} mm/s" if k < 3 else f"{axis} {degrees(v)}°/s" for k, (axis, v) in rates if v]
-    return ", ".join(moving) or "none"
+    way, turn = (1e3 * v for v in press.twist[:3]), map(math.degrees, press.twist[3:])
+    return _along([*way, *turn], " mm/s", "°/s")
 
 
 def _wrench_words(press: Press) -> str:
-    if not any(press.wrench):
-        return "none"
-    at = "" if not any(press.reference) else f" at {millimetres(press.reference[2])} mm over the leading face"
-    return combination(press.wrench, "N", "N m") + at
+    at = f" at {millimetres(press.reference[2])} mm over the leading face" if any(press.reference) else ""
+    return _along(press.wrench, " N", " N m") + (at if any(press.wrench) else "")
+
+
+def _along(vector: Sequence[float], along: str, about: str) -> str:
+    """A twist or wrench (6,) with its units, the greatest first: "towards −z 14 N, +x 1 N; about +z 0.3 N m"."""
+    words = []
+    for way, unit, half in (("towards", along, vector[:3]), ("about", about, vector[3:])):
+        parts = sorted(zip(map(abs, half), half, AXES[:3], strict=True), key=lambda part: -part[0])
+        named = [
+            f"{'−' if v < 0 else '+'}{axis} {size:.3g}{unit}" for size, v, axis in parts if size > 1e-4 * parts[0][0]
+        ]
+        words += [f"{way} {', '.join(named)}"] if named else []
+    return "; ".join(words) or "none"
 
 
 def _ends(press: Press) -> Iterator[str]:
@@ -117,20 +130,51 @@ def _interval(ends: tuple[float, float]) -> str:
     return f"{ends[0]:.3g}" if ends[0] == ends[1] else f"{ends[0]:.3g} to {ends[1]:.3g}"
 
 
+def first_presses(attempts: Sequence[Attempt]) -> list[int]:
+    """Number of the first press of each attempt, among all presses of a plan."""
+    return [sum(len(one.presses) for one in attempts[:k]) for k in range(len(attempts))]
+
+
+def outcome_rows(plan: Plan, evidence: Evidence) -> list[tuple[str, ...]]:
+    """How many draws, and in brackets vertices, go on from a press or end there, a row for each press."""
+    attempts = presses_of(plan).attempts
+    firsts, counts = first_presses(attempts), Counter[tuple[int, str, bool]]()
+    for at_vertex, outcomes in enumerate((evidence.outcomes, evidence.vertex_outcomes)):
+        for one in outcomes:
+            for attempt, (first, rests) in enumerate(zip(firsts, one.rests, strict=False)):
+                ends = "retries" if attempt < one.attempt else "seats" if one.seated else one.kind
+                for row in range(len(rests)):
+                    counts[first + row, ends if row + 1 == len(rests) else "goes on", bool(at_vertex)] += 1
+    usual = ("goes on", "retries", "seats")
+    kinds = sorted({ending for _, ending, _ in counts} - {*usual})
+    presses = [(str(k), press.name) for k, attempt in enumerate(attempts, start=1) for press in attempt.presses]
+    rows = []
+    for row, named in enumerate(presses):
+        pairs = ((ending, counts[row, ending, False], counts[row, ending, True]) for ending in (*usual, *kinds))
+        told = {ending: f"{draws} ({vertices})" for ending, draws, vertices in pairs if draws or vertices}
+        fails = "; ".join(f"{told[kind]} {kind}" for kind in kinds if kind in told)
+        rows += [(*named, *(told.get(ending, "") for ending in usual), fails)] if told else []
+    return rows
+
+
+def outcome_words(one: TrialOutcome) -> str:
+    """How a trial ended, in words."""
+    where = f"attempt {one.attempt + 1}, {one.press}"
+    return f"seats at attempt {one.attempt + 1}" if one.seated else f"{', '.join(one.reasons)}; {where}"
+
+
 def failure_rows(evidence: Evidence) -> list[tuple[str, ...]]:
-    """Failures by the press that they are last at and their first reason: how many draws, how many vertices."""
-
-    def counted(outcomes: Sequence[TrialOutcome]) -> Counter[tuple[str, str]]:
-        # Reasons begin with numbers of one trial: what tells failures apart is the words behind them.
-        return Counter((one.press, _kind(one.reasons)) for one in outcomes if not one.seated)
-
-    draws, vertices = counted(evidence.outcomes), counted(evidence.vertex_outcomes)
-    return [(*key, str(draws[key]), str(vertices[key])) for key in sorted({*draws, *vertices})]
-
-
-def _kind(reasons: Sequence[str]) -> str:
-    words = reasons[-1] if reasons and reasons[0] == "stopped on the way" else next(iter(reasons), "")
-    return words.lstrip("-.0123456789 ").removeprefix("mm ")
+    """Trials that do not seat: name, a button where the scene can show it, attempt, last press, reasons, s and N."""
+    failed = [(name, one) for name, one in evidence.trials.items() if not one.seated]
+    listed = sorted(failed, key=lambda pair: not pair[1].way)[:_MAX_LISTED]  # those that can be shown before others
+    return [
+        (
+            Markup(f'<button type="button" data-trial="{name}">▶ {name}</button>') if one.way else name,
+            *(str(one.attempt + 1), one.press, ", ".join(one.reasons), f"{one.seconds:.1f}", f"{one.peak_force:.1f}"),
+        )
+        for name, one in failed
+        if (name, one) in listed
+    ]
 
 
 def timing_words(evidence: Evidence) -> str:
@@ -158,6 +202,10 @@ def press_chapters(plan: Plan) -> list[tuple[str, str, str]]:
     found = f"<p>{escape(evidence_words(plan))}</p>\n"
     if evidence is not None:
         found += f"<p>Drawn from: {escape(conditions_words(evidence))}. {escape(timing_words(evidence))}</p>\n"
-        head = ("last press", "what speaks against it", "draws", "vertices")
-        found += table("Trials that do not seat", head, failure_rows(evidence), "..nn")
+        found += table(OUTCOMES, ENDINGS, outcome_rows(plan, evidence), "n.nnn.")
+        failed = len(evidence.trials) - evidence.seated - evidence.vertices_seated
+        head = ("trial", "attempt", "last press", "what speaks against it", "s", "greatest N")
+        rows = failure_rows(evidence)
+        title = f"Trials that do not seat, {len(rows)} of {failed}; a button shows one in the picture of the motion"
+        found += table(title, head, rows, ".n..nn")
     return [("evidence", "Evidence", found), ("presses", "The presses", text)]

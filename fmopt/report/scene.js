@@ -11,7 +11,7 @@ function showScene(root) {
     const place = root.querySelector('[data-say="' + name + '"]');
     if (place.textContent !== text) place.textContent = text;
   };
-  const state = { way: 0, playing: false, azimuth: 0, elevation: 0, zoom: 0, drag: null, last: 0 };
+  const state = { way: 0, playing: false, azimuth: 0, elevation: 0, zoom: 0, drag: null, last: 0, dots: [] };
   const STEP = 0.1, SECONDS_A_MOVE = 2.5, FACTOR = 60;
 
   // ---- small vectors and rotations -------------------------------------------------------------------------------
@@ -30,12 +30,22 @@ function showScene(root) {
   }
 
   // ---- the way: every move takes the same time, its pieces share it by progress ----------------------------------
-  const count = data.path[data.path.length - 1].move + 1;
+  let run, count, whole; // what is shown: the plan, or a trial that does not seat
+
+  function show(name) {
+    run = (data.ways || []).find(way => way.name === name) || data;
+    count = run.path[run.path.length - 1].move + 1;
+    whole = bounds();
+    state.way = 0;
+    if (control("run")) control("run").value = run.name || "";
+  }
+
+  const stepOf = leg => run.steps ? run.steps[leg.move] : leg.move;
 
   function legAt(way) {
     const move = Math.min(count - 1, Math.floor(way * count));
     const share = way * count - move;
-    const legs = data.path.filter(leg => leg.move === move);
+    const legs = run.path.filter(leg => leg.move === move);
     const leg = legs.find(item => share <= item.span[1]) || legs[legs.length - 1];
     const span = leg.span[1] - leg.span[0];
     return { leg, share: span > 0 ? Math.min(1, Math.max(0, (share - leg.span[0]) / span)) : 1 };
@@ -65,12 +75,12 @@ function showScene(root) {
 
   // ---- the camera: parallel projection ---------------------------------------------------------------------------
   const corners = data.fixed.lines.flat();
-  const whole = (function () {
-    const poses = data.path.map(leg => ({ p: leg.p[0], R: leg.R })).concat([poseAt(1)]);
+  function bounds() {
+    const poses = run.path.map(leg => ({ p: leg.p[0], R: leg.R })).concat([poseAt(1)]);
     const all = corners.concat(...poses.map(pose => placed(pose, data.moving.lines.flat())));
     const low = [0, 1, 2].map(k => Math.min(...all.map(p => p[k]))), high = [0, 1, 2].map(k => Math.max(...all.map(p => p[k])));
     return { centre: [0, 1, 2].map(k => (low[k] + high[k]) / 2), size: Math.hypot(...add(high, low, -1)) };
-  })();
+  }
 
   function view() {
     const ca = Math.cos(state.azimuth), sa = Math.sin(state.azimuth), ce = Math.cos(state.elevation), se = Math.sin(state.elevation);
@@ -78,10 +88,16 @@ function showScene(root) {
   }
 
   function camera(leg) {
-    const M = view(), scale = 1.02 * canvas.height / whole.size * Math.pow(FACTOR, state.zoom);
-    let centre = whole.centre;
+    const M = view();
+    let centre = whole.centre, size = whole.size;
+    if (control("look").value === "rests" && rests(leg).length) {
+      const points = rests(leg).map(rest => rest.slice(1)), ranked = (values, share) => values.sort((a, b) => a - b)[Math.floor(share * (values.length - 1))];
+      centre = [0, 1, 2].map(k => ranked(points.map(p => p[k]), 0.5));
+      size = 4 * Math.max(1e-3, ranked(points.map(p => Math.hypot(...add(p, centre, -1))), 0.8)); // stragglers are outside
+    }
+    const scale = 1.02 * canvas.height / size * Math.pow(FACTOR, state.zoom);
     if (control("look").value === "contact" && leg.made.length) {
-      const last = data.path.filter(item => item.move === leg.move).pop();
+      const last = run.path.filter(item => item.move === leg.move).pop();
       centre = contactPoint(leg.made[0], poseAt((last.move + 1 - 1e-9) / count)) || centre;
     }
     const o = times(M, centre);
@@ -220,6 +236,92 @@ function showScene(root) {
     return () => { pen.textAlign = align; pen.fillStyle = "#7a3700"; pen.fillText(words, x, y); };
   }
 
+  // ---- presses: where one begins, the way of the reference point, twist and wrench, where trials came to rest ------
+  const INKS = { wrench: "#a31515", twist: "#00695c", seated: "#1d5c2f", later: "#8a5a00", failed: "#c00000" };
+
+  function arrow(points, ink, words, scale) {
+    const [b, c] = points.slice(-2), long = Math.hypot(c[0] - b[0], c[1] - b[1]) || 1, head = 9 * scale;
+    const u = [(c[0] - b[0]) / long, (c[1] - b[1]) / long];
+    const wing = side => [c[0] - head * (u[0] + 0.4 * side * u[1]), c[1] - head * (u[1] - 0.4 * side * u[0])];
+    pen.setLineDash([]);
+    [["#ffffff", 5], [ink, 2.2]].forEach(([colour, width]) => {
+      pen.lineWidth = width * scale; pen.strokeStyle = colour;
+      [points, [wing(-1), c, wing(1)]].forEach(line => {
+        pen.beginPath();
+        line.forEach(([x, y], k) => k ? pen.lineTo(x, y) : pen.moveTo(x, y));
+        pen.stroke();
+      });
+    });
+    if (!words) return;
+    pen.font = 13 * scale + "px sans-serif"; pen.textBaseline = "middle"; pen.textAlign = "center"; pen.lineJoin = "round";
+    const half = 0.5 * pen.measureText(words).width + 4 * scale, within = (x, low, high) => Math.min(high, Math.max(low, x));
+    const x = within(c[0] + u[0] * (half + 6 * scale), half, canvas.width - half);
+    const y = within(c[1] + 14 * scale * u[1], 10 * scale, canvas.height - 10 * scale);
+    pen.lineWidth = 4 * scale; pen.strokeStyle = "#ffffff"; pen.strokeText(words, x, y);
+    pen.fillStyle = ink; pen.fillText(words, x, y);
+  }
+
+  function swept(u, at, end) { // about u through a point: the way of the part's end, or a ring around the axis
+    const arm = add(end, at, -1), along = dot(arm, u);
+    let out = add(arm, u, -along);
+    const ring = Math.hypot(...out) < 0.3 * Math.hypot(...arm);
+    if (ring) out = crossed(u, Math.abs(u[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0]).map(value => 0.1 * whole.size * value);
+    const turn = k => times(turned(u.map(value => value * k * (ring ? 5 : 0.4) / 24)), out);
+    return Array.from({ length: 25 }, (_, k) => add(add(at, u, along), turn(k), 1));
+  }
+
+  function press(move, pose, eye, scale) {
+    const legs = run.path.filter(leg => leg.move === pose.leg.move), way = legs.map(leg => leg.p[0]).concat([legs[legs.length - 1].p[1]]);
+    const ghost = { colour: "#808080", width: 0.8, scale, hidden: null }, begun = { p: legs[0].p[0], R: legs[0].R };
+    data.moving.lines.forEach(ends => { const [a, b] = placed(begun, ends).map(eye.see); stroke(a, b, ghost); });
+    if (control("names").value !== "ids" || control("look").value === "rests") return;
+    const seen = way.map(eye.see), gone = Math.hypot(...add(seen[seen.length - 1], seen[0], -1));
+    if (gone > 12 * scale) arrow(seen, INKS.twist, "", scale);
+    const points = data.moving.lines.flat(), middle = k => (Math.max(...points.map(p => p[k])) + Math.min(...points.map(p => p[k]))) / 2;
+    const [at, end] = placed(pose, [move.at, [middle(0), middle(1), Math.max(...points.map(p => p[2]))]]);
+    move.arrows.forEach(item => {
+      const share = Math.hypot(...item.v), u = item.v.map(value => value / share), from = item.ink === "twist" ? end : at;
+      const line = item.turn ? swept(u, at, end) : [from, add(from, u, whole.size * (0.08 + 0.14 * share))];
+      arrow(line.map(eye.see), INKS[item.ink], item.words, scale);
+    });
+  }
+
+  function rests(leg) {
+    const which = data.cloud && control("cloud").value;
+    return !which || which === "none" ? [] : data.cloud[which === "end" ? data.cloud.length - 1 : stepOf(leg)];
+  }
+
+  function cloud(leg, eye, scale) {
+    state.dots = rests(leg).map(([trial, ...p]) => ({ trial: data.trials[trial], at: eye.see(p) }));
+    pen.setLineDash([]);
+    state.dots.forEach(({ trial, at: [x, y] }) => {
+      const r = 3 * scale;
+      pen.lineWidth = 1.6 * scale; pen.strokeStyle = pen.fillStyle = INKS[trial.end];
+      pen.beginPath();
+      if (trial.end === "failed") [[-1, -1, 1, 1], [-1, 1, 1, -1]].forEach(([a, b, c, d]) => { pen.moveTo(x + a * r, y + b * r); pen.lineTo(x + c * r, y + d * r); });
+      else pen.arc(x, y, trial.end === "later" ? r : 0.8 * r, 0, 2 * Math.PI);
+      if (trial.end === "seated") pen.fill(); else pen.stroke();
+      if (trial.name === run.name) { pen.beginPath(); pen.arc(x, y, 3 * r, 0, 2 * Math.PI); pen.stroke(); }
+    });
+  }
+
+  function pick(x, y, reach) { // the trial at a place of the picture, those that can be shown before others
+    const far = dot => Math.hypot(dot.at[0] - x, dot.at[1] - y), known = dot => (data.ways.some(way => way.name === dot.trial.name) ? 0 : reach);
+    const [near] = state.dots.filter(dot => far(dot) < reach).sort((a, b) => far(a) + known(a) - far(b) - known(b));
+    if (!near) return;
+    if (known(near) === 0) replay(near.trial.name); else say("held", near.trial.name + ": " + near.trial.words + ".");
+  }
+
+  function replay(name) { show(name); play(true); }
+
+  function ruler(scale, eye) {
+    const most = 0.2 * canvas.width / eye.scale, ten = Math.pow(10, Math.floor(Math.log10(most))), mm = ten * [5, 2, 1].find(k => k * ten <= most);
+    const x = canvas.width - 14 * scale, y = canvas.height - 14 * scale;
+    pen.setLineDash([]); pen.lineWidth = 1.4 * scale; pen.beginPath();
+    pen.moveTo(x, y); pen.lineTo(x - mm * eye.scale, y); pen.stroke();
+    pen.textAlign = "right"; pen.fillText(mm < 0.1 ? Number((1000 * mm).toPrecision(1)) + " µm" : Number(mm.toPrecision(1)) + " mm", x, y - 10 * scale);
+  }
+
   function axes(scale) {
     const M = view(), o = [44 * scale, canvas.height - 40 * scale];
     pen.font = 12 * scale + "px sans-serif";
@@ -242,7 +344,7 @@ function showScene(root) {
     clear();
     if (mode !== "lines") fixed.polygons.forEach(loop => fill(loop.map(eye.see), [214, 214, 210], 0));
     if (mode === "open") fixed.caps.forEach(loop => fill(loop.map(eye.see), [236, 222, 200], 8 * ratio));
-    if (control("moving").value === "solid") data.moving.polygons.forEach(loop => fill(placed(pose, loop).map(eye.see), [128, 166, 214], 0));
+    if (control("moving").value === "solid" && control("look").value !== "rests") data.moving.polygons.forEach(loop => fill(placed(pose, loop).map(eye.see), [128, 166, 214], 0));
     pen.putImageData(picture, 0, 0);
     const plain = { colour: "#222222", width: 1.1, scale: ratio, hidden: mode === "lines" ? "#999999" : null };
     fixed.lines.forEach(([a, b]) => stroke(eye.see(a), eye.see(b), plain));
@@ -252,13 +354,16 @@ function showScene(root) {
     if (control("names").value === "ids") callouts(made.concat(held), ratio);
     made.forEach(([, at]) => mark(at, false, ratio));
     held.forEach(([, at]) => mark(at, true, ratio));
+    if (data.moves.length && data.moves[0].arrows) press(data.moves[stepOf(pose.leg)], pose, eye, ratio);
+    cloud(pose.leg, eye, ratio);
     axes(ratio);
+    ruler(ratio, eye);
     tell(pose.leg, Math.acos(Math.min(1, Math.max(-1, pose.R[2][2]))) * 180 / Math.PI);
   }
 
   function tell(leg, tilt) {
-    const move = data.moves[leg.move];
-    say("move", move ? "Move " + (leg.move + 1) + " of " + count + ": " + move.words + "." : "Nominal trajectory, leg " + (leg.move + 1) + " of " + count + ".");
+    const move = data.moves[stepOf(leg)], name = run.name ? run.name[0].toUpperCase() + run.name.slice(1) + " (" + run.words + "), move " : "Move ";
+    say("move", move ? name + (leg.move + 1) + " of " + count + ": " + move.words + "." : "Nominal trajectory, leg " + (leg.move + 1) + " of " + count + ".");
     say("held", move ? "Held: " + move.held + (move.margin ? "; " + move.margin : "") + ". Tilted by " + tilt.toFixed(1) + "°." : "");
     control("way").value = Math.round(1000 * state.way);
     control("way").setAttribute("aria-valuetext", "move " + (leg.move + 1) + " of " + count);
@@ -310,22 +415,35 @@ function showScene(root) {
   canvas.addEventListener("keydown", event => {
     if (KEYS[event.key] && !event.ctrlKey && !event.metaKey && !event.altKey) { event.preventDefault(); KEYS[event.key](); }
   });
-  canvas.addEventListener("pointerdown", event => { state.drag = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
+  canvas.addEventListener("pointerdown", event => { state.drag = state.down = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
   canvas.addEventListener("pointermove", event => {
     if (!state.drag) return;
     turn(-0.008 * (event.clientX - state.drag[0]), 0.008 * (event.clientY - state.drag[1]));
     state.drag = [event.clientX, event.clientY];
   });
-  ["pointerup", "pointercancel"].forEach(name => canvas.addEventListener(name, () => { state.drag = null; }));
+  ["pointerup", "pointercancel"].forEach(name => canvas.addEventListener(name, event => {
+    const ratio = canvas.width / canvas.clientWidth, still = state.down && Math.hypot(event.clientX - state.down[0], event.clientY - state.down[1]) < 4;
+    state.drag = state.down = null;
+    if (still && name === "pointerup") pick(event.offsetX * ratio, event.offsetY * ratio, 12 * ratio);
+  }));
   canvas.addEventListener("wheel", event => { if (event.ctrlKey || document.activeElement === canvas) { event.preventDefault(); zoom(-0.0004 * event.deltaY); } }, { passive: false });
   control("play").addEventListener("click", () => play(!state.playing));
   control("back").addEventListener("click", () => jump(-1));
   control("on").addEventListener("click", () => jump(1));
   control("way").addEventListener("input", event => go(event.target.value / 1000));
   control("zoom").addEventListener("input", event => { state.zoom = event.target.value / 100; draw(); });
-  ["fixed", "moving", "names"].forEach(name => control(name).addEventListener("change", draw));
+  ["fixed", "moving", "names", "cloud"].filter(control).forEach(name => control(name).addEventListener("change", draw));
+  if (control("run")) control("run").addEventListener("change", () => { show(control("run").value); go(0); });
+  if (data.ways) document.addEventListener("click", event => { // buttons come later in the page than this script
+    const button = event.target.closest("[data-trial]");
+    if (!button) return;
+    replay(button.dataset.trial);
+    canvas.focus({ preventScroll: true });
+    root.scrollIntoView({ block: "start" });
+  });
   control("look").addEventListener("change", () => { if (control("look").value === "contact" && state.zoom < 0.3) state.zoom = 0.3; zoom(0); });
   control("reset").addEventListener("click", reset);
   window.addEventListener("resize", draw);
+  show("");
   reset();
 }

@@ -8,10 +8,10 @@ import html
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from importlib.resources import files
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,18 @@ from fmopt.geometry.convex_pieces import clip, faceted
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
 from fmopt.plan import Contact, Numbers, Part, Plan, Segment
+from fmopt.plan.description import TracePose
+from fmopt.plan.evidence import Evidence
+from fmopt.plan.press import Press
 from fmopt.report.bodies import body_of, contact_place, creases, loops_of, pieces_of
 from fmopt.report.moves import margin_claim, move_words, moves, turn_between
-from fmopt.report.presses import press_rows, presses_of
+from fmopt.report.presses import first_presses, outcome_words, press_rows, presses_of
 from fmopt.report.sections import start_of
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 _ROUND = 4  # decimals of a coordinate in mm: 0.1 µm
+_MAX_DRAWS = 1000  # beside the vertices
 _SAME = 1e-9  # m, and what the cosine between equal normals may be short of 1 by
 _LEANS = math.sin(math.radians(1.0))  # a lean from which on the first view is across it
 # How near to a wall's plane sight may change its side, and how far off that plane it is led: 20° together.
@@ -57,9 +61,34 @@ class Leg:
     share: tuple[float, float] = (0.0, 1.0)
 
 
+# Controls of the scene: what stands before them, their name, and their choices in words.
+Choices = Sequence[tuple[str, str, Mapping[str, str]]]
+_GUARDED: Choices = (
+    ("look at", "look", {"whole": "everything", "contact": "the contact being made"}),
+    ("contacts", "names", {"ids": "with their ids", "dots": "dots only"}),
+)
+_ARROWS = ("arrows", "names", {"ids": "with numbers", "none": "not shown"})
+_OF_CONTACTS = "Dots: contacts held; rings: contacts being made, each with its id"
+_OF_PRESSES = (
+    "Grey: the part where the press begins; green: its way and the twist; red: force and moment. A dot is where a "
+    "trial came to rest that seats, a ring one that seats at a later attempt, a cross one that does not: click it for "
+    "its name, or to see it"
+)
+
+
 def scene(plan: Plan) -> str:
     """The viewer as a fragment of HTML."""
-    return _viewer(scene_data(plan), _label(plan.moving, plan.fixed), "")
+    data, label = scene_data(plan), _label(plan.moving, plan.fixed)
+    if plan.press_plan is None:
+        return _viewer(data, label, "")
+    ways = {way["name"]: f"{way['name']}, which does not seat" for way in data.get("ways", ())}
+    trials = (
+        ("shown", "run", {"": "a trial without errors", **ways}),
+        ("look at", "look", {"whole": "everything", "rests": "where trials come to rest"}),
+        ("trials", "cloud", {"step": "after each press", "end": "at their end", "none": "not shown"}),
+    )
+    choices = trials if "ways" in data else [("look at", "look", {"whole": "everything"})]
+    return _viewer(data, label, "", (*choices, _ARROWS), _OF_PRESSES)
 
 
 def seating(moving: Part, fixed: Part, nodes: Sequence[Numbers]) -> str:
@@ -75,17 +104,25 @@ def part_scene(part: Part) -> str:
     return _viewer(data, f"Picture in three dimensions of {part.name}", " scene-still")
 
 
-def _viewer(data: Mapping[str, Any], label: str, kind: str) -> str:
+def _viewer(
+    data: Mapping[str, Any], label: str, kind: str, choices: Choices = _GUARDED, legend: str = _OF_CONTACTS
+) -> str:
     text = embedded(data)
     # One id for each viewer on a page, and the same one every time, as the page is the same bytes.
     name = f"scene-{sha256(text.encode()).hexdigest()[:12]}"
     frame = resource("scene.html").replace("{{name}}", name).replace("{{kind}}", kind)
+    frame = frame.replace("{{legend}}", legend).replace("{{choices}}", "\n".join(_choice(*one) for one in choices))
     frame = frame.replace("{{label}}", html.escape(label))  # last: names of parts may look like a placeholder
     program = f"(function(){{{resource('scene.js')}\nshowScene(document.getElementById('{name}'));}})();"
     return (
         f'{frame}<script type="application/json" id="{name}-data">{text}</script>\n'
         f"<style>{resource('scene.css')}</style>\n<script>{program}</script>\n"
     )
+
+
+def _choice(words: str, name: str, options: Mapping[str, str]) -> str:
+    listed = "".join(f'<option value="{one}">{said}</option>' for one, said in options.items())
+    return f'<label class="scene-moves">{words} <select data-do="{name}">{listed}</select></label>'
 
 
 def _label(moving: Part, fixed: Part) -> str:
@@ -113,18 +150,87 @@ def scene_data(plan: Plan) -> dict[str, Any]:
 
 
 def _press_data(plan: Plan) -> dict[str, Any]:
-    """What the viewer shows of presses: the way of a trial without errors, press by press."""
-    legs = [Leg(one.press, one.pose, other.pose) for one, other in pairwise(plan.description.trace)]
-    first = presses_of(plan).attempts[0]
+    """What the viewer shows of presses: a trial without errors, the ways of some that fail, where all came to rest."""
+    attempts, evidence = presses_of(plan).attempts, plan.trials
+    most = max(float(np.linalg.norm(press.wrench[:3])) for attempt in attempts for press in attempt.presses)
     captions = [
         {
             "words": f"{press.name}: wrench {row[3]}, twist {row[2]}",
             "held": f"all but what follows: {row[1]}",
             "margin": row[4],
+            "at": _rounded(press.reference),
+            "arrows": _arrows(press, most),
         }
-        for press, row in zip(first.presses, press_rows(first), strict=True)
+        for attempt in attempts
+        for press, row in zip(attempt.presses, press_rows(attempt), strict=True)
     ]
-    return {**_data(plan.moving, plan.fixed, legs or [Leg(0, start_of(plan), start_of(plan))]), "moves": captions}
+    backs = len(captions)
+    captions.append({"words": "out along its way, to the next start", "held": "all", "at": [0.0] * 3, "arrows": []})
+    trace = list(plan.description.trace)
+    for number in sorted({*range(len(attempts[0].presses))} - {one.press for one in trace}):
+        # It ends as soon as it begins, or is not come to: the part stays.
+        begun = (one for one in trace if one.press < number)
+        stays = max(begun, key=lambda one: (one.press, one.time), default=TracePose(0.0, 0, start_of(plan)))
+        trace += [replace(stays, press=number)] * 2
+    legs, steps = _steps(sorted(trace, key=lambda one: one.press), backs)
+    data = {**_data(plan.moving, plan.fixed, legs), "moves": captions, "steps": steps}
+    return data if evidence is None else {**data, **_trial_data(evidence, first_presses(attempts), backs)}
+
+
+def _trial_data(evidence: Evidence, firsts: Sequence[int], backs: int) -> dict[str, Any]:
+    """Ends of trials in words, where they were after each press and, last, at their end, and ways that are kept."""
+    trials, ways = list[dict[str, str]](), list[dict[str, Any]]()
+    cloud = [list[list[float]]() for _ in range(backs + 1)]
+    for count, (name, one) in enumerate(evidence.trials.items()):
+        if _MAX_DRAWS <= count < evidence.draws and not one.way:
+            continue
+        for first, rests in zip(firsts, one.rests, strict=False):
+            for number, rest in enumerate(rests, start=first):
+                cloud[number].append([len(trials), *_rounded(rest)])
+        cloud[backs] += [[len(trials), *_rounded(rests[-1])] for rests in one.rests[-1:]]
+        end = "failed" if not one.seated else "later" if one.attempt else "seated"
+        trials.append({"name": name, "end": end, "words": outcome_words(one)})
+        if len(one.way) > 1:
+            legs, steps = _steps(one.way, backs)
+            ways.append({"name": name, "words": outcome_words(one), "path": [*map(_leg, legs)], "steps": steps})
+    return {"trials": trials, "cloud": cloud, "ways": ways}
+
+
+def _steps(poses: Sequence[TracePose], backs: int) -> tuple[list[Leg], list[int]]:
+    """Legs between poses, and the caption of each move: the press, or `backs`. The legs of a move share it by time."""
+    legs, captions = list[Leg](), list[int]()
+    for caption, group in groupby(pairwise(poses), key=lambda pair: backs if pair[0].back else pair[0].press):
+        pairs = list(group)
+        begin, whole = pairs[0][0].time, pairs[-1][1].time - pairs[0][0].time or 1.0
+        for one, other in pairs:
+            share = round((one.time - begin) / whole, 4), round((other.time - begin) / whole, 4)
+            legs.append(Leg(len(captions), one.pose, other.pose, share=share))
+        captions.append(caption)
+    return legs, captions
+
+
+def _arrows(press: Press, most: float) -> list[dict[str, Any]]:
+    """Arrows of a press: directions, of forces as long as their share of the greatest one, N."""
+    force, moment, way, turn = np.reshape([*press.wrench, *press.twist], (4, 3))
+    rate = "°/s"
+    if press.rocking is not None:
+        turn, rate = np.array([0.0, 0.0, press.rocking.angle]), "° cone"
+    listed = (
+        ("wrench", False, force, most, 1.0, " N"),
+        ("wrench", True, moment, 0.0, 1.0, " N m"),
+        ("twist", False, way, 0.0, 1e3, " mm/s"),
+        ("twist", True, turn, 0.0, math.degrees(1.0), rate),
+    )
+    return [
+        {
+            "ink": ink,
+            "turn": turns,
+            "v": np.round(v / (whole or size), 4).tolist(),
+            "words": f"{scale * size:.3g}{unit}",
+        }
+        for ink, turns, v, whole, scale, unit in listed
+        if (size := float(np.linalg.norm(v))) > 0.0
+    ]
 
 
 def _data(moving: Part, fixed: Part, legs: Sequence[Leg]) -> dict[str, Any]:

@@ -15,6 +15,10 @@ _UNIT = re.compile(r"(\d) (mm|µm|%|N|s)\b")
 _ID = re.compile(r"\b[vefb]\d+-[vef]\d+\b")
 
 
+class Markup(str):
+    """A text that is HTML already."""
+
+
 def svg_source(svg: str) -> str:
     """An SVG as the source of an image, which needs no file beside the page."""
     return f"data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}"
@@ -103,5 +107,7 @@ def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], numb
 
 def _cell(text: str) -> str:
     """An escaped text that breaks neither contact ids nor between a number and its unit, but names at underscores."""
+    if isinstance(text, Markup):
+        return text
     # Escaped before spans and breaks are put in, which are to stay markup.
     return _ID.sub(r'<span class="id">\g<0></span>', _UNIT.sub("\\1\u00a0\\2", escape(text))).replace("_", "_<wbr>")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import groupby, product
 
 import numpy as np
 import pytest
@@ -123,6 +123,17 @@ def test_a_press_that_meets_nothing_ends_by_its_reach_and_the_next_attempt_seats
     assert one.attempt == 1
     mode, step, q = way["mode"][:, 0], way["step"][:, 0], way["q"][:, 0]
     first = np.flatnonzero(mode == BACKING)
+    # Places and ways are to 20 ms: the first press moves at 12.5 mm/s when it is over, the last one stands.
+    ((gone_to,), (there_at,)) = one.rests
+    assert np.abs(np.array(gone_to) - q[first[0], :3]).max() < 0.0125 * 0.022
+    assert np.abs(np.array(there_at) - (0.003 + one.offset[0], one.offset[1], 0.004 + one.offset[2])).max() < 1e-6
+    assert (alone.rests, one.way) == (((alone.way[-1].pose[:3],),), ())
+    assert (alone.way[0].time, alone.way[0].pose) == (0.0, (0.0, 0.0, 0.005, 0.0, 0.0, 0.0))
+    (lost,), _ = run([WALL], [away, away], goal=(0.003, 0.004))
+    assert [(press, back) for (press, back), _ in groupby(lost.way, lambda one: (one.press, one.back))] == [
+        (0, False), (0, True), (1, False),
+    ]  # fmt: skip
+    assert 50 < len(lost.way) <= 65
     # As late as the measurement is: the place a delay ago is just beyond the reach.
     gone = np.abs(q[:, 0] - start[0][0])
     assert gone[first[0] - LATE - 1] <= 0.002 < gone[first[0] - LATE]

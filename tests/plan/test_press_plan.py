@@ -56,6 +56,10 @@ REFUSED: list[tuple[Callable[[Document], Any], str, str]] = [
     (lambda d: d["evidence"].update(bound=1.5), r"evidence\.bound", ""),
     (lambda d: d["evidence"]["conditions"].update(drift="much"), r"evidence\.conditions\.drift", "number"),
     (lambda d: d["evidence"]["outcomes"][0].update(seated=1), r"evidence\.outcomes\[0\]\.seated", ""),
+    (lambda d: d["evidence"]["outcomes"][3]["rests"][0].append([0.0] * 3), "evidence, draw 3", "not have"),
+    (lambda d: d["evidence"]["outcomes"][3]["rests"].extend([[[0.0] * 3]] * 2), "evidence, draw 3", "not have"),
+    (lambda d: d["evidence"]["vertex_outcomes"][63]["way"][-1].update(press=14), "evidence, vertex 63", "not have"),
+    (lambda d: d["description"].update(trace=[{"time": 0.0, "press": 7, "pose": [0.0] * 6}]), "description.trace", ""),
 ]  # fmt: skip
 
 

@@ -17,6 +17,7 @@ import pytest
 
 import fmopt
 from tests.shared.pages.engine import Node, Page, Thrown, Tree, walk, words
+from tests.shared.plans.press_plan import press_plan_document
 from tests.shared.plans.report_plans import cube_plan, with_graph
 
 
@@ -27,17 +28,19 @@ def report(tmp_path_factory: pytest.TempPathFactory, square_peg_plan_file: Path)
 
 
 @pytest.fixture(scope="module")
-def pages(report: str) -> dict[str, str]:
+def pages(report: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     plan = fmopt.Plan(with_graph())
     frames = [("one", fmopt.show(plan, "margin")), ("two", fmopt.show(plan, "margin"))]
     made = {
         "slider": fmopt.slider("place", frames),
         "part": fmopt.show(fmopt.load(fmopt.example("square_peg")).fixed, "scene"),
     }
-    return {"report": report, **{name: drawing.html() for name, drawing in made.items()}}
+    file = fmopt.Plan(press_plan_document()).report(tmp_path_factory.mktemp("presses") / "report.html")
+    presses = file.read_text(encoding="utf-8")
+    return {"report": report, "presses": presses, **{name: drawing.html() for name, drawing in made.items()}}
 
 
-NAMES = ("report", "slider", "part")
+NAMES = ("report", "slider", "part", "presses")
 
 
 def attribute(tree: Node, name: str) -> list[str]:
@@ -61,7 +64,7 @@ def test_a_page_is_well_formed_and_fetches_nothing(pages: dict[str, str], name: 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_picture_in_a_page_can_be_drawn(pages: dict[str, str], name: str) -> None:
     pictures = [node[1]["src"] for node in walk(Tree(pages[name]).root) if node[0] == "img"]
-    assert name == "part" or pictures
+    assert name in ("part", "presses") or pictures
     for source in pictures:
         head, data = source.split(",", 1)
         assert head == "data:image/svg+xml;base64"
@@ -196,6 +199,61 @@ def test_the_scene_turns_by_keyboard_and_by_pointer(report: str) -> None:
         assert turned != seen[-1]
         page.run(drag.format("pointermove", 90))
         assert page.drawn() == turned
+
+
+CHOOSE = "(c => { c.value = '%s'; c.dispatchEvent(happened('change')); })(document.querySelector('[data-do=%s]')); 0"
+STROKES = "document.querySelector('canvas').pen.strokes.join('\\n')"
+SAID = "document.querySelector('[data-say=move]').textContent"
+
+
+def test_each_press_has_its_arrows_and_the_places_where_trials_came_to_rest(pages: dict[str, str]) -> None:
+    with Page(pages["presses"]) as page:
+        for number in range(1, 8):
+            assert page.run(SAID).startswith(f"Move {number} of 7: ")
+            assert re.search(r"^text [\d.]+ N ", page.run(STROKES), re.MULTILINE)
+            # 73 trials seat; the one that does not is a cross where it came to the press.
+            assert page.run(STROKES).count("\narc ") == 73
+            page.run("document.querySelector('[data-do=on]').click()")
+        for control, value, dots, numbers in (("cloud", "none", 0, True), ("names", "none", 0, False)):
+            page.run(CHOOSE % (value, control))
+            assert page.run(STROKES).count("\narc ") == dots
+            assert (re.search(r"^text [\d.]+ N ", page.run(STROKES), re.MULTILINE) is not None) is numbers
+        page.run(CHOOSE % ("end", "cloud"))
+        whole = page.run(STROKES)
+        page.run(CHOOSE % ("rests", "look"))
+        (ruler,) = re.findall(r"^text ([\d.]+ \S+) ", page.run(STROKES), re.MULTILINE)[-1:]
+        assert " µm" in ruler or float(ruler.split()[0]) < 0.1
+        assert whole != page.run(STROKES)
+
+
+@pytest.mark.parametrize("by", ["button", "choice", "cross"])
+def test_a_trial_that_does_not_seat_is_shown_on_its_way(pages: dict[str, str], by: str) -> None:
+    with Page(pages["presses"]) as page:
+        page.run(CHOOSE % ("end", "cloud"))
+        if by == "button":
+            page.run("document.querySelector('[data-trial]').click()")
+            assert page.run("page.seen === document.querySelector('.scene') && page.active.tagName") == "CANVAS"
+        elif by == "choice":
+            page.run(CHOOSE % ("vertex 63", "run"))
+        else:
+            x, y = re.findall(r"^arc (\S+) (\S+)", page.run(STROKES), re.MULTILINE)[-1]
+            where = "{{clientX: 5, clientY: 5, pointerId: 1, offsetX: {}, offsetY: {}}}"
+            event = f"document.querySelector('canvas').dispatchEvent(happened('{{}}', {where})); 0"
+            for away in (900.0, 0.0):
+                for kind in ("pointerdown", "pointerup"):
+                    page.run(event.format(kind, float(x) + away, y))
+                assert page.run("document.querySelector('[data-do=run]').value") == ("" if away else "vertex 63")
+        moves = []
+        for _ in range(4):
+            moves.append(page.run(SAID))
+            page.run("document.querySelector('[data-do=on]').click()")
+        head = "Vertex 63 (stopped on the way, tilted; attempt 2, go in), move "
+        assert [words.removeprefix(head).split(": ")[:2] for words in moves] == [
+            ["1 of 5", "come down"], ["2 of 5", "turn upright"], ["3 of 5", "out along its way, to the next start."],
+            ["4 of 5", "come down"],
+        ]  # fmt: skip
+        page.run(CHOOSE % ("", "run"))
+        assert page.run(SAID).startswith("Move 1 of 7: come down: wrench towards −z ")
 
 
 def test_a_drawing_of_a_part_and_a_slider_work_alone(pages: dict[str, str]) -> None:

@@ -69,7 +69,10 @@ _EVIDENCE = fields(
     objects="outcomes vertex_outcomes",
 )
 _OUTCOME = fields(
-    "evidence.*[]", proved="seated attempt", commentary="press seconds peak_force penetration reasons offset turn"
+    "evidence.*[]",
+    proved="seated attempt",
+    commentary="press seconds peak_force penetration reasons offset turn rests way",
+    optional=("rests", "way"),
 )
 _CONTACT = fields("contacts[]", proved="id kind", objects="moving fixed")
 _SIDE = fields("contacts[].*", proved="vertices")

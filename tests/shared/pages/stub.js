@@ -1,6 +1,6 @@
 "use strict";
 // As much of a browser's page as the scripts of reports and drawings use. What they use beyond it is an error.
-const page = { ids: {}, listeners: [], frames: [], now: 0, active: null, errors: [] };
+const page = { ids: {}, listeners: [], clicks: [], frames: [], now: 0, active: null, errors: [] };
 
 class Element {
   constructor(tag, attributes, parent) {
@@ -25,7 +25,13 @@ class Element {
   }
   append(...more) { more.forEach(child => { child.parentElement = this; this.children.push(child); }); }
   replaceChildren(...more) { this.text = ""; this.children = []; this.append(...more); }
-  click() { this.dispatchEvent(happened("click")); }
+  click() {
+    const event = happened("click");
+    this.dispatchEvent(event);
+    page.clicks.forEach(done => done(event));
+  }
+  closest(query) { return this.matches(query) ? this : this.parentElement && this.parentElement.closest(query); }
+  scrollIntoView() { page.seen = this; }
   focus() { page.active = this; }
   setPointerCapture() {}
   all() { return this.children.flatMap(child => [child, ...child.all()]); }
@@ -86,7 +92,8 @@ function built(node, parent) {
 }
 
 const document = { getElementById: id => page.ids[id] || null, querySelector: query => page.root.querySelector(query),
-  querySelectorAll: query => page.root.querySelectorAll(query), createElement: tag => new Element(tag, {}, null), get activeElement() { return page.active; } };
+  querySelectorAll: query => page.root.querySelectorAll(query), createElement: tag => new Element(tag, {}, null),
+  addEventListener(kind, done) { if (kind !== "click") throw new Error("no such event"); page.clicks.push(done); }, get activeElement() { return page.active; } };
 const location = { hash: "" };
 const window = { devicePixelRatio: 1, performance: { now: () => page.now }, addEventListener(kind, done) { page.listeners.push([kind, done]); },
   requestAnimationFrame(done) { page.frames.push(done); } };

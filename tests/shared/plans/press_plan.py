@@ -13,6 +13,7 @@ from typing import Any
 
 from fmopt.execution.confidence import lower_bound
 from fmopt.plan import digest, sealed
+from fmopt.plan.description import TracePose
 from fmopt.plan.evidence import CONFIDENCE, Evidence, TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan
 from fmopt.planning.posed import Posed
@@ -57,10 +58,13 @@ def press_plan() -> PressPlan:
 
 
 def outcomes(seats: Sequence[bool]) -> tuple[TrialOutcome, ...]:
-    """Outcomes of trials that seat or do not."""
-    zero = (0.0, 0.0, 0.0)
-    failed = ("stopped on the way", "tilted")
-    return tuple(TrialOutcome(seat, 0, "go in", 8.0, 14.0, 0.0, () if seat else failed, zero, zero) for seat in seats)
+    """Outcomes of trials that seat at once, or go back from the third of seven presses and fail at the very last."""
+    zero, failed = (0.0, 0.0, 0.0), ("stopped on the way", "tilted")
+    places = ((0, False, 5e-3), (2, False, 1e-3), (2, True, 1e-3), (7, False, 5e-3), (13, False, 0.0), (13, False, 0.0))
+    way = tuple(TracePose(float(k), n, (0.0, 0.0, z, 0.1, 0.0, 0.0), back) for k, (n, back, z) in enumerate(places))
+    good = TrialOutcome(True, 0, "go in", 8.0, 14.0, 0.0, (), zero, zero, ((zero,) * 7,))
+    bad = TrialOutcome(False, 1, "go in", 8.0, 14.0, 0.0, failed, zero, zero, ((zero,) * 3, (zero,) * 7), way)
+    return tuple(good if seat else bad for seat in seats)
 
 
 @cache
