@@ -95,7 +95,7 @@ function showScene(root) {
       centre = [0, 1, 2].map(k => ranked(points.map(p => p[k]), 0.5));
       size = 4 * Math.max(1e-3, ranked(points.map(p => Math.hypot(...add(p, centre, -1))), 0.8)); // stragglers are outside
     }
-    const scale = 1.02 * canvas.height / size * Math.pow(FACTOR, state.zoom);
+    const scale = (data.steps ? 0.88 : 1.02) * canvas.height / size * Math.pow(FACTOR, state.zoom);
     if (control("look").value === "contact" && leg.made.length) {
       const last = run.path.filter(item => item.move === leg.move).pop();
       centre = contactPoint(leg.made[0], poseAt((last.move + 1 - 1e-9) / count)) || centre;

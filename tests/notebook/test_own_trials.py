@@ -44,7 +44,7 @@ def test_trials_that_seat_too_rarely_contradict_the_engine(tmp_path: Path) -> No
 
 def test_a_plan_that_was_changed_gets_no_trials(tmp_path: Path) -> None:
     whole = press_plan_document()
-    plan.write({**whole, "segments": whole["segments"][:-1]}, tmp_path / "plan.json")
+    plan.write({**whole, "goal": [1e-6, *whole["goal"][1:]]}, tmp_path / "plan.json")
     (tmp_path / "trials.csv").write_text("outcome\nseated\n", "utf-8")
     with pytest.raises(PlanFormatError, match="changed after it was sealed"):
         with_trials(tmp_path / "plan.json", tmp_path / "trials.csv")

@@ -9,6 +9,7 @@ import pytest
 from fmopt.plan import parsed
 from fmopt.report.scene import embedded, resource, scene, scene_data, seating
 from fmopt.spatial.se3 import Pose, exp
+from tests.shared.plans.press_plan import press_plan_document
 from tests.shared.plans.report_plans import box, cube, cube_plan
 
 MM = 1e-3
@@ -88,7 +89,7 @@ def test_parts_are_shown_on_a_nominal_way() -> None:
 
 
 def test_every_control_has_a_handler() -> None:
-    program, frame = resource("scene.js"), resource("scene.html")
-    for name in ("play", "back", "on", "way", "zoom", "fixed", "moving", "look", "names", "reset"):
+    program, frame = resource("scene.js"), scene(parsed(press_plan_document()))
+    for name in ("play", "back", "on", "way", "zoom", "fixed", "moving", "look", "names", "reset", "run", "cloud"):
         assert f'data-do="{name}"' in frame
         assert f'"{name}"' in program
