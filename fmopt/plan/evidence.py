@@ -87,7 +87,7 @@ class Evidence:
     vertex_outcomes: tuple[TrialOutcome, ...]
 
     @property
-    def trials(self) -> dict[str, TrialOutcome]:
+    def by_name(self) -> dict[str, TrialOutcome]:
         """Outcomes by name, "draw 14" or "vertex 3": draws come first."""
         kinds = ("draw", self.outcomes), ("vertex", self.vertex_outcomes)
         return {f"{kind} {number}": one for kind, outcomes in kinds for number, one in enumerate(outcomes)}
@@ -107,7 +107,7 @@ def evidence_of(value: Any, counts: Sequence[int]) -> Evidence:
         PlanError: it is none; says where, and what is wrong.
     """
     found = validated(_ADAPTER, value, "evidence")
-    for name, one in found.trials.items():
+    for name, one in found.by_name.items():
         fits = all(0 < len(rests) <= count for rests, count in zip(one.rests, counts, strict=False))
         if not fits or len(one.rests) > len(counts) or any(pose.press >= sum(counts) for pose in one.way):
             raise PlanError(f"evidence, {name}", "rests or goes on in presses that the plan does not have")

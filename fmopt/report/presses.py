@@ -165,15 +165,14 @@ def outcome_words(one: TrialOutcome) -> str:
 
 def failure_rows(evidence: Evidence) -> list[tuple[str, ...]]:
     """Trials that do not seat: name, a button where the scene can show it, attempt, last press, reasons, s and N."""
-    failed = [(name, one) for name, one in evidence.trials.items() if not one.seated]
-    listed = sorted(failed, key=lambda pair: not pair[1].way)[:_MAX_LISTED]  # those that can be shown before others
+    failed = [(name, one) for name, one in evidence.by_name.items() if not one.seated]
+    failed.sort(key=lambda pair: not pair[1].way)  # those that can be shown before others
     return [
         (
             Markup(f'<button type="button" data-trial="{name}">▶ {name}</button>') if one.way else name,
             *(str(one.attempt + 1), one.press, ", ".join(one.reasons), f"{one.seconds:.1f}", f"{one.peak_force:.1f}"),
         )
-        for name, one in failed
-        if (name, one) in listed
+        for name, one in failed[:_MAX_LISTED]
     ]
 
 
@@ -203,7 +202,7 @@ def press_chapters(plan: Plan) -> list[tuple[str, str, str]]:
     if evidence is not None:
         found += f"<p>Drawn from: {escape(conditions_words(evidence))}. {escape(timing_words(evidence))}</p>\n"
         found += table(OUTCOMES, ENDINGS, outcome_rows(plan, evidence), "n.nnn.")
-        failed = len(evidence.trials) - evidence.seated - evidence.vertices_seated
+        failed = len(evidence.by_name) - evidence.seated - evidence.vertices_seated
         head = ("trial", "attempt", "last press", "what speaks against it", "s", "greatest N")
         rows = failure_rows(evidence)
         title = f"Trials that do not seat, {len(rows)} of {failed}; a button shows one in the picture of the motion"

@@ -181,7 +181,7 @@ def _trial_data(evidence: Evidence, firsts: Sequence[int], backs: int) -> dict[s
     """Ends of trials in words, where they were after each press and, last, at their end, and ways that are kept."""
     trials, ways = list[dict[str, str]](), list[dict[str, Any]]()
     cloud = [list[list[float]]() for _ in range(backs + 1)]
-    for count, (name, one) in enumerate(evidence.trials.items()):
+    for count, (name, one) in enumerate(evidence.by_name.items()):
         if _MAX_DRAWS <= count < evidence.draws and not one.way:
             continue
         for first, rests in zip(firsts, one.rests, strict=False):
