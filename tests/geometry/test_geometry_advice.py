@@ -18,7 +18,6 @@ UNFOLLOWED = {  # advice that no test can follow, and why
     "check both outlines": "outlines are refused before walls are made between them, unless they are all but one line",
     "name files of one part each, to have another fit found": "an undercut stays one: test_fit",
     "mend the files; or {}": "sections that shapely cannot unite",
-    "give the curves there more distance": "rounding that loses a curve where several all but touch",
 }
 
 

@@ -7,7 +7,6 @@ import pytest
 import shapely
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.plane.arrangement import linked
 from fmopt.geometry.plane.boolean import difference, intersection, positive, union
 from fmopt.geometry.plane.conic import ConicArc
 from fmopt.geometry.plane.convolution import components
@@ -199,9 +198,3 @@ def test_open_loops_are_refused() -> None:
         Region(((Segment((0.0, 0.0), (1.0, 0.0)), Segment((1.0, 0.0), (1.0, 1.0))),))
     with pytest.raises(GeometryError, match="has no bounding box"):
         _ = Region(()).box
-
-
-def test_linked_groups_are_in_the_order_of_their_first_members() -> None:
-    label, first = linked(np.array([4, 5, 3]), np.array([1, 0, 4]), 6)
-    assert label.tolist() == [0, 1, 2, 1, 1, 0]
-    assert first.tolist() == [0, 1, 2]

@@ -1,191 +1,244 @@
-"""Regularised union, intersection and difference of regions, from the arrangement of their boundaries."""
+"""Regularised union, intersection and difference of regions of exact curves.
+
+Curves are cut where they meet, in closed form. shapely then combines their chords, and the answer is the pieces whose
+middles lie on the boundary that shapely finds: straight ones as its corners give them, curved ones as they are. Holes
+and islands thinner than the chords tell are left out, and a piece whose chords another one's cross stays chords there.
+"""
+
+from __future__ import annotations
 
 import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.errors import GeometryError
-from fmopt.geometry.plane.arrangement import Arrangement, Integers, arrange, linked, tolerance_of, touching_boxes
+from fmopt.geometry.plane.chords import CHORD, ROUNDING, chords, enclosed, filled, grid_of
 from fmopt.geometry.plane.curve import Arc, Curve, Segment, boxes_of
+from fmopt.geometry.plane.meet import meet
 from fmopt.geometry.plane.region import Region
 from fmopt.spatial.values import Array
 
-_FEW = 8  # as many are united at once: fewer pieces to sort than halves of halves would make
-
-Inside: TypeAlias = Callable[[Integers], NDArray[np.bool_]]
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 
 def union(regions: Sequence[Region]) -> Region:
-    """The regularised union of any number of regions, by divide and conquer over groups that touch."""
+    """The regularised union of any number of regions."""
+    from shapely import union_all
+
     full = [region for region in regions if not region.empty]
     if len(full) < 2:
         return full[0] if full else Region(())
-    boxes = np.array([np.concatenate(region.box) for region in full])
-    merged = [_divided([full[k] for k in group], boxes[group]) for group in _groups(boxes)]
-    return Region(tuple(loop for region in merged for loop in region.loops))
+    return _combined(full, lambda shapes, grid: union_all(shapes, grid_size=grid))
 
 
 def intersection(first: Region, second: Region) -> Region:
     """The regularised intersection of two regions."""
     if first.empty or second.empty:
         return Region(())
-    # Winding numbers, not parity: regions that overlap themselves stay what they are.
-    return _combined([first, second], lambda winding: np.asarray(np.all(winding >= 1, axis=1)))
+    return _combined([first, second], lambda shapes, grid: shapes[0].intersection(shapes[1], grid_size=grid))
 
 
 def difference(first: Region, second: Region) -> Region:
     """The regularised difference: the closure of what lies inside `first` and outside `second`."""
     if first.empty or second.empty:
         return first
-    # Less than 1 outside the second, so that loops run clockwise, holes of it, give back what they leave.
-    return _combined([first, second], lambda winding: (winding[:, 0] >= 1) & (winding[:, 1] < 1))
+    return _combined([first, second], lambda shapes, grid: shapes[0].difference(shapes[1], grid_size=grid))
 
 
 def positive(curves: Sequence[Curve]) -> Region:
-    """The regularised set of the points that closed loops wind round at least once.
-
-    Args:
-        curves: the loops' curves, in any order.
-    """
-    boxes = boxes_of(curves)
-    met = arrange(curves, [0] * len(curves), tolerance_of(boxes.reshape(-1, 2)))
-    return Region(_loops(met, lambda winding: winding[:, 0] >= 1))
+    """The regularised set of the points round which curves, in any order, wind at least once."""
+    if not curves:
+        return Region(())
+    scale = _scale(curves)
+    (pieces,) = _cut([curves], scale)
+    return _region(enclosed([piece.chords for piece in pieces]), pieces, scale)
 
 
-def _groups(boxes: Array) -> list[Integers]:
-    """Rows whose boxes touch, directly or through others, in groups."""
-    # A hundred times the tolerance: a box too many costs time, one too few would leave an overlap.
-    i, j = touching_boxes(boxes, boxes, 1e-9 * float(np.max(np.abs(boxes))))
-    label, _ = linked(i, j, len(boxes))
-    order = np.argsort(label, kind="stable")
-    return [np.asarray(rows, dtype=np.intp) for rows in np.split(order, np.cumsum(np.bincount(label))[:-1])]
+class _Piece(NamedTuple):
+    """A part of a curve between two meetings, and points (k, 2) on it."""
+
+    curve: Curve
+    chords: Array
 
 
-def _divided(regions: list[Region], boxes: Array) -> Region:
-    if len(regions) == 1:
-        return regions[0]
-    if len(regions) <= _FEW:
-        return _united(regions)
-    # Halves by place, along the longer way: what is apart is united apart, and few pieces meet in the end.
-    middle = boxes[:, :2] + boxes[:, 2:]
-    order = np.argsort(middle[:, int(np.argmax(np.ptp(middle, axis=0)))], kind="stable")
-    halves = order[: len(order) // 2], order[len(order) // 2 :]
-    return _united([_divided([regions[k] for k in half], boxes[half]) for half in halves])
+def _combined(regions: Sequence[Region], operator: Callable[[list[BaseGeometry], float], BaseGeometry]) -> Region:
+    """What shapely makes of the regions, with a grid to round to, m."""
+    scale = _scale([curve for region in regions for curve in region.curves])
+    chains = _cut([loop for region in regions for loop in region.loops], scale)
+    rings = iter([np.vstack([*(piece.chords[:-1] for piece in chain), chain[0].chords[:1]]) for chain in chains])
+    shapes = [filled([next(rings) for _ in region.loops]) for region in regions]
+    return _region(operator(shapes, grid_of(scale)), [piece for chain in chains for piece in chain], scale)
 
 
-def _united(regions: list[Region]) -> Region:
-    """The union of a few regions; loops that no other region's box touches take no part in the arrangement."""
-    loops = [(k, loop) for k, region in enumerate(regions) for loop in region.loops]
-    boxes = np.array([_loop_box(loop) for _, loop in loops])
-    owner = np.array([k for k, _ in loops])
-    region_boxes = np.array([np.concatenate(region.box) for region in regions])
-    i, j = touching_boxes(boxes, region_boxes, 1e-9 * float(np.max(np.abs(boxes))))
-    apart = np.ones(len(loops), dtype=bool)
-    # Only boxes of other regions matter: loops of one region do not cross each other.
-    apart[i[owner[i] != j]] = False
-    kept = tuple(loop for (_, loop), alone in zip(loops, apart, strict=True) if alone)
-    busy = tuple(loop for (_, loop), alone in zip(loops, apart, strict=True) if not alone)
-    if not busy:
-        return Region(kept)
-    return Region(kept + positive([curve for loop in busy for curve in loop]).loops)
+def _scale(curves: Sequence[Curve]) -> float:
+    return float(np.max(np.abs(boxes_of(curves))))
 
 
-def _loop_box(loop: Sequence[Curve]) -> Array:
-    boxes = boxes_of(loop)
-    return np.concatenate([boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)])
+def _cut(chains: Sequence[Sequence[Curve]], scale: float) -> list[list[_Piece]]:
+    """Each chain in pieces, cut where curves meet of which one is curved; straight ones shapely cuts."""
+    owned = [(k, part) for k, chain in enumerate(chains) for curve in chain for part in _quarters(curve)]
+    stops = _stops([curve for _, curve in owned], ROUNDING * scale)
+    parts = [
+        (k, curve.part(a, b) if (a, b) != (0.0, 1.0) else curve)
+        for (k, curve), at in zip(owned, stops, strict=True)
+        for a, b in pairwise(at)
+    ]
+    found: list[list[_Piece]] = [[] for _ in chains]
+    for (k, part), line in zip(parts, _lines([part for _, part in parts], scale), strict=True):
+        found[k].append(_Piece(part, line))
+    return found
 
 
-def _combined(regions: Sequence[Region], inside: Inside) -> Region:
-    curves = [curve for region in regions for curve in region.curves]
-    operands = [k for k, region in enumerate(regions) for _ in region.curves]
-    corners = np.array([corner for region in regions for corner in region.box])
-    return Region(_loops(arrange(curves, operands, tolerance_of(corners)), inside))
+def _region(shape: BaseGeometry, pieces: Sequence[_Piece], scale: float) -> Region:
+    """The region whose chords bound a shape."""
+    curved = [piece for piece in pieces if not isinstance(piece.curve, Segment)]
+    rings = _with_corners(_rings(shape, CHORD * scale), pieces, ROUNDING * scale)
+    return Region(tuple(_plain(_traced(ring, curved, ROUNDING * scale)) for ring in rings))
 
 
-def _loops(met: Arrangement, inside: Inside) -> tuple[tuple[Curve, ...], ...]:
-    """Boundary loops of the points whose winding numbers pass `inside`."""
-    left, right = inside(met.left), inside(met.right)
-    # Boundary is where just one side is inside; the inside is to be on the left, so that others are run backward.
-    ahead, back = np.flatnonzero(left & ~right), np.flatnonzero(right & ~left)
-    curves = [met.curves[k] for k in ahead] + [met.curves[k].reversed() for k in back]
-    ends = np.vstack([met.ends[ahead], met.ends[back][:, ::-1]])
-    leaving: dict[int, list[int]] = defaultdict(list)
-    for k, vertex in enumerate(ends[:, 0].tolist()):
-        leaving[vertex].append(k)
-    # At each vertex as many curves arrive as leave, as winding numbers change by what passes: else one was lost to
-    # rounding.
-    arriving = np.bincount(ends[:, 1], minlength=len(met.vertices))
-    for vertex in np.flatnonzero(arriving != np.bincount(ends[:, 0], minlength=len(met.vertices))).tolist():
-        x, y = met.vertices[vertex]
-        raise GeometryError(
-            f"the boundary of a region does not close at ({x:g}, {y:g}) m", "give the curves there more distance"
-        )
-    following = _following(curves, ends, met.vertices, leaving)
-    loops, seen = [], np.zeros(len(curves), dtype=bool)
-    for k in range(len(curves)):
-        loop = []
-        while not seen[k]:
-            seen[k] = True
-            loop.append(curves[k])
-            k = following[k]
-        if loop:
-            loops.append(_plain(loop))
-    return tuple(loops)
+def _quarters(curve: Curve) -> list[Curve]:
+    """The curve, an arc in pieces of at most 90°."""
+    count = math.ceil(abs(curve.sweep) / (0.5 * math.pi) - 1e-9) if isinstance(curve, Arc) else 1
+    return [curve] if count < 2 else [curve.part(k / count, (k + 1) / count) for k in range(count)]
 
 
-def _following(curves: list[Curve], ends: Integers, vertices: Array, leaving: dict[int, list[int]]) -> list[int]:
-    """The curve after each one: where several leave a vertex the sharpest turn to the left, so that loops part there.
+def _stops(curves: Sequence[Curve], tolerance: float) -> list[list[float]]:
+    """Parameters from 0 to 1 at which each curve is cut."""
+    import shapely
 
-    Directions are taken on a small circle round the vertex, where curves with a common tangent have come apart.
-    """
-    after = []
-    radii: dict[int, float] = {}
-    for vertex, out in leaving.items():
-        if len(out) > 1:
-            chords = np.linalg.norm(vertices[ends[:, 1]] - vertices[ends[:, 0]], axis=1)
-            here = (ends[:, 0] == vertex) | (ends[:, 1] == vertex)
-            # Half the shortest chord: within that circle no curve has yet come to its other end, so that the order
-            # around the vertex is that of the curves, also where tangents agree.
-            radii[vertex] = 0.5 * float(chords[here].min())
+    straight = np.array([isinstance(curve, Segment) for curve in curves])
+    boxes = shapely.box(*(boxes_of(curves) + 2.0 * tolerance * np.array([-1.0, -1.0, 1.0, 1.0])).T)
+    bent = np.flatnonzero(~straight)
+    cuts: dict[int, list[float]] = defaultdict(list)
+    for i, j in zip(*shapely.STRtree(boxes).query(boxes[bent]).tolist(), strict=True):
+        one, other = int(bent[i]), int(j)
+        # Of two curved ones each pair comes twice.
+        if straight[other] or one < other:
+            for s, t in meet(curves[one], curves[other], tolerance):
+                cuts[one].append(s)
+                cuts[other].append(t)
+    found = []
     for k, curve in enumerate(curves):
-        vertex = int(ends[k, 1])
-        out = leaving[vertex]
-        if len(out) == 1:
-            after.append(out[0])
+        slack = 2.0 * tolerance / max(curve.length, tolerance) if cuts[k] else 0.0
+        stops = [0.0]
+        for t in sorted(cuts[k]):
+            if t - stops[-1] > slack and t < 1.0 - slack:
+                stops.append(t)
+        found.append([*stops, 1.0])
+    return found
+
+
+def _lines(pieces: Sequence[Curve], scale: float) -> list[Array]:
+    """Chords (k, 2) of pieces, with one end for all that end together and one line for all that coincide."""
+    points = np.array([end for piece in pieces for end in (piece.first, piece.last)])
+    label = linked(points, 2.0 * ROUNDING * scale)
+    first = np.unique(label, return_index=True)[1]
+    known: dict[tuple[int, int], list[Array]] = defaultdict(list)
+    found = []
+    for piece, (a, b) in zip(pieces, label.reshape(-1, 2).tolist(), strict=True):
+        ends = points[first[[a, b]]]
+        if isinstance(piece, Segment):
+            found.append(ends)
             continue
-        origin = vertices[vertex]
-        back = bearing(curve.reversed(), origin, radii[vertex])
-        # From the way back counter-clockwise to the next: the smallest is the sharpest turn to the left.
-        turns = [math.fmod(back - bearing(curves[m], origin, radii[vertex]) + 2 * math.tau, math.tau) for m in out]
-        after.append(out[int(np.argmin(turns))])
-    return after
+        middle = piece.point(0.5)
+        same = known[min(a, b), max(a, b)]
+        line = next((one for one in same if math.dist(one[len(one) // 2], middle) <= 4.0 * ROUNDING * scale), None)
+        if line is None:
+            line = chords(piece, CHORD * scale)
+            line[[0, -1]] = ends
+            # All in one direction, so that the middle one of an even number of chords is at the same place.
+            line = line if a <= b else line[::-1]
+            same.append(line)
+        found.append(line if a <= b else line[::-1])
+    return found
 
 
-def bearing(curve: Curve, origin: Array, radius: float) -> float:
-    """Polar angle (rad) of the point where a simple curve from `origin` (2,) leaves the circle of `radius` round it.
+def linked(points: Array, distance: float) -> NDArray[np.intp]:
+    """A number for each point (n, 2), the same for those that a chain of steps within a distance (m) connects."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
 
-    Args:
-        origin: (2,), m.
-        radius: m.
-    """
-    low, high = 0.0, 1.0
-    if isinstance(curve, Segment):
-        low = high = 1.0
-    # 60 halvings come down to the last bit of a parameter between 0 and 1.
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if low == high:
-            break
-        if float(np.hypot(*(curve.point(middle) - origin))) < radius:
-            low = middle
-        else:
-            high = middle
-    x, y = curve.point(high) - origin
-    return math.atan2(y, x)
+    i, j = np.reshape(cKDTree(points).query_pairs(distance, output_type="ndarray"), (-1, 2)).T
+    near = coo_array((np.ones(len(i), dtype=bool), (i, j)), shape=(len(points), len(points)))
+    return np.asarray(connected_components(near, directed=False)[1], dtype=np.intp)
+
+
+def _rings(shape: BaseGeometry, thin: float) -> list[Array]:
+    """Corners (k, 2) of the rings of a shape, the inside on the left; none of those narrower than `thin`, m."""
+    from shapely import get_coordinates, get_parts
+    from shapely.geometry.polygon import orient
+
+    found = []
+    for part in get_parts(shape):
+        # A line is left where operands touch; it bounds nothing.
+        if part.geom_type != "Polygon" or part.is_empty:
+            continue
+        whole = orient(part)
+        for ring in (whole.exterior, *whole.interiors):
+            points = get_coordinates(ring)[:-1]
+            x, y = (points - points[0]).T
+            area = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
+            if area > 0.5 * thin * ring.length:
+                found.append(points)
+            elif ring is whole.exterior:
+                break
+    return found
+
+
+def _with_corners(rings: Sequence[Array], pieces: Sequence[_Piece], tolerance: float) -> list[Array]:
+    """Rings (k, 2) that were rounded to a grid, with chords' ends and crossings of straight pieces as corners again."""
+    import shapely
+    from scipy.spatial import cKDTree
+
+    if not rings:
+        return []
+    corners, known = np.vstack(rings), np.vstack([piece.chords for piece in pieces])
+    straight = [piece.chords for piece in pieces if isinstance(piece.curve, Segment)]
+    far, at = cKDTree(known).query(corners, distance_upper_bound=tolerance)
+    if straight and np.isinf(far).any():
+        known = np.vstack([known, shapely.get_coordinates(shapely.union_all(shapely.linestrings(straight)))])
+        far, at = cKDTree(known).query(corners, distance_upper_bound=tolerance)
+    corners = np.where(np.isinf(far)[:, None], corners, known[np.minimum(at, len(known) - 1)])
+    return np.split(corners, np.cumsum([len(ring) for ring in rings])[:-1])
+
+
+def _traced(ring: Array, curved: Sequence[_Piece], tolerance: float) -> list[Curve]:
+    """The exact curves along a ring (k, 2): those whose ends and middles are corners of it, segments in between."""
+    from scipy.spatial import cKDTree
+
+    marks = np.array([line[[0, len(line) // 2, -1]] for _, line in curved]).reshape(-1, 2)
+    at = cKDTree(ring).query(marks, distance_upper_bound=tolerance)[1].reshape(-1, 3) if len(marks) else marks
+    n = len(ring)
+    spans: dict[int, tuple[int, Curve]] = {}
+    for (curve, _), row in zip(curved, at, strict=True):
+        first, middle, last = row.tolist()
+        # A piece that is not on the ring, or no longer than a point.
+        if n in (first, middle, last) or first == last:
+            continue
+        ahead = (middle - first) % n < (last - first) % n
+        start, end = (first, last) if ahead else (last, first)
+        spans.setdefault(start, (end, curve if ahead else curve.reversed()))
+    loop: list[Curve] = []
+    origin = min(spans, default=0)
+    k = 0
+    while k < n:
+        here = (origin + k) % n
+        if here in spans:
+            end, curve = spans[here]
+            loop.append(curve)
+            k += (end - here) % n or n
+            continue
+        a, b = ring[here], ring[(here + 1) % n]
+        if math.dist(a, b) > tolerance:
+            loop.append(Segment(a, b))
+        k += 1
+    return loop
 
 
 def _plain(loop: list[Curve]) -> tuple[Curve, ...]:

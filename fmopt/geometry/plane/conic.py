@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from fmopt.spatial.values import Array, Value, frozen
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)  # exact for polynomials up to degree 63
-_MAX_HALVINGS = 40  # of the arc: 2⁻⁴⁰ of its parameters, where nothing is left to be halved
+_MOST_CHORDS = 2**16  # of a polyline
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,19 +183,27 @@ class ConicArc(Value, first=(2,), shoulder=(2,), last=(2,)):
             tolerance: largest distance allowed, in m.
             side: "on" puts every corner on the arc; "left" and "right" keep the whole polyline on that side of it.
         """
-        pieces = self._flat(tolerance, _MAX_HALVINGS)
+        size = float(np.hypot(*(self.last - self.first)))
+        height = abs(self.turn) / size if size > 0.0 else float(np.hypot(*(self.shoulder - self.first)))
+        # A guess for a weight near 1, doubled as long as it does not do.
+        count = min(1 + math.ceil(math.sqrt(height / tolerance)), _MOST_CHORDS)
+        while True:
+            t = np.linspace(0.0, 1.0, count + 1)
+            points, tangents = self.point(t), self.tangent(t)
+            chord, (a, b) = np.diff(points, axis=0), (tangents[:-1], tangents[1:])
+            sine = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+            reach = (chord[:, 0] * b[:, 1] - chord[:, 1] * b[:, 0]) / np.where(sine != 0.0, sine, np.inf)
+            length = np.hypot(*chord.T)
+            # The height of the triangle of a chord and the tangents at its ends bounds how far chord and arc are apart.
+            area = np.abs((a[:, 0] * chord[:, 1] - a[:, 1] * chord[:, 0]) * reach)
+            if count >= _MOST_CHORDS or np.all(area <= tolerance * length):
+                break
+            count *= 2
         if side != "on" and (side == "right") == (self.turn > 0.0):
-            # On the side where the arc bulges, tangents: shoulders of all pieces, so that the curve is left behind.
-            return np.vstack([*[np.stack([piece.first, piece.shoulder]) for piece in pieces], self.last])
-        return np.vstack([*[piece.first for piece in pieces], self.last])
-
-    def _flat(self, tolerance: float, halvings: int) -> list[ConicArc]:
-        length = float(np.hypot(*(self.last - self.first)))
-        # The control triangle's height bounds how far arc and chord are apart, for any weight.
-        height = abs(self.turn) / length if length > 0.0 else float(np.hypot(*(self.shoulder - self.first)))
-        if height <= tolerance or halvings == 0:
-            return [self]
-        return [p for half in (self.part(0.0, 0.5), self.part(0.5, 1.0)) for p in half._flat(tolerance, halvings - 1)]
+            # On the side where the arc bulges tangents, so that the curve is left behind.
+            corners = np.stack([points[:-1], points[:-1] + reach[:, None] * a], axis=1).reshape(-1, 2)
+            return np.vstack([corners, points[-1:]])
+        return points
 
     def quadratics(self) -> list[tuple[float, float, ConicArc]]:
         """The arc as rational quadratics: itself."""

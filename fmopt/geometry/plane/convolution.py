@@ -9,13 +9,6 @@ A ∩ (p − B), so that for A and B without holes it is at least 1 in the sum a
 A point p stays free of the sum inside a hole H of A when p − B fits into H. The convolution of the hole with B alone
 then winds −1 times round p, and not less than 0 times elsewhere, if B has the smaller area; else nothing is free and
 the hole takes no part. Holes of B likewise.
-
-Connected components of regions.
-
-Conic arcs beside a smooth curve that has no conic form, such as the offset of an ellipse.
-
-All conics with the same end tangents lie one outside the other as their weight grows, so that the weights of the conics
-through points of the curve bound it from both sides.
 """
 
 from __future__ import annotations
@@ -27,9 +20,9 @@ from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fmopt.geometry.plane.arrangement import Integers, touching_boxes
-from fmopt.geometry.plane.boolean import bearing, positive, union
+from fmopt.geometry.plane.boolean import positive, union
 from fmopt.geometry.plane.conic import ConicArc
 from fmopt.geometry.plane.curve import Arc, Curve, Segment
 from fmopt.geometry.plane.region import Region
@@ -40,15 +33,14 @@ _FLAT = 1e-14  # sine between the legs of a conic arc, below which it counts as 
 _EQUAL = 1e-12  # of an area: a hole has to be larger than the other operand by more than rounding
 _PROBES = 33  # directions, between neighbours of which the sum of two radii is taken to change its sign once at most
 
-_Row: TypeAlias = tuple[Array, float, float, float, float, ConicArc | None]
-
 _INSIDE = 0.4142135623730951  # a parameter at which hardly any curve touches another
-
-Support: TypeAlias = Callable[[Array], Array]
 
 _INNER = np.linspace(0.0, 1.0, 17)[1:-1]  # shares of a range of directions, its ends aside
 _MARGIN = 0.5  # of the spread of the weights that were seen, for those between the points
 _LEAST_TURN = 1e-4  # rad
+
+Integers: TypeAlias = NDArray[np.intp]
+_Row: TypeAlias = tuple[Array, float, float, float, float, ConicArc | None]
 
 
 def minkowski_sum(first: Region, second: Region, tolerance: float) -> Region:
@@ -210,7 +202,7 @@ def _blended(one: _Turn, two: _Turn, low: float, high: float, tolerance: float) 
         stops.append(b)
     ahead = bool(one[0].sign[one[1]] * two[0].sign[two[1]] > 0.0)
     spans = [(a, b) for a, b in pairwise([*stops, high]) if a < b]
-    return [curve for a, b in spans for curve in fitted(points, a, b, ahead, tolerance)]
+    return [curve for a, b in spans for curve in _fitted(points, a, b, ahead, tolerance)]
 
 
 def _radii(turns: _Turns, rows: Integers, angles: Array) -> Array:
@@ -309,8 +301,19 @@ def _corner_sign(curve: Curve, following: Curve, before: float, after: float) ->
         return math.copysign(1.0, turn)
     # A turn by 180° has either sign: the curves themselves tell, a little way off the corner.
     radius = 0.5 * min(float(np.hypot(*(one.last - one.first))) or one.length / 4.0 for one in (curve, following))
-    inner = bearing(following, following.first, radius) - bearing(curve.reversed(), following.first, radius)
+    inner = _bearing(following, radius) - _bearing(curve.reversed(), radius)
     return 1.0 if math.remainder(inner, math.tau) <= 0.0 else -1.0
+
+
+def _bearing(curve: Curve, radius: float) -> float:
+    """Polar angle (rad) of the point where a curve leaves the circle of a radius (m) round its first point."""
+    low, high = 0.0, 1.0
+    for _ in range(60):  # to the last bit of a parameter
+        middle = 0.5 * (low + high)
+        inside = float(np.hypot(*(curve.point(middle) - curve.first))) < radius
+        low, high = (middle, high) if inside else (low, middle)
+    x, y = curve.point(high) - curve.first
+    return math.atan2(y, x)
 
 
 def _ranges(centre: Array, radius: float, begin: float, end: float, sign: float, conic: ConicArc | None) -> list[_Row]:
@@ -325,31 +328,19 @@ def _ranges(centre: Array, radius: float, begin: float, end: float, sign: float,
 
 def components(region: Region) -> list[Region]:
     """The parts of a region with one outer loop each: a hole belongs to the smallest loop round it."""
-    if len(region.loops) < 2:
-        return [] if region.empty else [region]
     areas = np.array([sum(curve.moment() for curve in loop) for loop in region.loops])
     outer, holes = np.flatnonzero(areas > 0.0), np.flatnonzero(areas <= 0.0)
+    if len(outer) < 2:
+        return [] if region.empty else [region]
     parts = {k: [region.loops[k]] for k in outer.tolist()}
-    if len(outer) == 1:
-        return [region]
-    if len(holes):
-        bounds = [Region((region.loops[k],)) for k in outer.tolist()]
-        longest = [max(region.loops[k], key=lambda curve: curve.length) for k in holes.tolist()]
-        points = np.array([curve.point(_INSIDE) for curve in longest])
-        owner = np.full(len(holes), -1, dtype=np.intp)
-        boxes = np.array([np.concatenate(bound.box) for bound in bounds])
-        pairs = touching_boxes(np.hstack([points, points]), boxes, 0.0)
-        # Largest last, so that the smallest outer loop that holds the hole has the last word.
-        order = np.argsort(-areas[outer][pairs[1]], kind="stable")
-        for hole, bound in pairs[:, order].T.tolist():
-            if bounds[bound].contains(points[hole])[0]:
-                owner[hole] = outer[bound]
-        for hole, k in zip(holes.tolist(), owner.tolist(), strict=True):
-            parts[k].append(region.loops[hole])
+    bounds = {k: Region((region.loops[k],)) for k in outer[np.argsort(areas[outer], kind="stable")].tolist()}
+    for k in holes.tolist():
+        point = max(region.loops[k], key=lambda curve: curve.length).point(_INSIDE)
+        parts[next(one for one, bound in bounds.items() if bound.contains(point)[0])].append(region.loops[k])
     return [Region(tuple(loops)) for loops in parts.values()]
 
 
-def fitted(points: Support, low: float, high: float, ahead: bool, tolerance: float) -> list[Curve]:
+def _fitted(points: Callable[[Array], Array], low: float, high: float, ahead: bool, tolerance: float) -> list[Curve]:
     """Curves on the right of a given one with its ends and end tangents, within `tolerance` of it.
 
     The fit is halved until the weights at 15 points differ by less than the tolerance, and half as much is added.
@@ -380,7 +371,7 @@ def fitted(points: Support, low: float, high: float, ahead: bool, tolerance: flo
         weight = most + spread if ahead else max(least - spread, 0.5 * least)  # it has to stay positive
         return [ConicArc(p0, p1, p2, weight) if ahead else ConicArc(p2, p1, p0, weight)]
     middle = 0.5 * (low + high)
-    halves = [fitted(points, low, middle, ahead, tolerance), fitted(points, middle, high, ahead, tolerance)]
+    halves = [_fitted(points, low, middle, ahead, tolerance), _fitted(points, middle, high, ahead, tolerance)]
     return [curve for half in (halves if ahead else halves[::-1]) for curve in half]
 
 

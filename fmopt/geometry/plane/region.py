@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.plane.arrangement import Table, simple
+from fmopt.geometry.plane.chords import CHORD, chords, filled
 from fmopt.geometry.plane.curve import Curve, Segment, boxes_of
 from fmopt.geometry.plane.meet import meet
 from fmopt.spatial.values import Array, Value
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 _CLOSED = 1e-8  # of the size: shared ends agree to rounding
 
@@ -74,20 +78,36 @@ class Region(Value):
         return 0.0 if self.empty else float(np.hypot(*(self.box[1] - self.box[0])))
 
     @cached_property
-    def _table(self) -> Table:
-        pieces = [[piece for curve in loop for piece in simple(curve)] for loop in self.loops]
-        first = [np.array([piece.first for piece in loop]) for loop in pieces]
-        # Each piece ends where the next begins, to the bit.
-        last = [np.roll(points, -1, axis=0) for points in first]
-        flat = [piece for loop in pieces for piece in loop]
-        return Table.of(flat, np.vstack(first), np.vstack(last)) if flat else Table.of([])
+    def shape(self) -> BaseGeometry:
+        """What the loops wind round at least once, curves as chords within 1e-6 of the size, prepared."""
+        import shapely
+
+        lines = [
+            np.vstack([*(chords(curve, CHORD * self.size)[:-1] for curve in loop), loop[0].first])
+            for loop in self.loops
+        ]
+        found = filled(lines)
+        shapely.prepare(found)
+        return found
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether each of `points` (n, 2) lies inside, shape (n,); on the boundary rounding decides."""
+        import shapely
+
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-        # At least one, not odd: overlapping outer loops are inside, too.
-        rows = np.ones((len(self._table.weight), 1), dtype=np.intp)
-        return np.asarray(self._table.winding(points, rows)[:, 0] >= 1)
+        inside = np.asarray(shapely.contains_xy(self.shape, points), dtype=np.bool_)
+        # Between a chord and its curve the curve decides: on which side of it the point lies.
+        reach = CHORD * self.size
+        bent = [curve for curve in self.curves if not isinstance(curve, Segment)]
+        near = shapely.dwithin(self.shape.boundary, shapely.points(points), reach) if bent else np.zeros(0, dtype=bool)
+        for k in np.flatnonzero(near).tolist():
+            apart, number = min((float(curve.distance(points[k, None])[0]), c) for c, curve in enumerate(bent))
+            curve = bent[number]
+            t = float(curve.nearest(points[k, None])[0])
+            if apart <= reach and 0.0 < t < 1.0:
+                along, off = curve.tangent(t), points[k] - curve.point(t)
+                inside[k] = along[0] * off[1] - along[1] * off[0] >= 0.0
+        return inside
 
     def boundary_distance(self, points: ArrayLike) -> Array:
         """Distance (n,) in m of `points` (n, 2) from the boundary, infinite for the empty region."""

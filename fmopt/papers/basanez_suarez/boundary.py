@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.plane.arrangement import linked
+from fmopt.geometry.plane.boolean import linked
 from fmopt.geometry.plane.curve import Arc, Segment
 from fmopt.geometry.plane.meet import meet
 from fmopt.spatial.values import Array
@@ -133,10 +133,7 @@ def _split(pieces: list[Piece], tolerance: float) -> list[_Part]:
 
 def _clusters(points: Array, tolerance: float) -> NDArray[np.intp]:
     """A number for each point, the same for points that a chain of steps within the tolerance connects."""
-    from scipy.spatial import cKDTree
-
-    i, j = np.reshape(cKDTree(points).query_pairs(tolerance, output_type="ndarray"), (-1, 2)).T
-    return linked(i, j, len(points))[0]
+    return linked(points, tolerance)
 
 
 def _chain(parts: list[_Part], tolerance: float) -> tuple[Loop, ...] | None:

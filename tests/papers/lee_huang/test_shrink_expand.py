@@ -10,7 +10,8 @@ from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.plane.boolean import difference, intersection, union
 from fmopt.geometry.plane.region import Region, polygon_region
-from fmopt.papers.lee_huang.shrink_expand import expanded, turn_swept, turned
+from fmopt.geometry.plane.turning import turn_swept, turned
+from fmopt.papers.lee_huang.shrink_expand import expanded
 from fmopt.spatial.values import Array
 from tests.shared.plane_shapes import box, disc, ellipse_arcs, polygon
 
