@@ -222,39 +222,24 @@ def _pairs(arc: ConicArc) -> tuple[tuple[Array, Array], tuple[Array, Array], tup
 
 
 def unit_roots(coefficients: Sequence[float], touch: float) -> list[float]:
-    """Roots in [0, 1] of c₀ + c₁t + …, ascending.
-
-    Between two roots of the derivative a polynomial is monotone, so a bracket holds at most one root and nothing is
-    missed; a turning point where the value is at most `touch` counts as a (double) root.
+    """Roots in [0, 1] of c₀ + c₁t + …, ascending, and turning points there where the value is at most `touch`.
 
     Returns:
         The roots; none when the whole polynomial is at most `touch` in size.
     """
-    from scipy.optimize import brentq
-
+    c = np.trim_zeros(np.asarray(coefficients, dtype=np.float64), "b")
     # The whole polynomial is below what counts as touching: the curves coincide, and there is no single root.
-    if sum(abs(c) for c in coefficients) <= touch:
+    if len(c) < 2 or np.abs(c).sum() <= touch:
         return []
-    if len(coefficients) == 1:
-        return []
-    if len(coefficients) == 2:
-        root = -coefficients[0] / coefficients[1] if coefficients[1] != 0.0 else math.nan
-        return [root] if 0.0 <= root <= 1.0 else [t for t in (0.0, 1.0) if abs(_value(coefficients, t)) <= touch]
-    derivative = [k * c for k, c in enumerate(coefficients)][1:]
-    # Between roots of the derivative a polynomial is monotonic: one sign change is one root, none is none.
-    stops = [0.0, *unit_roots(derivative, 0.0), 1.0]
-    values = [_value(coefficients, stop) for stop in stops]
-    # Roots of even order show no change of sign; they are where the derivative has a root and the value is small.
-    found = [stop for stop, value in zip(stops, values, strict=True) if abs(value) <= touch]
-    for a, b, fa, fb in zip(stops, stops[1:], values, values[1:], strict=False):
-        if abs(fa) > touch and abs(fb) > touch and (fa < 0.0) != (fb < 0.0):
-            found.append(brentq(lambda t: _value(coefficients, t), a, b, xtol=1e-17, rtol=1e-15))
-    # A turning point at 0 or 1 is a stop twice.
-    return sorted(set(found))
-
-
-def _value(coefficients: Sequence[float], t: float) -> float:
-    value = 0.0
-    for c in reversed(coefficients):
-        value = value * t + c
-    return value
+    derivative = np.polynomial.polynomial.polyder(c)
+    roots = np.polynomial.polynomial.polyroots(c)
+    simple = roots.real[np.abs(roots.imag) <= 1e-9]
+    # One step of Newton's method takes rounding off; at a double root, which is a turning point, there is no slope.
+    slope = np.polynomial.polynomial.polyval(simple, derivative)
+    step = np.polynomial.polynomial.polyval(simple, c) / np.where(slope != 0.0, slope, np.inf)
+    simple = simple - np.where(np.abs(step) < 1e-6, step, 0.0)
+    turning = np.concatenate([[0.0, 1.0], np.polynomial.polynomial.polyroots(derivative).real])
+    flat = turning[np.abs(np.polynomial.polynomial.polyval(turning, c)) <= touch]
+    # Rounding makes two simple roots beside a touching one of the double root that it is.
+    found = np.concatenate([simple[np.abs(simple[:, None] - flat).min(axis=1, initial=np.inf) > 1e-6], flat])
+    return sorted({float(min(max(t, 0.0), 1.0)) for t in found if -1e-12 <= t <= 1.0 + 1e-12})
