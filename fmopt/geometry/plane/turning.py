@@ -19,7 +19,7 @@ _END = 1e-9  # of the parameter
 
 def turned(region: Region, angle: float) -> Region:
     """The region turned about the origin through an angle in rad."""
-    return region.moved(rotation(angle), (0.0, 0.0))
+    return region.moved(_rotation(angle), (0.0, 0.0))
 
 
 def turn_swept(region: Region, first: float, last: float) -> Region:
@@ -37,16 +37,16 @@ def turn_swept(region: Region, first: float, last: float) -> Region:
     if sweep <= 0.0:
         return begin
     # Pieces along which the distance from the origin is monotonic sweep simple regions, whose union is all.
-    swept = [Region((swept_loop(piece, sweep),)) for curve in begin.curves for piece in monotone_pieces(curve)]
+    swept = [Region((_swept(piece, sweep),)) for curve in begin.curves for piece in _pieces(curve)]
     return union([begin, turned(region, first + sweep), *swept])
 
 
-def rotation(angle: float) -> Array:
+def _rotation(angle: float) -> Array:
     cos, sin = math.cos(angle), math.sin(angle)
     return np.array([[cos, -sin], [sin, cos]])
 
 
-def monotone_pieces(curve: Curve) -> list[Curve]:
+def _pieces(curve: Curve) -> list[Curve]:
     """The curve in pieces along which the distance from the origin grows, or falls; none where it stays the same."""
     match curve:
         case Segment():
@@ -79,11 +79,11 @@ def _turning_points(conic: ConicArc) -> list[float]:
     return unit_roots([float(c) / scale for c in value], 0.0) if scale > 0.0 else []
 
 
-def swept_loop(piece: Curve, sweep: float) -> tuple[Curve, ...]:
+def _swept(piece: Curve, sweep: float) -> tuple[Curve, ...]:
     """The loop round what a piece sweeps counter-clockwise."""
     # Outward first, then along the circle: the loop has the swept region on its left.
     outward = piece if float(np.hypot(*piece.last)) > float(np.hypot(*piece.first)) else piece.reversed()
-    back = outward.moved(rotation(sweep), (0.0, 0.0)).reversed()
+    back = outward.moved(_rotation(sweep), (0.0, 0.0)).reversed()
     return (outward, *_circle(outward.last, sweep), back, *_circle(back.last, -sweep))
 
 
