@@ -34,7 +34,7 @@ def export(
             "which is 0 0 0 for a hole open upwards.",
         ),
     ] = None,
-    rate: Annotated[float, typer.Option("--rate", help="Samples a second of ros2, csv and json.")] = 100.0,
+    rate: Annotated[float, typer.Option("--rate", help="Samples a second of csv, json and bags.")] = 100.0,
     unverified: Unverified = False,
     as_json: Json = False,
     quiet: Quiet = False,

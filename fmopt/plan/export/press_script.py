@@ -18,7 +18,7 @@ from fmopt.spatial.values import Array
 _STILL = list_of(np.zeros(6))
 _CODES: dict[Next, int] = {"next": 1, "seated": 2, "retry": 3, "fail": 4}
 _NEVER = 1000.0  # m, rad, N, s: what no end comes to
-_DEVIATION = (0.01, 0.2)  # m and rad, limits on stiff axes
+DEVIATION = (0.01, 0.2)  # m and rad, limits on stiff axes
 _TRAIL = 100  # poses along which the part goes back
 
 
@@ -38,7 +38,7 @@ def program(plan: Plan, presses: PressPlan, base: Pose, caution: str = "nothing 
     for k, one in enumerate(presses.attempts):
         calls = "\n".join(f"  {line}" for press in one.presses for line in _press(press, base))
         attempts.append(attempt.format(number=k + 1, source=one_line(one.source), still=_STILL, presses=calls))
-        poses = map(pose_of, _over(base, presses, k) if k else [first])
+        poses = map(pose_of, over(base, presses, k))
         tries += [f"  movel({pose}, fmopt_acceleration, fmopt_speed_back, 0, 0)\n" for pose in poses]
         tries.append(again.format(number=k + 1))
     said = {
@@ -59,7 +59,7 @@ def program(plan: Plan, presses: PressPlan, base: Pose, caution: str = "nothing 
 def _press(press: Press, base: Pose) -> Iterator[str]:
     """The call of a press, and what returns from the attempt where no other press follows."""
     selection = [int(gives) for gives in press.gives]
-    limits = np.where(press.gives, press.speed, np.repeat(_DEVIATION, 3))
+    limits = np.where(press.gives, press.speed, np.repeat(DEVIATION, 3))
     rocking = press.rocking
     given = (
         str(selection),
@@ -99,8 +99,11 @@ def _ends(press: Press) -> Array:
     return ends
 
 
-def _over(base: Pose, presses: PressPlan, following: int) -> Iterator[Pose]:
-    """From the start of an attempt up, across, and down to that of the following one."""
+def over(base: Pose, presses: PressPlan, following: int) -> Iterator[Pose]:
+    """From the start of an attempt up, across, and down to that of the following one; to the first as it is."""
+    if following == 0:
+        yield base.compose(Pose.from_vector(presses.attempts[0].start))
+        return
     one, other = (Pose.from_vector(presses.attempts[k].start) for k in (following - 1, following))
     high = max(presses.clear, float(one.p[2]), float(other.p[2]))
     for pose in (one, other):

@@ -7,7 +7,7 @@ axes are stiff and when a move ends, is in `segments.yaml`, with one request for
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,7 +30,9 @@ CONTROLLER = "cartesian_compliance_controller"
 POSES = f"/{CONTROLLER}/target_frame"
 WRENCHES = f"/{CONTROLLER}/target_wrench"
 BASE_LINK, TOOL_LINK, SENSOR_LINK = "base_link", "moving_part", "ft_sensor_link"
-_AXES = ("trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z")
+AXIS_NAMES = ("trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z")
+UPDATE_RATE, ERROR_SCALE = 500, 0.5  # Hz of the controller, and what it scales its net force by
+_GAINS = {name: {"p": 0.05 if k < 3 else 1.5, "d": 0.005 if k < 3 else 0.0} for k, name in enumerate(AXIS_NAMES)}
 _STIFF = (20000.0, 200.0)  # N/m and N·m/rad of a stiff axis
 _LEAST = 0.002  # m in the metric of ρ, limit of deviation at least: short moves begin pressed by those before them
 _SOFT = (0.0, 0.0)
@@ -61,13 +63,14 @@ def export(plan: Plan, base: Pose, rate: float, folder: Path, caution: str = "")
     frames = [task_frame(move, plan.rho) for move in rows]  # where none fits, no file is written
     notes = ((f"WARNING: {one_line(caution)}",) if caution else ()) + _NOTES
     output.prepare(folder)
-    bag, controllers, segments = folder / "bag", folder / "controllers.yaml", folder / "segments.yaml"
+    bag, parameters, segments = folder / "bag", folder / "controllers.yaml", folder / "segments.yaml"
     with output.fresh(bag) as partial:
         _write_bag(list(_samples(rows, base, rate)), partial, notes)
         # Before the bag comes to its place: a folder that holds one is refused, so that it stands for all three.
-        output.save(_controllers(frames[0], notes).encode(), controllers)
+        first = controllers(_stiffness(frames[0]), _GAINS, (*notes, "change the stiffness at each segment"))
+        output.save(first.encode(), parameters)
         output.save(_segments(plan, rows, frames, base, notes).encode(), segments)
-    return bag, controllers, segments
+    return bag, parameters, segments
 
 
 def _samples(rows: tuple[Move, ...], base: Pose, rate: float) -> Iterator[_Sample]:
@@ -128,13 +131,17 @@ def _quaternion(pose: Pose) -> tuple[float, float, float, float]:
     return x, y, z, float(np.cos(0.5 * angle))
 
 
+def pose_message(pose: Pose) -> dict[str, dict[str, float]]:
+    """A pose as `geometry_msgs/msg/Pose`, field by field."""
+    return {"position": _xyz(pose.p), "orientation": dict(zip("xyzw", _quaternion(pose), strict=True))}
+
+
 def _stiffness(task: TaskFrame) -> dict[str, float]:
-    return {name: (_SOFT if task.selection[k] else _STIFF)[k // 3] for k, name in enumerate(_AXES)}
+    return {name: (_SOFT if task.selection[k] else _STIFF)[k // 3] for k, name in enumerate(AXIS_NAMES)}
 
 
-def _controllers(first: TaskFrame, notes: tuple[str, ...]) -> str:
-    """Parameters of FZI's Cartesian compliance controller, with the stiffness of the first segment."""
-    gains = {name: {"p": 0.05 if k < 3 else 1.5, "d": 0.005 if k < 3 else 0.0} for k, name in enumerate(_AXES)}
+def controllers(stiffness: Mapping[str, float], gains: Mapping[str, Any], notes: tuple[str, ...]) -> str:
+    """Parameters of FZI's Cartesian compliance controller, with stiffness and gains of each axis."""
     parameters = {
         "end_effector_link": TOOL_LINK,
         "robot_base_link": BASE_LINK,
@@ -142,14 +149,15 @@ def _controllers(first: TaskFrame, notes: tuple[str, ...]) -> str:
         "compliance_ref_link": TOOL_LINK,
         "joints": [f"joint{k}" for k in range(1, 7)],
         "command_interfaces": ["position"],
-        "stiffness": _stiffness(first),
-        "solver": {"error_scale": 0.5, "iterations": 1},
+        "hand_frame_control": False,
+        "stiffness": stiffness,
+        "solver": {"error_scale": ERROR_SCALE, "iterations": 1, "publish_state_feedback": True},
         "pd_gains": gains,
     }
-    manager = {"update_rate": 500, CONTROLLER: {"type": f"{CONTROLLER}/CartesianComplianceController"}}
-    return _yaml(
+    manager = {"update_rate": UPDATE_RATE, CONTROLLER: {"type": f"{CONTROLLER}/CartesianComplianceController"}}
+    return yaml_text(
         {"controller_manager": {"ros__parameters": manager}, CONTROLLER: {"ros__parameters": parameters}},
-        (*notes, "links and joints are placeholders: give your robot's names; change the stiffness at each segment"),
+        (*notes, "links and joints are placeholders: give your robot's names"),
     )
 
 
@@ -159,7 +167,7 @@ def _segments(plan: Plan, rows: tuple[Move, ...], frames: list[TaskFrame], base:
     turning = turning_words([move.twist for move in rows], [move.number for move in rows])
     count = "segment and move count from 0, as in the plan file"
     said = (*notes, insertion_words(base), turning, count)
-    return _yaml({"plan": plan.sha256, "frame_id": BASE_LINK, "segments": listed}, said)
+    return yaml_text({"plan": plan.sha256, "frame_id": BASE_LINK, "segments": listed}, said)
 
 
 def _segment(move: Move, task: TaskFrame, begun: float, base: Pose, rho: float) -> dict[str, Any]:
@@ -175,23 +183,28 @@ def _segment(move: Move, task: TaskFrame, begun: float, base: Pose, rho: float) 
 
 
 def _request(move: Move, task: TaskFrame, base: Pose, rho: float) -> dict[str, Any]:
-    """Request of `ur_msgs/srv/SetForceMode`, field by field; for `ros2 service call`."""
-    frame = base.compose(task.pose)
-    x, y, z, w = _quaternion(frame)
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
     speed = float(np.linalg.norm(move.twist * scale))
     reach = max(speed * (move.stop.timeout if move.stop else 2.0 * move.duration), _LEAST)
-    selected = dict(zip(AXES, task.selection, strict=True))
+    return request(base.compose(task.pose), task.selection, task.wrench, 5.0 * speed / scale, reach / scale)
+
+
+def request(frame: Pose, gives: Sequence[float], wrench: Array, speed: Array, deviation: Array) -> dict[str, Any]:
+    """Request of `ur_msgs/srv/SetForceMode`, field by field; for `ros2 service call`.
+
+    Args:
+        frame: the task frame in the base.
+        gives: (6,) which of its axes are compliant.
+        wrench: (6,) to apply, N and N·m.
+        speed, deviation: limits (6,) of compliant and of stiff axes, m/s and rad/s, m and rad.
+    """
     return {
-        "task_frame": {
-            "header": {"frame_id": BASE_LINK},
-            "pose": {"position": _xyz(frame.p), "orientation": {"x": x, "y": y, "z": z, "w": w}},
-        },
-        **{f"selection_vector_{axis}": bool(value) for axis, value in selected.items()},
-        "wrench": {"force": _xyz(task.wrench[:3]), "torque": _xyz(task.wrench[3:])},
+        "task_frame": {"header": {"frame_id": BASE_LINK}, "pose": pose_message(frame)},
+        **{f"selection_vector_{axis}": bool(one) for axis, one in zip(AXES, gives, strict=True)},
+        "wrench": {"force": _xyz(wrench[:3]), "torque": _xyz(wrench[3:])},
         "type": 2,
-        "speed_limits": {"linear": _xyz(5.0 * speed * np.ones(3)), "angular": _xyz(5.0 * speed / rho * np.ones(3))},
-        "deviation_limits": (reach / scale).tolist(),
+        "speed_limits": {"linear": _xyz(speed[:3]), "angular": _xyz(speed[3:])},
+        "deviation_limits": deviation.tolist(),
         "damping_factor": 0.1,
         "gain_scaling": 0.5,
     }
@@ -214,7 +227,7 @@ def _xyz(values: Array) -> dict[str, float]:
     return dict(zip("xyz", map(float, values), strict=True))
 
 
-def _yaml(value: Mapping[str, Any], notes: tuple[str, ...]) -> str:
+def yaml_text(value: Mapping[str, Any], notes: tuple[str, ...]) -> str:
     """Block YAML below comments; floats have a point before the exponent, as YAML 1.1 reads them."""
     try:
         plain = json.loads(json.dumps(value, allow_nan=False))

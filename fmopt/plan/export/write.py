@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from fmopt.errors import PlanFormatError
 from fmopt.plan import STDIO, Plan
 from fmopt.plan.export.cautions import base_pose, insertion_words, turning_words
 from fmopt.plan.guarded_moves import moves
@@ -84,7 +83,6 @@ def export(plan: Plan, form: Form, target: Path) -> Written:
         ValueError: the format is several files, and `target` no folder.
         FmoptError: the plan cannot be exported or written.
     """
-    _require_taken(plan, form.to)
     text = text_of(plan, form) if target == STDIO else ""
     paths = () if target == STDIO else exported(plan, form, target)
     if not form.for_robots:
@@ -103,18 +101,13 @@ def _turning(plan: Plan, to: str) -> str:
     return turning_words(commanded(rows) if to == "urscript" else [m.twist for m in rows], [m.number for m in rows])
 
 
-def _require_taken(plan: Plan, to: str) -> None:
-    if plan.press_plan is not None and to == "ros2":
-        advice = 'take --to urscript or csv; or ask for evidence = "certified", whose guarded moves are'
-        raise PlanFormatError(f"a plan of presses is not exported to {to} yet", advice)
-
-
 def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
     """Writes a plan in another format, and says what was written; arguments as for `export`."""
-    _require_taken(plan, form.to)
     if form.to == "ros2":
-        from fmopt.plan.export import ros2
+        from fmopt.plan.export import press_ros2, ros2
 
+        if plan.press_plan is not None:
+            return press_ros2.export(plan, plan.press_plan, form.frame, target, form.caution)
         return ros2.export(plan, form.frame, form.rate, target, form.caution)
     output.save(text_of(plan, form).encode(), target)
     return (target,)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import pytest
 from fmopt.cli.console import print_solved
 from fmopt.errors import SearchError
 from fmopt.execution.confidence import lower_bound
-from fmopt.plan import canonical, parsed, write
+from fmopt.plan import canonical, parsed
 from fmopt.plan.export.sampled import csv_text, samples
 from fmopt.planning import pipeline
 from fmopt.planning.pipeline import synthesise
@@ -25,7 +24,6 @@ from fmopt.report.page import report_page
 from fmopt.report.presses import carried_words, evidence_words
 from fmopt.task.problem import Problem
 from fmopt.verify import verify
-from tests.shared.commands import ended
 from tests.shared.plans.press_plan import DRAWS, MIN_RATE, press_plan_document, press_problem, press_task
 
 BASE = ("--base", *"000000")
@@ -139,16 +137,3 @@ def test_a_certified_plan_says_what_its_trials_came_to(square_peg_plan: dict[str
     assert carried is not None
     assert (carried.draws, carried.seated, carried.bound) == (2, 2, pytest.approx(lower_bound(2, 2)))
     assert carried_words(found.plan).startswith("BUT 2 of 2 draws seat")  # two draws show no rate of 0.9
-
-
-@pytest.mark.parametrize("to", ["ros2"])
-def test_presses_are_not_exported(
-    to: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "plan.json"
-    write(press_plan_document(), file)
-    monkeypatch.setattr(sys, "argv", ["fmopt", "export", str(file), "--to", to, *BASE, "--out", "made"])
-    code, out, words = ended(capfd)
-    assert (code, out) == (2, "")
-    assert f"a plan of presses is not exported to {to} yet" in words
-    assert not (tmp_path / "made").exists()
