@@ -453,7 +453,7 @@ def test_the_yaml_has_the_keys_of_controller_and_request(square_peg_plan: dict[s
     parameters = yaml.safe_load(controllers.read_text())[ros2.CONTROLLER]["ros__parameters"]
     assert set(parameters) == {
         *("end_effector_link", "robot_base_link", "ft_sensor_ref_link", "compliance_ref_link", "joints"),
-        *("command_interfaces", "stiffness", "solver", "pd_gains"),
+        *("command_interfaces", "hand_frame_control", "stiffness", "solver", "pd_gains"),
     }
     assert list(parameters["stiffness"]) == ["trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z"]
     listed = yaml.safe_load(segments.read_text())["segments"]

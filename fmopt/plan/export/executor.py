@@ -47,7 +47,7 @@ class Executor:
     """The presses of a plan, one after the other, until there is an `outcome`; `at` counts attempts and presses."""
 
     def __init__(self, plan: Mapping[str, Any]) -> None:
-        self.plan, self.robot, self.hole = plan, plan["robot"], pose_of(plan["hole"])
+        self.plan, self.robot, self.hole = plan, plan["robot"], _pose_of(plan["hole"])
         self.outcome: int | None = None
         self.at, self.time, self.zero = (0, -1), -inf, ZERO
         self._least, self._held = (np.repeat(self.robot[key], 3) for key in ("damping", "held_damping"))
@@ -74,27 +74,27 @@ class Executor:
 
     def _command(self, gives: Bools = HELD, wrench: Array = ZERO, share: float = 1.0) -> Command:
         """Let the lead follow the part along axes that give way, and limit that of the others by force and torque."""
-        lead, stiffness = np.where(gives, 0.0, difference(self._lead, self.seen)), np.array(self.robot["stiffness"])
-        self._lead, self._behind = moved(self.seen, lead), False
+        lead, stiffness = np.where(gives, 0.0, _difference(self._lead, self.seen)), np.array(self.robot["stiffness"])
+        self._lead, self._behind = _moved(self.seen, lead), False
         for half, most in zip(np.split(lead, 2), share * np.array(self.robot["limits"]) / stiffness, strict=True):
             self._behind |= hypot(*half) > most
             half *= min(1.0, most / max(hypot(*half), 1e-12))
-        target, q = moved(self.seen, lead), self.hole[3:]
-        pose = np.array([*(turned(q, target[:3]) + self.hole[:3]), *product(q, target[3:])])
-        applied = np.concatenate([turned(q, half) for half in np.split(np.where(gives, wrench, 0.0), 2)])
+        target, q = _moved(self.seen, lead), self.hole[3:]
+        pose = np.array([*(_turned(q, target[:3]) + self.hole[:3]), *_product(q, target[3:])])
+        applied = np.concatenate([_turned(q, half) for half in np.split(np.where(gives, wrench, 0.0), 2)])
         stiffness[gives.reshape(2, 3).all(axis=1)] = 0.0
         damping = np.where(gives, np.maximum(self._resist, self._least), self._held)
         return Command(pose, applied, gives, stiffness, damping)
 
     def _insert(self) -> Acts:
         for number, attempt in enumerate(self.plan["attempts"]):
-            way = [self._in_hole(pose_of(one)) for one in attempt["way"]]
+            way = [self._in_hole(_pose_of(one)) for one in attempt["way"]]
             if number == 0 and hypot(*(way[-1] - self.seen)[:3]) > self.plan["near"]:
                 return 3
             yield from self._along(way)
             self.zero = yield from self._rest()
             yield from self._rest()
-            missed = difference(way[-1], self.seen)
+            missed = _difference(way[-1], self.seen)
             if hypot(*missed[:3]) > ARRIVED[0] or hypot(*missed[3:]) > ARRIVED[1]:
                 return 1
             self._trail, then = [], ""
@@ -114,14 +114,14 @@ class Executor:
         """Press until one of the ends is reached, and return what follows."""
         request, rocking, shifts = press["set_force_mode"], press["rocking"], list[Array]()
         gives = np.array([request[f"selection_vector_{axis}"] for axis in ("x", "y", "z", "rx", "ry", "rz")])
-        wrench, speed = (np.where(gives, six_of(request[key]), 0.0) for key in ("wrench", "speed_limits"))
+        wrench, speed = (np.where(gives, _six_of(request[key]), 0.0) for key in ("wrench", "speed_limits"))
         wanted = np.where(gives, np.maximum(self._least, np.abs(wrench) / np.maximum(speed, 1e-9)), 0.0)
         twist, reference = np.where(gives, 0.0, press["twist"]), np.array(press["reference"])
         begun, start, before, resisted = self.seen, self.time, self._wrench, self._resist
         ratio = np.divide(wanted, resisted, out=np.ones(6), where=(passes := np.minimum(wanted, resisted) > 0.0))
         self._lead = np.array([*begun[:3], *(self._lead if press["keeps"] else begun)[3:]])
         while True:
-            elapsed, shift = self.time - start, np.where(gives, difference(self.seen, begun), 0.0)
+            elapsed, shift = self.time - start, np.where(gives, _difference(self.seen, begun), 0.0)
             if elapsed >= SAMPLE * len(shifts):
                 shifts.append(shift * np.repeat([1.0, self.robot["arm"]], 3))
                 self._trail.append(self.seen)
@@ -130,19 +130,19 @@ class Executor:
             share = min(elapsed / max(press["ramp"], 1e-3), 1.0)
             self._wrench = (1.0 - share) * before + share * wrench
             self._resist = np.where(passes, resisted * ratio ** min(elapsed / EASED, 1.0), wanted)
-            self._lead = moved(self._lead, self._period * twist)
+            self._lead = _moved(self._lead, self._period * twist)
             if rocking is not None:
                 gone, phase = min(elapsed / rocking["seconds"], 1.0), 2.0 * pi * rocking["rate"] * elapsed
                 angle = rocking["angle"] * min(1.0, 4.0 * gone) * (1.0 - gone)
-                cone = turn(np.array([angle * cos(phase), angle * sin(phase), 0.0]))
-                self._lead = np.array([*self._lead[:3], *product(cone, begun[3:])])
-            given, arm = np.where(gives, self._wrench, 0.0), turned(self.seen[3:], reference)
+                cone = _turn(np.array([angle * cos(phase), angle * sin(phase), 0.0]))
+                self._lead = np.array([*self._lead[:3], *_product(cone, begun[3:])])
+            given, arm = np.where(gives, self._wrench, 0.0), _turned(self.seen[3:], reference)
             yield self._command(gives, given + np.array([0.0, 0.0, 0.0, *np.cross(arm, given[:3])]))
 
     def _end(self, press: Any, elapsed: float, shift: Array, gives: Bools, shifts: list[Array]) -> str:
         """Name what follows where an end is reached: of several the first in the list."""
         z, way, led = self.seen[2], hypot(*shift[:3]), elapsed * hypot(*press["twist"][3:])
-        force = turned(conjugate(self.hole[3:]), (self._felt - self.zero)[:3])
+        force = _turned(_conjugate(self.hole[3:]), (self._felt - self.zero)[:3])
         for end in press["ends"]:
             kind, then = end["kind"], str(end["then"])
             if kind == "level":
@@ -173,10 +173,10 @@ class Executor:
         """Lead the part through poses, slower where it stays behind, and rest at the last."""
         gone = 0.0
         for pose in poses:
-            start, way = self._lead, difference(pose, self._lead)
+            start, way = self._lead, _difference(pose, self._lead)
             seconds = max(hypot(*way[:3]) / self.robot["back"][0], hypot(*way[3:]) / self.robot["back"][1])
             while gone < seconds:
-                self._lead = moved(start, gone / seconds * way)
+                self._lead = _moved(start, gone / seconds * way)
                 yield self._command(share=BACKED)
                 gone += self._period * (BEHIND if self._behind else 1.0)
             gone, self._lead = gone - seconds, pose
@@ -191,52 +191,48 @@ class Executor:
         return np.mean(readings, axis=0)
 
     def _in_hole(self, pose: Array) -> Array:
-        back = conjugate(self.hole[3:])
-        return np.array([*turned(back, pose[:3] - self.hole[:3]), *product(back, pose[3:])])
+        back = _conjugate(self.hole[3:])
+        return np.array([*_turned(back, pose[:3] - self.hole[:3]), *_product(back, pose[3:])])
 
 
-def pose_of(message: Mapping[str, Mapping[str, float]]) -> Array:
-    """The pose (7,) of a message."""
+def _pose_of(message: Mapping[str, Mapping[str, float]]) -> Array:
     place, attitude = message["position"], message["orientation"]
     return np.array([*(place[axis] for axis in "xyz"), *(attitude[axis] for axis in "xyzw")])
 
 
-def six_of(message: Mapping[str, Mapping[str, float]]) -> Array:
-    """The numbers (6,) of a wrench or twist."""
+def _six_of(message: Mapping[str, Mapping[str, float]]) -> Array:
     return np.array([half[axis] for half in message.values() for axis in "xyz"])
 
 
-def product(a: Array, b: Array) -> Array:
+def _product(a: Array, b: Array) -> Array:
     """The turn b, then a."""
     (x, y, z, w), (i, j, k, r) = a.tolist(), b.tolist()
     vector = [w * i + x * r + y * k - z * j, w * j - x * k + y * r + z * i, w * k + x * j - y * i + z * r]
     return np.array([*vector, w * r - x * i - y * j - z * k])
 
 
-def conjugate(q: Array) -> Array:
-    """The turn back."""
+def _conjugate(q: Array) -> Array:
     return np.array([-q[0], -q[1], -q[2], q[3]])
 
 
-def turned(q: Array, v: Array) -> Array:
-    """A vector (3,) turned."""
-    return product(product(q, np.array([*v, 0.0])), conjugate(q))[:3]
+def _turned(q: Array, v: Array) -> Array:
+    return _product(_product(q, np.array([*v, 0.0])), _conjugate(q))[:3]
 
 
-def turn(r: Array) -> Array:
+def _turn(r: Array) -> Array:
     """The quaternion of a rotation vector (3,), rad."""
     angle = hypot(*r)
     return np.array([*(0.5 * np.sinc(0.5 * angle / pi) * r), cos(0.5 * angle)])
 
 
-def moved(pose: Array, by: Array) -> Array:
+def _moved(pose: Array, by: Array) -> Array:
     """A pose shifted and turned by (6,), m and rad, in the axes that it is stated in."""
-    return np.array([*(pose[:3] + by[:3]), *product(turn(by[3:]), pose[3:])])
+    return np.array([*(pose[:3] + by[:3]), *_product(_turn(by[3:]), pose[3:])])
 
 
-def difference(pose: Array, other: Array) -> Array:
+def _difference(pose: Array, other: Array) -> Array:
     """Shift and turn (6,), m and rad, from another pose to a pose."""
-    q = product(pose[3:], conjugate(other[3:]))
+    q = _product(pose[3:], _conjugate(other[3:]))
     q, size = q if q[3] > 0.0 else -q, hypot(*q[:3])
     return np.array([*(pose[:3] - other[:3]), *(2.0 * atan2(size, q[3]) / max(size, 1e-12) * q[:3])])
 
@@ -255,10 +251,9 @@ def main() -> int:
     name = node.declare_parameter("controller", "cartesian_compliance_controller").value
     plan = yaml.safe_load(Path(file).read_text("utf-8"))
     node.get_logger().info(f"{name}: waiting for current_pose and ft_sensor_wrench")
-    executor, sensor, felt = Executor(plan), pose_of(plan["sensor"]), np.full(6, np.nan)
-    shares = (
-        np.array([turned(executor.hole[3:], axis) for axis in np.eye(3)]).T ** 2
-    )  # of axes of the hole, by base axis
+    executor, sensor, felt = Executor(plan), _pose_of(plan["sensor"]), np.full(6, np.nan)
+    # Shares of the hole's axes in a mobility along each axis of the base.
+    shares = np.array([_turned(executor.hole[3:], axis) for axis in np.eye(3)]).T ** 2
     stated, refused = dict[str, float](), list[str]()
     frames = node.create_publisher(PoseStamped, f"/{name}/target_frame", 3)
     wrenches = node.create_publisher(WrenchStamped, f"/{name}/target_wrench", 10)
@@ -295,8 +290,8 @@ def main() -> int:
         at, q, stamp = message.pose.position, message.pose.orientation, message.header.stamp
         pose = np.array([at.x, at.y, at.z, q.x, q.y, q.z, q.w])
         if np.isfinite(felt).all() and executor.outcome is None:
-            force, torque = (turned(product(pose[3:], sensor[3:]), half) for half in np.split(felt, 2))
-            arm = np.cross(turned(pose[3:], sensor[:3]), force)
+            force, torque = (_turned(_product(pose[3:], sensor[3:]), half) for half in np.split(felt, 2))
+            arm = np.cross(_turned(pose[3:], sensor[:3]), force)
             send(executor.step(stamp.sec + 1e-9 * stamp.nanosec, pose, np.array([*force, *(torque + arm)])))
 
     node.create_subscription(WrenchStamped, f"/{name}/ft_sensor_wrench", feel, 10)

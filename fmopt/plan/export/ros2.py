@@ -228,7 +228,11 @@ def _xyz(values: Array) -> dict[str, float]:
 
 
 def yaml_text(value: Mapping[str, Any], notes: tuple[str, ...]) -> str:
-    """Block YAML below comments; floats have a point before the exponent, as YAML 1.1 reads them."""
+    """Block YAML below comments; floats have a point before the exponent, as YAML 1.1 reads them.
+
+    Raises:
+        PlanFormatError: a number is not finite.
+    """
     try:
         plain = json.loads(json.dumps(value, allow_nan=False))
     except ValueError as error:
