@@ -77,10 +77,10 @@ def test_the_files_have_the_keys_of_controller_and_request(plan: Plan, tmp_path:
     assert ros2.UPDATE_RATE * (at - before) * whole["robot"]["held_damping"][0] == pytest.approx(1.0)
 
 
-def told(plan: Plan, folder: Path, *presses: Press) -> Any:
-    """An executor for some presses from 10 mm above the mouth, the hole in the base."""
-    attempt = Attempt((0.0, 0.0, 0.01, 0.0, 0.0, 0.0), presses)
-    press_ros2.export(plan, replace(press_plan(), attempts=(attempt,)), Pose.identity(), folder, "")
+def told(plan: Plan, folder: Path, *presses: Press, others: tuple[Attempt, ...] = ()) -> Any:
+    """An executor for some presses from 10 mm above the mouth, the hole in the base, and for other attempts."""
+    attempts = (Attempt((0.0, 0.0, 0.01, 0.0, 0.0, 0.0), presses), *others)
+    press_ros2.export(plan, replace(press_plan(), attempts=attempts), Pose.identity(), folder, "")
     return loaded(folder).Executor(yaml.safe_load((folder / "presses.yaml").read_text()))
 
 
@@ -126,6 +126,16 @@ def test_a_press_ends_by_each_of_its_ends(plan: Plan, tmp_path: Path, one: Press
     assert executor.outcome == outcome
     assert PERIOD * sum(at == (0, 0) for at, _ in commands) == pytest.approx(seconds, abs=0.02)
     assert executor.seen[2] == pytest.approx(0.01, abs=1e-4) or outcome == 0  # back at the start
+
+
+def test_the_next_attempt_begins_where_it_starts_after_a_way_over_the_mouth(plan: Plan, tmp_path: Path) -> None:
+    other = Attempt((0.003, 0.0, 0.007, 0.0, 0.0, 0.3), (press(Time(0.1, "seated")),))
+    executor = told(plan, tmp_path, press(Time(0.4, "retry")), others=(other,))
+    commands = carried(executor, 0.0)
+    assert (executor.outcome, executor.at) == (0, (1, 0))
+    way = np.array([one.pose for at, one in commands if at == (0, -1) and not one.gives.any()][-700:])
+    assert way[(way[:, 0] > 2e-4) & (way[:, 0] < 2.8e-3), 2] == pytest.approx(0.01, abs=1e-4)
+    assert way[-1] == pytest.approx([0.003, 0.0, 0.007, 0.0, 0.0, np.sin(0.15), np.cos(0.15)], abs=1e-4)
 
 
 def test_the_attitude_rocks_and_the_wrench_comes_up_from_that_before(plan: Plan, tmp_path: Path) -> None:
