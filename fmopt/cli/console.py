@@ -146,7 +146,7 @@ def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], colum
 def _press_words(plan: Plan, presses: PressPlan, findings: Sequence[str]) -> Iterator[str]:
     """What is said of a plan of presses below its table, line by line."""
     from fmopt.report.naming import pose_words
-    from fmopt.report.presses import conditions_words, evidence_words, timing_words
+    from fmopt.report.presses import conditions_words, evidence_words
     from fmopt.report.sections import clearance_words
 
     yield f"clearance a side: measured {clearance_words(plan, 'measured')}"
@@ -156,8 +156,7 @@ def _press_words(plan: Plan, presses: PressPlan, findings: Sequence[str]) -> Ite
     yield f"{plan.verdict}: {evidence_words(plan)}"
     yield from (f"  {finding}" for finding in findings[:5])
     if plan.trials is not None:
-        yield f"drawn from: {conditions_words(plan.trials)}"
-        yield timing_words(plan.trials)
+        yield f"drawn from: {conditions_words(plan.trials)}; force up to {plan.trials.peak_force:.1f} N"
     yield "not covered: " + "; ".join(plan.not_covered)
 
 

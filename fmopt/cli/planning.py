@@ -145,9 +145,13 @@ def _summary(plan: Plan, verdict: Verdict, folder: Path) -> dict[str, Any]:
 
 
 def _evidence(plan: Plan) -> dict[str, Any]:
-    """The counts of a plan's evidence, without its outcomes."""
-    stated = {} if plan.evidence is None else asdict(plan.evidence)
-    return {name: value for name, value in stated.items() if not name.endswith("outcomes")}
+    """The counts of a plan's evidence with cycle times, s, and the least distance, m; without its outcomes."""
+    if plan.evidence is None or plan.trials is None:
+        return {}
+    counts = {
+        name: value for name, value in asdict(plan.evidence).items() if not name.endswith(("outcomes", "seconds"))
+    }
+    return {**counts, "cycle_times": plan.trials.cycle_times, "distance": plan.trials.distance}
 
 
 def _findings(verdict: Verdict) -> dict[str, Any]:
@@ -196,8 +200,7 @@ def verify(
             from fmopt.planning.same_problem import REMARK, differences
             from fmopt.task.problem import load
 
-            whole = plan.parsed(document) if read.presses else read
-            verdict = verdict.unless(differences(whole, load(problem)), (REMARK,))
+            verdict = verdict.unless(differences(plan.parsed(document), load(problem)), (REMARK,))
     except independent.PlanError as error:
         raise PlanFormatError(f"{file}: {error}", "give a plan.json that fmopt solve wrote") from error
     answer({**_findings(verdict), **_margins(read)}, "\n".join(verdict.lines()), as_json, quiet)

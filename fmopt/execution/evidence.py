@@ -8,7 +8,7 @@ from fmopt.execution.confidence import lower_bound
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.mujoco_engine import version
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors, vertex_errors
-from fmopt.plan.evidence import CONFIDENCE, MAX_WAYS, MIN_VERTICES, VERTICES, Evidence, TrialOutcome
+from fmopt.plan.evidence import CONFIDENCE, MAX_WAYS, MIN_VERTICES, VERTICES, Evidence, TrialOutcome, cycle_times
 from fmopt.plan.press import Conditions, PressPlan
 from fmopt.runtime.process import cores
 
@@ -21,6 +21,7 @@ class Examination:
         min_rate: that the bound has to reach.
         examined: number of the plan among those examined for the problem, from 1.
         threads: of the physics engine, None for as many as there are cores.
+        max_time: s, within which 95 % of the draws that seat have to be through; None where that is not asked for.
     """
 
     draws: int
@@ -28,6 +29,7 @@ class Examination:
     seed: int
     examined: int = 1
     threads: int | None = None
+    max_time: float | None = None
 
 
 def examine(
@@ -43,9 +45,10 @@ def examine(
     outcomes = _with_few_ways(carry_out(bodies, plan, errors, asked.seed, numbers, threads=threads))
     drawn, vertices = outcomes[: asked.draws], outcomes[asked.draws :]
     seated, at_vertices = count_seated(drawn), count_seated(vertices)
-    bound = lower_bound(seated, asked.draws)
+    bound, times = lower_bound(seated, asked.draws), cycle_times(drawn)
+    in_time = asked.max_time is None or times is None or times[1] <= asked.max_time
     return Evidence(
-        level="tested" if bound >= asked.min_rate and at_vertices >= MIN_VERTICES else "below",
+        level="tested" if bound >= asked.min_rate and at_vertices >= MIN_VERTICES and in_time else "below",
         draws=asked.draws,
         seated=seated,
         first_tries=sum(one.seated and one.attempt == 0 for one in drawn),
@@ -61,6 +64,7 @@ def examine(
         subject=subject,
         outcomes=tuple(drawn),
         vertex_outcomes=tuple(vertices),
+        max_time=asked.max_time,
     )
 
 

@@ -14,10 +14,13 @@ from fmopt.execution.rotation import quaternions
 from fmopt.plan import Plan
 from fmopt.plan.evidence import VERTICES
 from fmopt.plan.guarded_moves import moves
+from fmopt.plan.press import ALONE
 
 
 def mjcf(plan: Plan) -> str:
     """Both parts as convex pieces, the fixed one in the world, whose frame is that of the hole; lengths are in m.
+
+    Tool and obstacles are there, too, each in the body that it goes with, and collide as the parts do.
 
     The moving part is the free body "part" about the centre of its leading face, with the apparent mass of the robot.
     The site "seat" is where it is seated. The key "start" has it at its nominal start, the keys "vertex_0" to
@@ -31,7 +34,8 @@ def mjcf(plan: Plan) -> str:
     friction = plan.specification.friction if evidence is None else float(np.mean(evidence.conditions.friction))
     clearance = plan.moving.measured_clearance
     physics = Physics.of_fit(clearance if presses is None else SOFT * clearance, robot.period)
-    text = scene(Bodies.of(plan), physics, robot.mass, robot.inertia, friction)
+    cell = ALONE if presses is None else presses.cell
+    text = scene(Bodies.of(plan), physics, robot.mass, robot.inertia, friction, cell)
     errors = np.vstack([np.zeros(6), np.array([*product((-1.0, 1.0), repeat=6)]) * box])
     names = ["start", *(f"vertex_{k}" for k in range(VERTICES))]
     poses = map(numbers, begun(start[None], errors).tolist())

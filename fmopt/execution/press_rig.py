@@ -13,12 +13,13 @@ from itertools import pairwise
 import numpy as np
 
 from fmopt.execution.engines.engine import Engine
+from fmopt.execution.kept_clear import KeptClear
 from fmopt.execution.press_controller import Controller, Errors
 from fmopt.execution.press_servo import Ints
 from fmopt.execution.rotation import between
 from fmopt.execution.summary import SHARE
 from fmopt.plan.description import TracePose
-from fmopt.plan.evidence import Three, TrialOutcome
+from fmopt.plan.evidence import TOUCH, Three, TrialOutcome
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import PressPlan
 from fmopt.runtime.clock import heed
@@ -33,6 +34,7 @@ class PressRig(Controller):
     Args:
         penetration: of a pose (7,), m, which is asked where the engine's own is more than a trial may have.
         noise: source of raw noise, (n, 12) standard normal at each call: of force, torque, position and angle.
+        clear: of what the bodies have to keep clear, if of anything.
     """
 
     def __init__(
@@ -44,10 +46,11 @@ class PressRig(Controller):
         penetration: Callable[[Array], float],
         noise: Callable[[], Array],
         look: Callable[[PressRig], None] | None = None,
+        clear: KeptClear | None = None,
     ) -> None:
         count, late = len(engine.qpos), round(plan.robot.delay / plan.robot.period) + 1
         super().__init__(plan, count, courses, errors, late, plan.robot.noise)
-        self.engine, self.noise, self.look, self.penetration = engine, noise, look, penetration
+        self.engine, self.noise, self.look, self.penetration, self.clear = engine, noise, look, penetration, clear
         self._depth, self._outcomes = np.zeros(count), dict[int, TrialOutcome]()
 
     def run(self) -> list[TrialOutcome]:
@@ -70,6 +73,8 @@ class PressRig(Controller):
         wrench = self.command(active, engine.qpos, engine.qvel)
         engine.damp(self.state.resist[:, :3])
         engine.advance(wrench, self.plan.robot.period, active)
+        if self.clear is not None:
+            self.clear.see(engine.qpos, active)
         for k in active[engine.deepest[active] > SHARE * self.fit.clearance].tolist():
             self._depth[k] = max(self._depth[k], self.penetration(engine.deepest_at[k]))
         self.observe(active, engine.qpos, engine.qvel, engine.reaction_over_period, self.noise())
@@ -78,6 +83,9 @@ class PressRig(Controller):
         depth = max(float(self._depth[k]), min(float(self.engine.depth[k]), SHARE * self.fit.clearance))
         off, turned = super()._finish(k, stopped, depth)
         (x, y, z), (rx, ry, rz) = off.tolist(), turned.tolist()
+        distance = None if self.clear is None else float(self.clear.least[k])
+        if self.clear is not None and self.clear.least[k] <= TOUCH:
+            self.reasons[k].insert(0, f"{self.clear.nearest[k]} touch")
         self._outcomes[k] = TrialOutcome(
             seated=not self.reasons[k],
             attempt=int(self.tried[k]),
@@ -90,6 +98,7 @@ class PressRig(Controller):
             turn=(rx, ry, rz),
             rests=self._rests(k),
             way=self._way(k) if self.reasons[k] else (),
+            distance=distance,
         )
         return off, turned
 

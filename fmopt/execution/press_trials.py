@@ -13,6 +13,7 @@ import numpy as np
 from fmopt.errors import PlanFormatError
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.engine import Bodies, Setup
+from fmopt.execution.kept_clear import KeptClear
 from fmopt.execution.noise import Noise
 from fmopt.execution.press_controller import Errors, begun
 from fmopt.execution.press_rig import PressRig
@@ -99,7 +100,9 @@ def carry_out(
     courses = courses or [range(len(plan.attempts))] * len(errors.start)
     starts = begun(np.array([plan.attempts[course[0]].start for course in courses]), errors.start)
     noise = Noise(seed ^ _NOISE, numbers, width=12)
-    return PressRig(put((starts[:, :3], starts[:, 3:])), plan, courses, errors, bodies.penetration, noise, look).run()
+    clear = KeptClear(bodies, plan.cell, starts) if plan.cell.solids else None
+    begin = put((starts[:, :3], starts[:, 3:]))
+    return PressRig(begin, plan, courses, errors, bodies.penetration, noise, look, clear).run()
 
 
 def count_presses(plan: PressPlan) -> int:

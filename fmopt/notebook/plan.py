@@ -14,6 +14,7 @@ from fmopt.errors import ChoiceError, InfeasibleError, PlanFormatError, Resource
 from fmopt.planning.same_problem import REMARK, differences
 from fmopt.report.moves import Move, moves, smallest_margin
 from fmopt.report.moves import verdict as spoken
+from fmopt.report.presses import timing_words
 from fmopt.runtime import output
 from fmopt.spatial.se3 import Pose
 from fmopt.task import problem as task
@@ -346,8 +347,9 @@ class Plan:
 
     def __str__(self) -> str:
         if self.evidence is not None:
-            seated, draws = self.evidence.seated, self.evidence.draws
-            return f"{self.stated.title}: {self.verdict}, {seated} of {draws} draws seat"
+            found = self.evidence
+            rate = f"{found.seated} of {found.draws} draws seat{timing_words(found.cycle_times)}"
+            return f"{self.stated.title}: {self.verdict}, {rate}"
         margin = f", least margin {1e6 * self.margin:.1f} µm"
         margin = margin if self.proved else margin.replace("least", "not proved: least computed")
         return f"{self.stated.title}: {self.verdict}, {len(self.moves)} moves{margin}"

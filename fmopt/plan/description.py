@@ -185,7 +185,10 @@ class TracePose:
 
 @dataclass(frozen=True, config=FORM)
 class CarriedOut:
-    """Draws of the stated errors in the physics engine: how many seat, the lower bound of their rate, and its aim."""
+    """Draws of the stated errors in the physics engine: how many seat, the lower bound of their rate, and its aim.
+
+    `times` are median and 95 % of how long those take that seat, s.
+    """
 
     draws: Index
     seated: Index
@@ -193,6 +196,7 @@ class CarriedOut:
     min_rate: Annotated[NonNegative, Field(le=1.0)]
     seed: Index
     engine: Line
+    times: tuple[NonNegative, NonNegative] | None = None
 
 
 @dataclass(frozen=True, config=FORM)
@@ -227,6 +231,7 @@ class Description:
         certified_share: of the start errors, the largest for which guarded moves are certified where presses stay below
             the rate that is asked for; None where it was not looked for.
         untried: why presses have no evidence, in words.
+        tcp: pose (6,) of the tool's centre point in the frame of the moving part, m and rad.
     """
 
     search: Search | None = None
@@ -240,6 +245,7 @@ class Description:
     certified_share: Annotated[NonNegative, Field(le=1.0)] | None = None
     untried: Line = ""
     own_trials: Many[OwnTrials] = ()
+    tcp: Six = (0.0,) * 6
 
     @model_validator(mode="after")
     def _check_agreement(self) -> Description:

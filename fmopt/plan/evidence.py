@@ -18,6 +18,7 @@ MAX_EXAMINED = 2  # plans for one problem
 MIN_VERTICES = 58  # of the 64 that have to seat
 VERTICES = 64
 MAX_WAYS = 8  # of trials that do not seat, which are kept pose by pose
+TOUCH = 1e-4  # m, distance at which solids around the parts count as touching: about the way of a period
 
 Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
 Count: TypeAlias = Annotated[int, Field(ge=0, le=100_000)]
@@ -30,7 +31,8 @@ class TrialOutcome:
 
     `press` is the last one that it was at, `reasons` say what speaks against it; `offset` (m) and `turn` (rad) are from
     the goal. `rests` has, for each attempt, where the reference point was at the end of each press that it came to, m;
-    `way` the poses of a trial that does not seat, and nothing where it is not kept.
+    `way` the poses of a trial that does not seat, and nothing where it is not kept. What is around the parts stayed at
+    least `distance` (m) away; None where there is nothing.
     """
 
     seated: bool
@@ -44,6 +46,7 @@ class TrialOutcome:
     turn: Three
     rests: tuple[tuple[Three, ...], ...] = ()
     way: tuple[TracePose, ...] = ()
+    distance: float | None = None
 
     @property
     def kind(self) -> str:
@@ -57,7 +60,8 @@ class Evidence:
     """What trials of the plan came to.
 
     Attributes:
-        level: "tested" where the bound is at least `min_rate` and enough vertices seat, else "below".
+        level: "tested" where the bound is at least `min_rate`, enough vertices seat, and 95 % of the draws that seat
+            are through within `max_time` (s), else "below".
         draws, seated, first_tries: uniform draws, how many of them seat, and how many at the first attempt.
         confidence, bound: one-sided Clopper–Pearson lower bound of the rate with which draws seat.
         min_rate: asked for.
@@ -85,6 +89,7 @@ class Evidence:
     subject: str
     outcomes: tuple[TrialOutcome, ...]
     vertex_outcomes: tuple[TrialOutcome, ...]
+    max_time: float | None = None
 
     @property
     def by_name(self) -> dict[str, TrialOutcome]:
@@ -95,9 +100,30 @@ class Evidence:
     @property
     def cycle_times(self) -> tuple[float, float] | None:
         """Median and 95 % of the cycle times of the draws that seat, s; None where none does."""
-        seconds = sorted(one.seconds for one in self.outcomes if one.seated)
-        late = min(int(0.95 * len(seconds)), len(seconds) - 1)
-        return (seconds[len(seconds) // 2], seconds[late]) if seconds else None
+        return cycle_times(self.outcomes)
+
+    @property
+    def peak_force(self) -> float:
+        """The greatest force of the draws, N."""
+        return max((one.peak_force for one in self.outcomes), default=0.0)
+
+    @property
+    def distance(self) -> float | None:
+        """The least distance of all trials, m, between parts and solids around them; None where there are none."""
+        distances = (one.distance for one in (*self.outcomes, *self.vertex_outcomes))
+        return min((one for one in distances if one is not None), default=None)
+
+
+def cycle_times(outcomes: Sequence[TrialOutcome]) -> tuple[float, float] | None:
+    """Median and 95 % of the cycle times of the trials that seat, s; None where none does."""
+    return median_and_late([one.seconds for one in outcomes if one.seated])
+
+
+def median_and_late(seconds: Sequence[float]) -> tuple[float, float] | None:
+    """Median and 95 % of times, s; None where there are none."""
+    ranked = sorted(seconds)
+    late = min(int(0.95 * len(ranked)), len(ranked) - 1)
+    return (ranked[len(ranked) // 2], ranked[late]) if ranked else None
 
 
 def evidence_of(value: Any, counts: Sequence[int]) -> Evidence:
@@ -116,7 +142,7 @@ def evidence_of(value: Any, counts: Sequence[int]) -> Evidence:
 
 def evidence_record(evidence: Evidence) -> dict[str, Any]:
     """Evidence as a plan file holds it."""
-    found: dict[str, Any] = _ADAPTER.dump_python(evidence)
+    found: dict[str, Any] = _ADAPTER.dump_python(evidence, exclude_none=True)
     return found
 
 

@@ -190,11 +190,40 @@ class Seat:
 
 
 @dataclass(frozen=True, config=_FORM)
+class ConvexSolid:
+    """A solid by the corners of its convex pieces, m."""
+
+    name: Annotated[str, Field(max_length=64)]
+    pieces: Annotated[tuple[tuple[Point, ...], ...], Field(min_length=1)]
+
+
+@dataclass(frozen=True, config=_FORM)
+class Surroundings:
+    """What stands around the parts: of `moving` and `fixed` solids none comes near the other ones, nor the other part.
+
+    Attributes:
+        moving: solids that move with the moving part, in its frame.
+        fixed: solids that stand with the fixed part, in B.
+    """
+
+    moving: tuple[ConvexSolid, ...] = ()
+    fixed: tuple[ConvexSolid, ...] = ()
+
+    @property
+    def solids(self) -> tuple[ConvexSolid, ...]:
+        """All of them."""
+        return self.moving + self.fixed
+
+
+ALONE = Surroundings()  # nothing stands around the parts
+
+
+@dataclass(frozen=True, config=_FORM)
 class PressPlan:
     """Attempts in order, what carries them out, and what the part is that they are tried with.
 
     Between two attempts the part is lifted to a height in B, m. It is tried with its hollows filled where nothing comes
-    into them.
+    into them, and kept clear of the cell.
     """
 
     robot: PressRobot
@@ -202,6 +231,7 @@ class PressPlan:
     clear: float
     seat: Seat
     filled: bool = False
+    cell: Surroundings = ALONE
 
     def strengthened(self, factor: float) -> PressPlan:
         """All wrenches times a factor, damping likewise: ways and speeds stay."""

@@ -24,6 +24,7 @@ from fmopt.papers.lee_huang.nominal_trajectory import critical_poses
 from fmopt.plan import Plan
 from fmopt.plan.description import CarriedOut, Description
 from fmopt.plan.diagnostics import ErrorTolerance, Reduced
+from fmopt.plan.evidence import median_and_late
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import PressPlan
 from fmopt.planning.control.controlled_motion import controlled
@@ -82,7 +83,9 @@ class Synthesis:
         chunks = [range(k, draws, workers) for k in range(min(workers, draws))]
         share_out([partial(trials, chunk) for chunk in chunks], workers, records.extend)
         seated = sum(record["success"] for record in records)
-        found = CarriedOut(draws, seated, lower_bound(seated, draws), settings.min_rate, settings.seed, version())
+        times = median_and_late([record["seconds"] for record in records if record["success"]])
+        bound = lower_bound(seated, draws)
+        found = CarriedOut(draws, seated, bound, settings.min_rate, settings.seed, version(), times)
         described = replace(Description.parsed(self.document["description"]), carried_out=found)
         document = plan.sealed(plan.clean({**self.document, "description": described.record()}))
         return replace(self, document=document)
@@ -134,7 +137,7 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
     try:
         found = press_solution(posed, stages.progress)
     except (SearchError, OverdueError) as error:
-        if _is_enclosed(problem):
+        if _only_presses(problem):
             raise
         stages.progress(f"presses: {error.message}")
         stages.ended("presses")
@@ -143,7 +146,7 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
         return _completed(left, certified_motion(left, stages), stages)
     stages.ended("presses")
     share = None
-    if found.evidence is not None and found.evidence.level != "tested" and not _is_enclosed(problem):
+    if found.evidence is not None and found.evidence.level != "tested" and not _only_presses(problem):
         stages.progress("guarded moves: for all of the errors, then for shares of them")
         whole = _certified_whole(problem, stages)
         if whole is None:
@@ -151,7 +154,9 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
         else:
             share, whole = 1.0, whole.carried_out(problem.settings, stages.progress)
             carried = whole.plan.description.carried_out
-            if carried is not None and carried.bound >= problem.settings.min_rate:
+            most = problem.settings.max_time or math.inf
+            in_time = carried is not None and (carried.times is None or carried.times[1] <= most)
+            if carried is not None and carried.bound >= problem.settings.min_rate and in_time:
                 return whole
         stages.ended("share")
     described = {"certified_share": share, "untried": found.untried}
@@ -179,6 +184,11 @@ def tried_presses(problem: Problem, known: PressPlan | None = None) -> dict[str,
     if found.evidence is None:
         raise SearchError(found.untried, late=True)
     return _checked(press_document(posed, found.plan, found.evidence, found.trace), TESTED)[0]
+
+
+def _only_presses(problem: Problem) -> bool:
+    """Whether no guarded moves are planned: nothing is proved of enclosed parts, and nothing kept clear of."""
+    return _is_enclosed(problem) or bool(problem.cell.solids)
 
 
 def _is_enclosed(problem: Problem) -> bool:
@@ -245,7 +255,14 @@ def tried(problem: Problem) -> Clearance:
 
 @undisturbed()
 def certified_motion(problem: Problem, stages: Stages | None = None) -> CertifiedMotion:
-    """Measures the parts and finds the motion; errors as of `synthesise`."""
+    """Measures the parts and finds the motion; errors as of `synthesise`.
+
+    Raises:
+        SearchError: tool or obstacles are to be kept clear of.
+    """
+    if problem.cell.solids:
+        message = "guarded moves do not keep clear of tool and obstacles"
+        raise SearchError(message, 'ask for evidence = "tested", or leave them out')
     stages = stages or Stages()
     stages.progress("measuring the parts")
     posed = Posed.of(problem)

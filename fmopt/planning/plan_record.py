@@ -60,7 +60,7 @@ class Described:
 
 def proof_document(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
     """What of a plan file its verdict rests on, which is still open: geometry, errors, segments with their control."""
-    described = Description(search=_search(motion.motion.found))
+    described = Description(search=_search(motion.motion.found), tcp=numbers(problem.tcp))
     return dict(plan.clean({**_proof(problem, motion), "description": described.record()}))
 
 
@@ -156,6 +156,7 @@ def plan_document(problem: Problem, told: Described, motion: ControlledMotion) -
     )
     described = Description(
         search=_search(done.found),
+        tcp=numbers(problem.tcp),
         **({} if told.nominal is None else _nominal(problem, told.nominal, done.tolerance.rho)),
         critical_points=() if states is None else states.critical_points(),
         places=() if states is None else tuple(states.space_of(k) for k in range(len(segments))),

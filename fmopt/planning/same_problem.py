@@ -102,6 +102,12 @@ def _task(plan: Plan, problem: Problem) -> Iterator[str]:
                 f"segments[0].start: the part's lowest point starts {lowest!r} m above the mouth, by the problem "
                 f"{problem.approach!r} m"
             )
+    described = getattr(plan, "description", None)
+    if described is not None and not _same(described.tcp, problem.tcp.tolist()):
+        yield (
+            f"description.tcp: the plan is for another tool: its centre point is at {list(described.tcp)} where the "
+            f"problem has it at {problem.tcp.tolist()}"
+        )
     own, given = _specification(plan), problem.specification.record()
     for name in dict.fromkeys((*given, *own)):
         if not _same(*([value] if (value := of.get(name)) is not None else [] for of in (own, given))):
@@ -161,7 +167,10 @@ def _presses(plan: Plan, problem: Problem, clearance: Clearance) -> Iterator[str
         pairs += [
             ("evidence.conditions", evidence.conditions, conditions_of(problem)),
             ("evidence.min_rate", evidence.min_rate, problem.settings.min_rate),
+            ("evidence.max_time", evidence.max_time, problem.settings.max_time),
         ]
+    if presses.cell != problem.cell:
+        yield "presses.cell: the plan's trials are of another problem: tool or obstacles are not those of its files"
     yield from (
         f"{name}: the plan's trials are of another problem: {own} stands where the problem gives {wanted}"
         for name, own, wanted in pairs

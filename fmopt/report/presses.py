@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from html import escape
 
 from fmopt.plan import Plan
-from fmopt.plan.evidence import Evidence, TrialOutcome
+from fmopt.plan.evidence import TOUCH, Evidence, TrialOutcome
 from fmopt.plan.position_force import AXES
 from fmopt.plan.press import Attempt, Force, Level, Press, PressPlan, Standstill, Time, Travel
 from fmopt.report.naming import degrees, millimetres, pose_words
@@ -86,6 +86,7 @@ def carried_words(plan: Plan) -> str:
     if found is None:
         return "; ".join(["not carried out", *own_words(plan)])
     rate = f"{found.seated} of {found.draws} draws seat in the physics engine, at least {100.0 * found.bound:.1f} %"
+    rate += timing_words(found.times)
     reached = found.bound >= found.min_rate
     return "; ".join([rate if reached else f"BUT {rate}, asked for {100.0 * found.min_rate:g} %", *own_words(plan)])
 
@@ -106,14 +107,31 @@ def evidence_words(plan: Plan) -> str:
     own = "".join(f" {words}." for words in own_words(plan))
     if evidence is None:
         return f"There is no evidence: {plan.description.untried or 'trials of the presses were left out'}.{own}"
+    most = "" if evidence.max_time is None else f", asked for {evidence.max_time:.3g} s"
     return (
         f"{evidence.seated} of {evidence.draws} draws seat in the physics engine, {evidence.first_tries} at the first "
-        f"attempt: a rate of at least {100.0 * evidence.bound:.1f} % at {evidence.confidence:.1%} confidence, asked "
-        f"for {100.0 * evidence.min_rate:g} %. {evidence.vertices_seated} of {evidence.vertices} vertices of the start "
-        "errors seat."
+        f"attempt{timing_words(evidence.cycle_times)}{most}: a rate of at least {100.0 * evidence.bound:.1f} % at "
+        f"{evidence.confidence:.1%} confidence, asked for {100.0 * evidence.min_rate:g} %. {evidence.vertices_seated} "
+        f"of {evidence.vertices} vertices of the start errors seat."
+        + _clear_words(evidence)
         + ("" if share is None else f" Guarded moves are certified for {share:.0%} of the start errors.")
         + own
     )
+
+
+def timing_words(times: tuple[float, float] | None) -> str:
+    """Median and 95 % of cycle times, s, as they go on a rate; nothing where there are none."""
+    return "" if times is None else f", in {times[0]:.1f} s, 95 % within {times[1]:.1f} s"
+
+
+def _clear_words(evidence: Evidence) -> str:
+    """How near tool and obstacles come, where there are any."""
+    if evidence.distance is None:
+        return ""
+    touching = sum((one.distance or 0.0) <= TOUCH for one in (*evidence.outcomes, *evidence.vertex_outcomes))
+    if touching:
+        return f" In {touching} trials tool or obstacles are touched."
+    return f" Tool and obstacles are kept clear by {1e3 * evidence.distance:.3g} mm or more."
 
 
 def conditions_words(evidence: Evidence) -> str:
@@ -176,14 +194,6 @@ def failure_rows(evidence: Evidence) -> list[tuple[str, ...]]:
     ]
 
 
-def timing_words(evidence: Evidence) -> str:
-    """Cycle time of the draws that seat, and their greatest force."""
-    if (times := evidence.cycle_times) is None:
-        return ""
-    peak = max(one.peak_force for one in evidence.outcomes)
-    return f"Cycle time {times[0]:.1f} s, 95 % within {times[1]:.1f} s; force up to {peak:.1f} N."
-
-
 def press_chapters(plan: Plan) -> list[tuple[str, str, str]]:
     """Chapters of the page: evidence, presses, failed draws."""
     presses, evidence = presses_of(plan), plan.trials
@@ -200,7 +210,7 @@ def press_chapters(plan: Plan) -> list[tuple[str, str, str]]:
     )
     found = f"<p>{escape(evidence_words(plan))}</p>\n"
     if evidence is not None:
-        found += f"<p>Drawn from: {escape(conditions_words(evidence))}. {escape(timing_words(evidence))}</p>\n"
+        found += f"<p>Drawn from: {escape(conditions_words(evidence))}. Force up to {evidence.peak_force:.1f} N.</p>\n"
         found += table(OUTCOMES, ENDINGS, outcome_rows(plan, evidence), "n.nnn.")
         failed = len(evidence.by_name) - evidence.seated - evidence.vertices_seated
         head = ("trial", "attempt", "last press", "what speaks against it", "s", "greatest N")

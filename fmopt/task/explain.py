@@ -8,9 +8,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.part import Part
+from fmopt.plan.press import ConvexSolid
 from fmopt.spatial.values import Array
 from fmopt.task.assembly import Assembly, Step
 from fmopt.task.problem import Problem
@@ -49,6 +52,8 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
         "measured_clearance": clearance.per_side,
         "play": play,
         "specification": problem.specification.record(),
+        "tcp": problem.tcp.tolist(),
+        "cell": {side: [one.name for one in getattr(problem.cell, side)] for side in ("moving", "fixed")},
         "settings": asdict(problem.settings),
         "warnings": list(_warnings(problem, clearance)),
     }
@@ -83,6 +88,14 @@ def _parts(problem: Problem) -> Iterator[str]:
     for side, part, feature in (("moving", problem.moving, problem.peg), ("fixed", problem.fixed, problem.hole)):
         yield _part(side, part, feature)
         yield from (note for note in part.notes if not note.startswith(_WARNING))
+    for place, solids in (("moving", problem.cell.moving), ("fixed", problem.cell.fixed)):
+        if solids:
+            yield f"beside the {place} part, kept clear of what the other one has: {', '.join(map(_solid, solids))}"
+
+
+def _solid(solid: ConvexSolid) -> str:
+    widths = map(_mm, np.ptp(np.vstack(solid.pieces), axis=0).tolist())
+    return f"{solid.name}, {' x '.join(widths)} mm"
 
 
 def _part(side: str, part: Part, feature: Feature) -> str:
@@ -258,6 +271,7 @@ def _settings(problem: Problem) -> Iterator[str]:
     yield (
         f"asked for: presses, tested: a rate of {settings.min_rate:.4g} by {settings.draws} draws, "
         f"seed {settings.seed}; friction {low:.4g} to {high:.4g}"
+        + ("" if settings.max_time is None else f"; 95 % within {settings.max_time:.4g} s")
     )
     yield (
         f"robot: {robot.preset}, {1e-3 * robot.stiffness:.6g} N/mm, {robot.turning:.6g} N m/rad where it holds, "

@@ -18,12 +18,13 @@ from fmopt.geometry.bodies import MAX_MESH_BYTES
 from fmopt.geometry.mating_features import DESCRIBE, FOUND
 from fmopt.geometry.mesh.round_planes import met
 from fmopt.geometry.part import Part, Profiles, in_order, outline, rebased, settled
+from fmopt.plan.press import ConvexSolid, Surroundings
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task import sizes
 from fmopt.task.model import Bare, Model, load_model, overrides_of
 from fmopt.task.pairing import Mated, paired, without_hollows
 from fmopt.task.problem import Attributes, Problem, RobotProperties, Settings, Specification, VelocityError
-from fmopt.task.solid_tree import build_part, build_tree
+from fmopt.task.solid_tree import build_part, build_tree, shape_part
 from fmopt.task.sources import (
     OF_ALL,
     Contribution,
@@ -38,7 +39,7 @@ from fmopt.task.sources import (
 )
 from fmopt.task.task_command import attributes, is_round
 from fmopt.task.toml import problem_file as files
-from fmopt.task.toml.source import NAME_PROBLEM, Source, read_bytes
+from fmopt.task.toml.source import NAME_PROBLEM, Key, Source, dotted, read_bytes
 from fmopt.task.toml.tables import Reading, checked
 from fmopt.task.toml.units import LENGTH, at_most, did_you_mean, in_words
 
@@ -62,35 +63,38 @@ def problem_of(source: Source) -> Problem:
     file, faults = checked(files.ProblemFile, whole, reading)
     faults += short
     models: dict[str, Model] = {}
-    for side in ("moving", "fixed"):
-        model, more = _operand(whole, reading, side)
+    keys: list[Key] = [("moving",), ("fixed",), *(key for key, _ in files.solid_tables(whole.data))]
+    for key in keys:
+        model, more = _operand(whole, reading, key)
         faults += more
         if model is not None:
-            models[side] = model
+            models[dotted(key)] = model
+    solids = {name: models.pop(name) for name in [*models] if name not in ("moving", "fixed")}
     if file is not None:
-        faults += _cross_checks(whole, file, models)
+        faults += [*_cross_checks(whole, file, models), *_cell_faults(whole, file, models, solids)]
     if faults or file is None:
         raise InputError(*dict.fromkeys(faults))  # of a file that both sides name they are there twice
-    return _problem(source, whole, file, models)
+    return _problem(source, whole, file, models, solids)
 
 
 def _is_short(source: Source) -> bool:
     """Whether text stands for a table anywhere in a problem file."""
     errors = source.data.get("uncertainty")
     start = errors.get("start") if isinstance(errors, Mapping) else None
-    return any(isinstance(value, str) for value in (*map(source.data.get, ("moving", "fixed", "robot")), start))
+    short = any(isinstance(value, str) for value in (*map(source.data.get, ("moving", "fixed", "robot")), start))
+    return short or any(True for _ in files.solid_tables(source.data))
 
 
-def _operand(source: Source, reading: Reading, side: str) -> tuple[Model | None, list[Fault]]:
+def _operand(source: Source, reading: Reading, key: Key) -> tuple[Model | None, list[Fault]]:
     """The model of one part, as far as the problem file says which; faults of the problem file are found elsewhere."""
-    table = source.data.get(side)
+    table = source.get(key) if key[0] in source.data else None
     name = table.get("model") if isinstance(table, Mapping) else None
     if not isinstance(table, Mapping) or not isinstance(name, str) or not 0 < len(name) <= 1000:
         return None, []
-    overrides, faults = overrides_of(source, reading, (side, "parameters"))
+    overrides, faults = overrides_of(source, reading, (*key, "parameters"))
     try:
-        path, said = Path(normpath(source.path.parent / name)), Bare.of(source, side)
-        model, more = load_model(path, source.place((side, "model")), overrides, said)
+        path, said = Path(normpath(source.path.parent / name)), Bare.of(source, key)
+        model, more = load_model(path, source.place((*key, "model")), overrides, said)
     except InputError as error:
         return None, [*faults, *error.faults]
     return (None if faults else model), [*faults, *more]
@@ -115,12 +119,32 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
     yield from _pair_faults(source, file, models)
 
 
+def _cell_faults(
+    source: Source, file: files.ProblemFile, models: Mapping[str, Model], solids: Mapping[str, Model]
+) -> Iterator[Fault]:
+    """Solids around the parts where none is kept clear of, and those that have no convex pieces."""
+    for key, _ in files.solid_tables(source.data):
+        place = source.place(key, of_key=True)
+        if any(model.file.profile is not None for model in models.values()):
+            advice = "leave [tool] solids and [obstacles] out"
+            yield place.fault("not-supported", "planar problems keep nothing clear of other solids", advice)
+        elif file.settings.evidence == "certified":
+            advice = 'write settings.evidence = "tested", or leave [tool] solids and [obstacles] out'
+            yield place.fault("not-supported", "guarded moves do not keep clear of other solids", advice)
+        elif (model := solids.get(dotted(key))) and (model.file.profile is not None or model.file.balls):
+            message = f"the model {model.file.name!r} has {'balls' if model.file.balls else 'a profile'}"
+            yield place.fault("not-supported", message, "give [solids] or [mesh] alone")
+
+
 def _pair_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
     """Sources with the hollow part in the hand, and a goal deeper than hole and peg allow."""
     if file.uncertainty.sources is not None and _is_exchanged(file, models):
         message = "with the hollow part in the hand the sources do not say how far the peg's leading face is off"
         advice = "give [uncertainty.start]: errors of the peg's leading face against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("conflict", message, advice)
+    if file.tool.tcp is not None and _is_exchanged(file, models):
+        message = "the hollow part is in the hand, and programs lead the peg"
+        yield source.place(("tool", "tcp"), of_key=True).fault("not-supported", message, "leave it out")
     deepest = _deepest(file, models)
     if deepest is not None and file.goal.depth is not None and file.goal.depth > deepest:
         message = f"{in_words(file.goal.depth, LENGTH)} is deeper than hole and peg allow, {at_most(deepest, LENGTH)}"
@@ -189,7 +213,9 @@ def _deepest(file: files.ProblemFile, models: Mapping[str, Model]) -> float | No
     return min(lengths) if len(lengths) == 2 else None
 
 
-def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Problem:
+def _problem(
+    said: Source, source: Source, file: files.ProblemFile, models: Mapping[str, Model], solids: Mapping[str, Model]
+) -> Problem:
     """The problem of tables without fault: `said` as they stand in the file, `source` spelled out."""
     mated: Mapping[str, Mated] = {}
     meshed = any(model.file.mesh is not None for model in models.values())
@@ -218,6 +244,9 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     task = _attributes(source, file, is_round(trees[peg].feature(file.feature(peg))), begin, exchanged, grasp)
     turned = Pose(np.zeros(3), exp([0.0, 0.0, -task.turn]))
     moving, fixed = _settled(rebased(parts[peg], turned), parts[hole], models)
+    frames = {side: part.feature(file.feature(side)).frame for side, part in built.items()}
+    frames[peg] = frames[peg].compose(turned)
+    tcp = None if (at := file.tool.tcp) is None else Pose.from_vector([*at.at, *at.turn])
     trapezoid = file.uncertainty.trapezoid
     moving_points, fixed_points = (parts[side].polyhedron.vertices for side in ("moving", "fixed"))
     table = file.uncertainty.sources
@@ -238,7 +267,7 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     return Problem(
         title=file.title or f"{parts['moving'].name} into {parts['fixed'].name}",
         path=source.path,
-        sha256=_sha256(said, models),
+        sha256=_sha256(said, {**models, **solids}),
         moving=moving,
         fixed=fixed,
         trees=(trees[peg], trees[hole]),
@@ -255,6 +284,8 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
         trapezoid=None if trapezoid is None else (trapezoid.ball, trapezoid.cone),
         sources=sources,
         budget=shares if sources or len(shares) > 1 else (),
+        tcp=np.zeros(6) if tcp is None else frames[peg].inverse().compose(tcp).vector(),
+        cell=_cell(source, file, solids, (frames[peg], frames[hole]), exchanged),
         plane=plane,
         velocity_error=VelocityError(**file.uncertainty.velocity.model_dump()),
         specification=Specification(**{**file.specification.model_dump(), "friction": max(friction, default=0.3)}),
@@ -262,6 +293,25 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
         robot=RobotProperties(**file.robot.properties()),
         settings=Settings(**file.settings.model_dump()),
     )
+
+
+def _cell(
+    source: Source, file: files.ProblemFile, models: Mapping[str, Model], frames: tuple[Pose, Pose], exchanged: bool
+) -> Surroundings:
+    """Tool and obstacles in the frames of peg and hole, which are given in their models' frames."""
+    held, standing = list[ConvexSolid](), list[ConvexSolid]()
+    for key, table in file.solids.items():
+        is_held = key[0] == "tool"
+        frame = frames[is_held == exchanged]
+        if isinstance(table, files.FileSolid):
+            model = models[dotted(key)]
+            part = build_part(model.source, model.file)
+            frame = Pose.from_vector([*table.at, *table.turn]).inverse().compose(frame)
+        else:
+            part = shape_part(source, key, table)
+        pieces = tuple(tuple((x, y, z) for x, y, z in one.vertices.tolist()) for one in rebased(part, frame).pieces)
+        (held if is_held else standing).append(ConvexSolid(str(key[-1]), pieces))
+    return Surroundings(tuple(standing), tuple(held)) if exchanged else Surroundings(tuple(held), tuple(standing))
 
 
 def _is_known(model: Model, name: str | None) -> bool:

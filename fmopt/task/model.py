@@ -61,13 +61,13 @@ class Bare:
     places: Mapping[str, Place] = field(default_factory=dict)
 
     @staticmethod
-    def of(source: Source, side: str) -> Bare:
+    def of(source: Source, key: Key) -> Bare:
         """What a problem says in a table, as far as it is right; the rest is told elsewhere."""
-        table = source.data[side]
+        table = source.get(key)
         unit, body = table.get("unit"), table.get("body")
         known = isinstance(unit, str) and unit in UNITS["length"][1]
         named = isinstance(body, str | int) and not isinstance(body, bool)  # TOML's true is an int to Python
-        places = {name: source.place((side, name), of_key=True) for name in ("unit", "body")}
+        places = {name: source.place((*key, name), of_key=True) for name in ("unit", "body")}
         return Bare(unit if known else None, body if named else None, places)
 
     def misplaced(self, name: str, cited: Place, message: str, advice: str) -> list[Fault]:

@@ -16,6 +16,7 @@ from fmopt.task.sources import Contribution, Sources, framing, total
 if TYPE_CHECKING:
     from fmopt.geometry.mating_features import Feature
     from fmopt.geometry.part import Part, Profiles
+    from fmopt.plan.press import Surroundings
     from fmopt.spatial.se3 import Pose
     from fmopt.task.object_model.tree import ObjectTree
     from fmopt.task.object_model.workcell import LowerPair
@@ -67,11 +68,12 @@ class Settings:
     """How the plan is computed: methods, greatest tilt (rad), characteristic length (m or None), time (s).
 
     `evidence`: whether a plan that is tested is asked for or one that is certified; `min_rate` the rate with which a
-    tested one seats at least, by so many `draws`. `reduce_errors`: whether a plan for a share of the start errors is
-    wanted where there is none for all of them.
+    tested one seats at least, by so many `draws`, 95 % of those that seat within `max_time` (s). `reduce_errors`:
+    whether a plan for a share of the start errors is wanted where there is none for all of them.
     """
 
     evidence: Literal["tested", "certified"]
+    max_time: float | None
     min_rate: float
     draws: int
     seed: int
@@ -116,7 +118,7 @@ class Attributes(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Value, goal=(6,), start=(6,), start_box=(6,)):
+class Problem(Value, goal=(6,), start=(6,), start_box=(6,), tcp=(6,)):
     """An insertion, in SI units and mating frames.
 
     The moving part is the one with the peg. Where the task has the hole in the hand the operands are exchanged: the
@@ -135,6 +137,8 @@ class Problem(Value, goal=(6,), start=(6,), start_box=(6,)):
         trapezoid: radius of the ball (m) and half-angle of the cone (rad) of S(t); None for those of the start error.
         sources: where the start box comes from; None when the file gives it outright.
         budget: what each source contributes to the start box; none when the file gives it outright.
+        tcp: pose (6,) of the tool's centre point in the frame of the moving part, m and rad.
+        cell: what presses are kept clear of.
         plane: the profiles of a planar problem, whose parts are solids of the same contacts; None in space.
     """
 
@@ -157,6 +161,8 @@ class Problem(Value, goal=(6,), start=(6,), start_box=(6,)):
     trapezoid: tuple[float, float] | None
     sources: Sources | None
     budget: tuple[Contribution, ...]
+    tcp: Array
+    cell: Surroundings
     plane: Profiles | None
     velocity_error: VelocityError
     specification: Specification

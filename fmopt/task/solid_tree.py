@@ -134,6 +134,17 @@ def _balls(file: files.ModelFile) -> list[tuple[Array, float]]:
     return [(np.array(ball.at), ball.radius) for ball in file.balls.values()]
 
 
+def shape_part(source: Source, key: Key, shape: files.Primitive) -> Part:
+    """The part that a shape is by itself, which stands at `key`.
+
+    Raises:
+        InputError: no solid comes out; at that place.
+    """
+    with source.place(key, of_key=True).solid():
+        solid = _shape(source, files.ModelFile(), shape, False)
+        return part_of(str(key[-1]), csg.Placed(solid, Pose.from_vector([*shape.at, *shape.turn])))
+
+
 def build_tree(source: Source, file: files.ModelFile, mesh: Imported | None = None) -> ObjectTree:
     """The object tree of a checked model file, after [LeeHuang1985] section 3.
 

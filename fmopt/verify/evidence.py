@@ -75,5 +75,10 @@ def _check_evidence(evidence: Evidence, notes: Notes) -> None:
         notes.add("evidence", f"a bound of {evidence.bound:.6f} is stated, {bound:.6f} follows", evidence.bound - bound)
     if bound < evidence.min_rate:
         notes.add("evidence", f"the rate is at least {bound:.4f}, where {evidence.min_rate} is asked for")
+    ranked = sorted(time for time, one in zip(evidence.seconds, evidence.outcomes, strict=True) if one >= 0)
+    late = ranked[min(int(0.95 * len(ranked)), len(ranked) - 1)] if ranked else 0.0
+    if evidence.max_time is not None and late > evidence.max_time:
+        most = f"{evidence.max_time:.3g} s are asked for: raise settings.max_time, or the limits of force and speed"
+        notes.add("evidence", f"95 % of the cycle times are within {late:.3g} s, where {most}")
     if vertices < MIN_VERTICES:
         notes.add("evidence", f"{vertices} of 64 vertices seat, where {MIN_VERTICES} have to")

@@ -98,6 +98,9 @@ PRESS_LIES: dict[str, tuple[Change, str]] = {
     "another seat": (lambda p: p["presses"]["seat"].update(clearance=0.05), "seat: the plan's trials"),
     "a lower rate": (lambda p: p["evidence"].update(min_rate=0.01), "evidence.min_rate"),
     "no friction": (lambda p: p["evidence"]["conditions"].update(friction=[0.0, 0.0]), "evidence.conditions"),
+    "a wall": (lambda p: p["presses"].update(cell={"fixed": [{"name": "w", "pieces": [[[0, 0, 1]]]}]}), "presses.cell"),
+    "another tool": (lambda p: p["description"].update(tcp=[0.0, 0.0, 0.1, 0.0, 0.0, 0.0]), "description.tcp"),
+    "more time": (lambda p: p["evidence"].update(max_time=9.0), "evidence.max_time"),
     "another feature": (
         lambda p: p["parts"]["moving"].update(found={"side": "fixed", "feature": "nonsense"}),
         "parts.moving.found",

@@ -30,6 +30,18 @@ def _vertices(document: Document) -> None:
         _unseated(document, "vertex_outcomes", "vertices_seated", number)
 
 
+CORNERS = [[0, 0, 1], [1, 0, 1], [0, 1, 1], [0, 0, 2]]
+CROWD = {"moving": [], "fixed": [{"name": "wall", "pieces": [CORNERS]}]}
+
+
+def _crowd(document: Document) -> None:
+    """Solids around the parts, which one of the draws comes too near to."""
+    document["presses"]["cell"] = CROWD
+    for one in (*document["evidence"]["outcomes"], *document["evidence"]["vertex_outcomes"]):
+        one["distance"] = 0.01
+    document["evidence"]["outcomes"][3]["distance"] = 1e-4
+
+
 LIES: list[tuple[Callable[[Document], Any], bool, str]] = [
     (lambda d: d["evidence"].update(seated=11), True, "other counts are stated"),
     (lambda d: d["evidence"].update(draws=11), True, "other counts are stated"),
@@ -40,6 +52,10 @@ LIES: list[tuple[Callable[[Document], Any], bool, str]] = [
     (lambda d: d["evidence"].update(bound=d["evidence"]["bound"] + 1e-6), True, "a bound of"),
     (lambda d: d["evidence"].update(confidence=0.9), True, "the bound holds at 0.9"),
     (lambda d: d["evidence"].update(min_rate=0.7), True, "the rate is at least 0.6915, where 0.7 is asked for"),
+    (lambda d: d["evidence"].update(max_time=7.0), True, "95 % of the cycle times are within 8 s, where 7 s are asked"),
+    (_crowd, True, "9 of 10 outcomes seat"),
+    (lambda d: d["presses"].update(cell=CROWD), False, "other parts, presses or goals"),
+    (lambda d: d["presses"].update(cell=CROWD), True, "0 of 10 outcomes seat"),
     (lambda d: d["segments"][1]["wrench"].__setitem__(0, 1.0), False, "other parts, presses or goals"),
     (lambda d: d["presses"]["robot"].update(mass=1.0), False, "other parts, presses or goals"),
     (

@@ -9,9 +9,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fmopt.errors import ResourceError
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.physics import Physics
+from fmopt.plan.press import ALONE, ConvexSolid, Surroundings
 from fmopt.spatial.values import Array
 
 CONTACTS = 16  # contacts that a sensor reports
@@ -19,15 +22,19 @@ CONTACTS = 16  # contacts that a sensor reports
 _COLOUR = "0.85 0.45 0.1 1"  # of the moving part
 
 
-def scene(bodies: Bodies, physics: Physics, mass: float, inertia: float, friction: float) -> str:
+def scene(
+    bodies: Bodies, physics: Physics, mass: float, inertia: float, friction: float, cell: Surroundings = ALONE
+) -> str:
     """The scene as MJCF; of robot and part the apparent mass, kg, and the inertia about each axis of the frame, kg·m².
+
+    Solids of a cell collide as the parts do; their geoms are called by side, name and number of the piece.
 
     Raises:
         SettingsError: the settings cannot be trusted.
     """
     physics.trusted()
-    found = {"fixed": bodies.fixed, "moving": bodies.moving}
-    meshes = [_mesh(f"{side}{i}", vertices) for side in found for i, vertices in enumerate(found[side])]
+    found = {"fixed": _named("fixed", bodies.fixed, cell.fixed), "moving": _named("moving", bodies.moving, cell.moving)}
+    meshes = [_mesh(name, vertices) for side in found.values() for name, vertices in side.items()]
     template = Path(__file__).with_name("scene.xml").read_text("utf-8")
     return template.format(
         step=physics.time_step,
@@ -38,8 +45,8 @@ def scene(bodies: Bodies, physics: Physics, mass: float, inertia: float, frictio
         solimp=numbers(physics.solimp),
         friction=friction,
         meshes="\n".join(meshes),
-        fixed=_geoms("fixed", len(found["fixed"]), "0.6 0.65 0.7 0.35"),  # see-through, for what goes on in the hole
-        moving=_geoms("moving", len(found["moving"]), _COLOUR) + _spheres(bodies.balls),
+        fixed=_geoms(found["fixed"], "0.6 0.65 0.7 0.35"),  # see-through, for what goes on in the hole
+        moving=_geoms(found["moving"], _COLOUR) + _spheres(bodies.balls),
         mass=mass,
         inertia=inertia,
         contacts=CONTACTS,
@@ -75,8 +82,15 @@ def _mesh(name: str, vertices: Array) -> str:
     return f'    <mesh name="{name}" inertia="exact" vertex="{numbers(vertices.ravel().tolist())}"/>'
 
 
-def _geoms(side: str, count: int, colour: str) -> str:
-    return "\n".join(f'      <geom name="{side}{i}" mesh="{side}{i}" rgba="{colour}"/>' for i in range(count))
+def _named(side: str, pieces: Sequence[Array], solids: Sequence[ConvexSolid]) -> dict[str, Array]:
+    """Corners of the pieces of a part, and of the solids beside it, by the names of their geoms."""
+    own = {f"{side}{i}": vertices for i, vertices in enumerate(pieces)}
+    beside = {f"{side}_{one.name}_{i}": np.array(piece) for one in solids for i, piece in enumerate(one.pieces)}
+    return {**own, **beside}
+
+
+def _geoms(names: Iterable[str], colour: str) -> str:
+    return "\n".join(f'      <geom name="{name}" mesh="{name}" rgba="{colour}"/>' for name in names)
 
 
 def _spheres(balls: Iterable[tuple[Array, float]]) -> str:

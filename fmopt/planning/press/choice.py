@@ -17,7 +17,7 @@ from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.evidence import Examination, examine
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
 from fmopt.plan.evidence import MAX_EXAMINED, VERTICES, Evidence, TrialOutcome
-from fmopt.plan.press import MAX_ATTEMPTS, Attempt, Conditions, PressPlan, PressRobot, Seat
+from fmopt.plan.press import ALONE, MAX_ATTEMPTS, Attempt, Conditions, PressPlan, PressRobot, Seat, Surroundings
 from fmopt.runtime.clock import clock, deadline, heed
 from fmopt.runtime.process import cores
 
@@ -33,15 +33,16 @@ _CHOOSING = 0x63686F69  # sets the streams of choices apart from those of eviden
 
 @dataclass(frozen=True, eq=False)
 class Trialled:
-    """A candidate with the outcomes of its draws, in their order."""
+    """A candidate with the outcomes of its draws, in their order; those that take longer than `max_time` (s) fail."""
 
     attempt: Attempt
     outcomes: tuple[TrialOutcome, ...]
+    max_time: float = math.inf
 
     @property
     def seats(self) -> frozenset[int]:
-        """Draws that seat."""
-        return frozenset(k for k, one in enumerate(self.outcomes) if one.seated)
+        """Draws that seat in time."""
+        return frozenset(k for k, one in enumerate(self.outcomes) if one.seated and one.seconds <= self.max_time)
 
     @property
     def score(self) -> tuple[float, float]:
@@ -62,6 +63,8 @@ class Choosing:
         seed: of the choice.
         draws: of the evidence, which time is kept for.
         filled: whether the moving part has its hollows filled.
+        cell: what the parts are kept clear of.
+        max_time: s, that a trial may take.
     """
 
     bodies: Bodies
@@ -71,10 +74,13 @@ class Choosing:
     seed: int
     draws: int = 96
     filled: bool = False
+    cell: Surroundings = ALONE
+    max_time: float = math.inf
 
     def plan(self, attempts: Sequence[Attempt]) -> PressPlan:
         """Attempts as a plan, at the largest strength that the limits of force and torque allow."""
-        first = PressPlan(self.robot, tuple(attempts), max(one.start[2] for one in attempts), self.seat, self.filled)
+        over = max(one.start[2] for one in attempts)
+        first = PressPlan(self.robot, tuple(attempts), over, self.seat, self.filled, self.cell)
         return first.strengthened(strength(first))
 
     def carried_out(self, candidates: Sequence[Attempt], numbers: range) -> list[tuple[TrialOutcome, ...]]:
@@ -128,7 +134,7 @@ def halved(
     left: list[Trialled] = []
     pace = pace or Pace(choosing.draws + VERTICES)
     for begun in range(0, len(candidates), _WAVE):
-        wave = [Trialled(one, ()) for one in candidates[begun : begun + _WAVE]]
+        wave = [Trialled(one, (), choosing.max_time) for one in candidates[begun : begun + _WAVE]]
         left = _halved(choosing, [*left, *wave], pace, progress)
         if _sure(left) or pace.late:
             break
@@ -223,7 +229,7 @@ def examined(
     choosing: Choosing, ranked: Sequence[Trialled], asked: Examination, subject_of: Callable[[PressPlan], str],
     progress: Callable[[str], None],
 ) -> tuple[PressPlan, Evidence | None]:  # fmt: skip
-    """The first plan whose evidence reaches what is asked, of two at most; else the better one.
+    """The first plan whose evidence reaches what is asked, of two at most; else the better or the faster one.
 
     Where the time limit cuts the examination of the first one off, it has no evidence.
 
@@ -239,9 +245,16 @@ def examined(
             found = examine(choosing.bodies, plan, choosing.conditions, request, subject_of(plan), progress)
         except OverdueError:
             return best or (plan, None)
-        if best is None or (found.bound, found.vertices_seated) > (best[1].bound, best[1].vertices_seated):
+        if best is None or _worth(found) > _worth(best[1]):
             best = plan, found
         if found.level == "tested":
             break
     assert best is not None
     return best
+
+
+def _worth(evidence: Evidence) -> tuple[bool, float, int, float]:
+    """By what plans are compared: of those with equal evidence the faster one is the better one."""
+    _, late = evidence.cycle_times or (0.0, math.inf)
+    in_time = evidence.max_time is None or late <= evidence.max_time
+    return in_time, evidence.bound, evidence.vertices_seated, -late

@@ -44,7 +44,10 @@ def press_document(
         **press_records(presses),
         **({} if evidence is None else {"evidence": evidence_record(evidence)}),
         "description": Description(
-            trace=tuple(trace), **described, **_position_force(presses.attempts[0].presses, trace)
+            trace=tuple(trace),
+            tcp=numbers(posed.problem.tcp),
+            **described,
+            **_position_force(presses.attempts[0].presses, trace),
         ).record(),
     }
     return dict(plan.clean(document))

@@ -23,6 +23,7 @@ from fmopt.plan.press import Attempt, Conditions, PressPlan, PressRobot
 from fmopt.planning.posed import Posed, Progress
 from fmopt.planning.press.choice import Choosing, Pace, examined, halved, with_retries
 from fmopt.planning.press.library import robot_of
+from fmopt.planning.press.nominal_way import kept_clear
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.record import subject
 from fmopt.planning.press.task import PressTask
@@ -52,20 +53,23 @@ def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSo
     """Propose sequences of presses, choose by trials, and examine the choice.
 
     Raises:
-        SearchError: no sequence comes down inside the mouth.
+        SearchError: no sequence comes down inside the mouth, or none keeps clear of tool and obstacles.
         OverdueError: the time limit leaves no draw for any.
     """
     problem = posed.problem
     task, settings = task_of(posed), problem.settings
     robot, conditions = robot_for(task), conditions_of(problem)
-    choosing = Choosing(task.bodies, task.seat, robot, conditions, settings.seed, settings.draws, task.filled)
+    choosing = Choosing(
+        task.bodies, task.seat, robot, conditions, settings.seed, settings.draws, task.filled, problem.cell,
+        settings.max_time or math.inf,
+    )  # fmt: skip
     progress("presses: sections of the parts")
     pace, limit = Pace(settings.draws + VERTICES), deadline() - clock()
-    proposed = proposals(task)
+    proposed = kept_clear(task, proposals(task))
     if weak := weakness(choosing, proposed, problem):
         progress(weak)
     ranked = halved(choosing, proposed, progress, pace)
-    asked = Examination(settings.draws, settings.min_rate, settings.seed)
+    asked = Examination(settings.draws, settings.min_rate, settings.seed, max_time=settings.max_time)
     plan, evidence = choosing.plan(with_retries(ranked)), None
     if settings.draws and not pace.in_vain:
         plan, evidence = examined(choosing, ranked, asked, partial(subject, posed), progress)
@@ -80,8 +84,8 @@ def tried_again(posed: Posed, plan: PressPlan) -> PressSolution:
     problem, settings = posed.problem, posed.problem.settings
     task = task_of(posed)
     robot = replace(robot_for(task), damping=plan.robot.damping, limits=plan.robot.limits, arm=plan.robot.arm)
-    same = replace(plan, robot=robot, seat=task.seat, filled=task.filled)
-    asked = Examination(settings.draws, settings.min_rate, settings.seed, threads=1)
+    same = replace(plan, robot=robot, seat=task.seat, filled=task.filled, cell=problem.cell)
+    asked = Examination(settings.draws, settings.min_rate, settings.seed, threads=1, max_time=settings.max_time)
     return PressSolution(same, examine(task.bodies, same, conditions_of(problem), asked, subject(posed, same)))
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StringConstraints
 
-from fmopt.task.toml.problem_file import Angle, GraspTable, Pair, Units
+from fmopt.task.toml.problem_file import Angle, FrameTable, Pair, Units
 from fmopt.task.toml.tables import (
     File,
     Force,
@@ -76,7 +76,7 @@ class TaskTable(Table):
     """The lower pair that the task makes."""
     goal: tuple[Shift, Shift, Shift, Angle, Angle, Angle]
     """Pose of the moving feature in the frame of the fixed one: position and rotation vector; entries may be "free"."""
-    grasp: GraspTable = Field(default_factory=GraspTable)
+    grasp: FrameTable = Field(default_factory=FrameTable)
     specification: SpecificationTable
 
 

@@ -39,14 +39,16 @@ class ModelUnits(Table):
     angle: Literal["rad", "mrad", "deg"] | None = None
 
 
-class _Placed(Table):
+class PlacedTable(Table):
+    """Where a solid is put."""
+
     at: Vector = (0.0, 0.0, 0.0)
     """Where the solid's origin is put."""
     turn: Rotation = (0.0, 0.0, 0.0)
     """How it is turned about its origin first: a rotation vector (axis times angle)."""
 
 
-class Box(_Placed):
+class Box(PlacedTable):
     """A cuboid centred in x and y, standing on z = 0."""
 
     shape: Literal["box"]
@@ -56,7 +58,7 @@ class Box(_Placed):
     """Leg of the 45° cut on the four upright edges."""
 
 
-class Turned(_Placed):
+class Turned(PlacedTable):
     """A solid of revolution, for which a polyhedron stands: by `sides` the inscribed one, or one by `sagitta`."""
 
     sides: Annotated[int, Field(ge=3, le=1998)] = 64  # and two ends: 2,000 faces are the most of a part
@@ -89,7 +91,7 @@ class Cone(Turned):
     height: Length
 
 
-class Sphere(_Placed):
+class Sphere(PlacedTable):
     """A ball about its origin; the planner sees the inscribed polyhedron with `sides` meridians."""
 
     shape: Literal["sphere"]
@@ -101,7 +103,7 @@ class Sphere(_Placed):
 Polygon: TypeAlias = Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3, max_length=4096)]
 
 
-class Prism(_Placed):
+class Prism(PlacedTable):
     """An upright prism over a simple polygon, convex or not, standing on z = 0."""
 
     shape: Literal["prism"]
@@ -121,7 +123,7 @@ class Section(Table):
     """Corners of a simple polygon, counter-clockwise seen from above."""
 
 
-class Stack(_Placed):
+class Stack(PlacedTable):
     """A stepped, tapered or chamfered part: outlines one above the other, walls straight from each to the next."""
 
     shape: Literal["stack"]
@@ -130,7 +132,7 @@ class Stack(_Placed):
     two at one height are a step, where the outline may change."""
 
 
-class Wedge(_Placed):
+class Wedge(PlacedTable):
     """A box whose top is only `top_x` long: the face at negative x is upright, the opposite one leans."""
 
     shape: Literal["wedge"]
@@ -138,21 +140,21 @@ class Wedge(_Placed):
     top_x: Distance
 
 
-class Hull(_Placed):
+class Hull(PlacedTable):
     """The convex hull of points."""
 
     shape: Literal["hull"]
     points: Annotated[tuple[Vector, ...], Field(min_length=4, max_length=4096)]
 
 
-class Union(_Placed):
+class Union(PlacedTable):
     """The union of named solids."""
 
     shape: Literal["union"]
     of: Annotated[tuple[Name, ...], Field(min_length=1, max_length=256)]
 
 
-class Difference(_Placed):
+class Difference(PlacedTable):
     """A named solid without others."""
 
     shape: Literal["difference"]
@@ -160,7 +162,8 @@ class Difference(_Placed):
     minus: Annotated[tuple[Name, ...], Field(min_length=1, max_length=256)]
 
 
-Shape: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Stack | Wedge | Hull | Union | Difference
+Primitive: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Stack | Wedge | Hull
+Shape: TypeAlias = Primitive | Union | Difference
 Solids: TypeAlias = Annotated[dict[Name, Annotated[Shape, Field(discriminator="shape")]], Field(max_length=100)]
 
 

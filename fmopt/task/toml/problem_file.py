@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import BeforeValidator, Field
 
 from fmopt.errors import Fault
-from fmopt.task.toml.model_file import ModelUnits
+from fmopt.task.toml.model_file import ModelUnits, PlacedTable, Primitive
 from fmopt.task.toml.source import Key, Source
 from fmopt.task.toml.tables import (
     Beside,
@@ -66,8 +66,8 @@ class Units(ProblemUnits):
     angle: Literal["rad", "mrad", "deg"]
 
 
-class Operand(Table):
-    """One of the two parts, and its feature that mates."""
+class OfFile(Table):
+    """A solid by its file."""
 
     model: File
     """Model file (TOML), or a mesh or STEP file itself, relative to this file."""
@@ -76,11 +76,28 @@ class Operand(Table):
     body: Annotated[str, Field(min_length=1, max_length=200)] | Annotated[int, Field(ge=1, le=10_000)] | None = None
     """Which body of a STEP or mesh file that is named itself, by name or number, where it holds several. Two bodies of
     one file stand there as the goal has them."""
+    parameters: Annotated[dict[ParameterName, Parameter], Field(max_length=256)] = Field(default_factory=dict)
+    """Values that replace the model's; plain numbers are lengths."""
+
+
+class Operand(OfFile):
+    """One of the two parts, and its feature that mates."""
+
     feature: Name | None = None
     """The mating feature: one solid and one hollow; where the hollow part moves, the operands are exchanged. Not given:
     the pair of features that fits best."""
-    parameters: Annotated[dict[ParameterName, Parameter], Field(max_length=256)] = Field(default_factory=dict)
-    """Values that replace the model's; plain numbers are lengths."""
+
+
+class FileSolid(OfFile, PlacedTable):
+    """A solid of a model, mesh or STEP file, its frame put where `at` and `turn` say."""
+
+    shape: Literal["file"]
+    """Understood where `model` is given."""
+
+
+Solids: TypeAlias = Annotated[
+    dict[Name, Annotated[Primitive | FileSolid, Field(discriminator="shape"), Short()]], Field(max_length=32)
+]
 
 
 Depth: TypeAlias = Annotated[float | None, Measured(LENGTH, 1e-9, 1e3, words=("full", "free"))]
@@ -113,8 +130,8 @@ class Goal(Table):
     """The lower pair that the task makes; not given: cylindrical for a round peg, prismatic for any other."""
 
 
-class GraspTable(Table):
-    """The frame of the moving feature in the frame of the hand."""
+class FrameTable(Table):
+    """A frame in another one: where its origin is, and how it is turned, as a rotation vector."""
 
     at: Vector = (0.0, 0.0, 0.0)
     turn: Rotation = (0.0, 0.0, 0.0)
@@ -318,6 +335,17 @@ class RobotTable(Table):
         return {**_presets()[self.preset], **self.model_dump(exclude_none=True)}
 
 
+class ToolTable(Table):
+    """The tool that holds the moving part."""
+
+    tcp: FrameTable | None = None
+    """The tool's centre point in the model frame of the moving part, for which programs are exported; the centre of the
+    leading face, z back into the part, if not given."""
+    solids: Solids = Field(default_factory=dict)
+    """Solids by name, shapes or files, in that frame: they move with the part, and are kept clear of the fixed part and
+    of all obstacles. Text stands for a file."""
+
+
 class Settings(Table):
     """How the plan is computed."""
 
@@ -339,6 +367,8 @@ class Settings(Table):
     evidence: Literal["tested", "certified"] = "tested"
     """What is asked for: "tested", a plan of presses that seats in the physics engine, or "certified", guarded moves
     with a proof. Planar problems are always planned for a proof."""
+    max_time: Duration | None = None
+    """Within which 95 % of the draws of a tested plan that seat have to be through; not limited if not given."""
     min_rate: Ratio = 0.9
     """Rate with which a tested plan has to seat, by the lower bound that its trials give."""
     draws: Annotated[int, Field(ge=10, le=10_000)] = 96
@@ -363,7 +393,12 @@ class ProblemFile(Table):
     goal: Goal = Field(default_factory=Goal)
     clearance: Clearance | None = None
     start: Start = Field(default_factory=Start)
-    grasp: GraspTable = Field(default_factory=GraspTable)
+    grasp: FrameTable = Field(default_factory=FrameTable)
+    """The frame of the moving feature in the frame of the hand."""
+    tool: ToolTable = Field(default_factory=ToolTable)
+    obstacles: Solids = Field(default_factory=dict)
+    """Solids by name in the model frame of the fixed part, as [tool] solids: neighbours that part and tool keep clear
+    of."""
     uncertainty: Uncertainty = Field(default_factory=Uncertainty)
     """How far off the part may start, which nobody but you can know: [uncertainty] start, or its sources."""
     specification: Specification = Field(default_factory=Specification)
@@ -375,6 +410,13 @@ class ProblemFile(Table):
         """The part that moves, or the fixed one."""
         return self.moving if side == "moving" else self.fixed
 
+    @property
+    def solids(self) -> dict[Key, Primitive | FileSolid]:
+        """Tool and obstacles by their places in the file."""
+        held, standing = self.tool.solids.items(), self.obstacles.items()
+        found: dict[Key, Primitive | FileSolid] = {("tool", "solids", name): one for name, one in held}
+        return found | {("obstacles", name): one for name, one in standing}
+
     def feature(self, side: str) -> str:
         """The mating feature of a part, which is stated or was found."""
         return self.operand(side).feature or ""
@@ -383,6 +425,15 @@ class ProblemFile(Table):
 EXAMPLE = '"1 mm, 1 deg"'
 _ADVICE = f"write a distance and an angle with their units, such as {EXAMPLE}: how far off the part may start"
 _SIGN = re.compile(r"^\s*(?:±|\+-|\+/-)\s*")
+
+
+def solid_tables(data: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
+    """Keys of tool and obstacles with what stands there, right or wrong."""
+    tool = data.get("tool")
+    held = tool.get("solids") if isinstance(tool, Mapping) else None
+    for above, solids in ((("tool", "solids"), held), (("obstacles",), data.get("obstacles"))):
+        if isinstance(solids, Mapping):
+            yield from (((*above, name), one) for name, one in solids.items())
 
 
 def spelled_out(source: Source) -> tuple[Source, list[Fault]]:
@@ -405,6 +456,15 @@ def spelled_out(source: Source) -> tuple[Source, list[Fault]]:
         if isinstance(data.get(key), str):
             data[key] = {name: data[key]}
             put((key,), data[key])
+    named: dict[Key, dict[str | int, Any]] = {}
+    for where, solid in solid_tables(data):
+        if isinstance(solid, str):
+            solid = {"model": solid}
+            put(where, solid)
+        file = isinstance(solid, Mapping) and "model" in solid and "shape" not in solid
+        named.setdefault(where[:-1], {})[where[-1]] = {**solid, "shape": "file"} if file else solid
+    for above, solids in named.items():
+        data[str(above[0])] = solids if len(above) == 1 else {**data["tool"], "solids": solids}
     errors = data.get("uncertainty")
     if isinstance(errors, Mapping) and isinstance(errors.get("start"), str):
         place = ("uncertainty", "start")

@@ -202,7 +202,9 @@ class Evidence:
         vertices, vertices_seated: of the start box.
         tested: whether it says that the rate asked for is reached.
         start: half-widths (6,) of the start errors that are drawn from, m and rad.
-        outcomes, vertex_outcomes: for each the attempt at which it seats, from 0; −1 where it does not.
+        outcomes, vertex_outcomes: for each the attempt at which it seats, from 0; −1 where it does not, or touches.
+        seconds: that each of the draws took.
+        max_time: s, within which 95 % of the draws that seat are through; None where that was not asked for.
     """
 
     draws: int
@@ -218,6 +220,8 @@ class Evidence:
     start: Numbers
     outcomes: tuple[int, ...]
     vertex_outcomes: tuple[int, ...]
+    seconds: tuple[float, ...]
+    max_time: float | None
 
 
 @dataclass(frozen=True)

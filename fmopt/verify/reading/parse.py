@@ -23,6 +23,7 @@ from fmopt.verify.reading.reader import (
 LARGEST_TOLERANCE = 1e-9  # m
 KINDS = ("guarded_move", "press")
 SUBJECT = ("parts", "goal", "segments", "presses")  # of evidence
+TOUCH = 1e-4  # m, distance at which solids around the parts count as touching
 LARGEST_NUMBER_OF_PIECES = 400
 LARGEST_NUMBER_OF_BALLS = 16
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-6, 4.0  # m
@@ -65,14 +66,16 @@ _PIECE = fields("parts.*.pieces[]", proved="vertices faces")
 _EVIDENCE = fields(
     "evidence",
     proved="draws seated first_tries confidence bound min_rate vertices vertices_seated subject level",
+    compared="max_time",
     commentary="examined seed engine conditions",
     objects="outcomes vertex_outcomes",
+    optional=("max_time",),
 )
 _OUTCOME = fields(
     "evidence.*[]",
-    proved="seated attempt",
-    commentary="press seconds peak_force penetration reasons offset turn rests way",
-    optional=("rests", "way"),
+    proved="seated attempt seconds distance",
+    commentary="press peak_force penetration reasons offset turn rests way",
+    optional=("distance", "rests", "way"),
 )
 _CONTACT = fields("contacts[]", proved="id kind", objects="moving fixed")
 _SIDE = fields("contacts[].*", proved="vertices")
@@ -131,7 +134,7 @@ def parse(document: Any) -> Plan:
         not_covered=tuple(item.text() for item in top.at("not_covered").items(most=64)),
         recovery=None if recovery is None else read_recovery(recovery),
         presses=presses,
-        evidence=None if evidence is None else _evidence(evidence),
+        evidence=None if evidence is None else _evidence(evidence, top.at("presses")),
         subject=digest({key: document.get(key) for key in SUBJECT}) if presses else "",
         digest_holds=top.at("sha256").value == digest(document),
     )
@@ -152,25 +155,31 @@ def _segments(top: Reader, known: dict[str, None], moving: Part, fixed: Part) ->
     return tuple(read_segment(item, known, moving, fixed) for item in listed), 0
 
 
-def _evidence(place: Reader) -> Evidence:
+def _evidence(place: Reader, presses: Reader) -> Evidence:
     place.only(_EVIDENCE)
+    cell = presses.at("cell") if presses.has("cell") else None
+    crowded = cell is not None and any(cell.has(side) and cell.at(side).value for side in ("moving", "fixed"))
     counts = ("draws", "seated", "first_tries", "vertices", "vertices_seated")
     found: dict[str, Any] = {name: place.at(name).integer() for name in counts}
     found |= {name: place.at(name).number(0.0, 1.0) for name in ("confidence", "bound", "min_rate")}
     for name in ("outcomes", "vertex_outcomes"):
-        found[name] = tuple(_attempt(item.only(_OUTCOME)) for item in place.at(name).items())
+        found[name] = tuple(_attempt(item.only(_OUTCOME), crowded) for item in place.at(name).items())
     return Evidence(
         **found,
         subject=place.at("subject").sha256(),
         tested=place.at("level").text(("tested", "below")) == "tested",
         start=place.at("conditions").at("start").numbers(6, 0.0, 0.5),
+        seconds=tuple(item.at("seconds").number(0.0) for item in place.at("outcomes").items()),
+        max_time=place.at("max_time").number(0.0, 1e7) if place.has("max_time") else None,
     )
 
 
-def _attempt(outcome: Reader) -> int:
-    """The attempt at which a trial seats, from 0; −1 where it does not."""
+def _attempt(outcome: Reader, crowded: bool) -> int:
+    """The attempt at which a trial seats, from 0; −1 where it does not, or comes too near to tool or obstacles."""
     attempt = outcome.at("attempt").integer()
-    return attempt if outcome.at("seated").flag() else -1
+    known = outcome.has("distance")
+    near = outcome.at("distance").number() <= TOUCH if known else crowded
+    return attempt if outcome.at("seated").flag() and not near else -1
 
 
 def _the_formats_own(top: Reader) -> None:

@@ -151,3 +151,30 @@ def test_strength_keeps_every_press_within_the_limits_and_one_at_them() -> None:
 
 def pressed(end: Force) -> Press:
     return replace(candidate("0").presses[0], ends=(end, Time(1.0)))
+
+
+def test_a_candidate_that_is_late_loses_to_one_that_is_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    ranked(monkeypatch, [0, 0, 4], [9.0, 7.0, 3.0])
+    candidates = [candidate(str(k)) for k in range(3)]
+    for max_time, best in ((5.0, "2"), (8.0, "1")):
+        left = halved(replace(press_choosing(), max_time=max_time), candidates, lambda _: None)
+        assert left[0].attempt.source == best
+
+
+@pytest.mark.parametrize(("seconds", "level"), [((4.0, 4.0), "tested"), ((9.0, 6.0), "below")])
+def test_of_plans_with_equal_evidence_the_faster_is_taken_and_no_late_one_is_tested(
+    seconds: tuple[float, float], level: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = list[int]()
+
+    def carried(*arguments: object, **_: object) -> list[TrialOutcome]:
+        calls.append(1)
+        return [outcome(True, seconds[len(calls) - 1])] * 160
+
+    monkeypatch.setattr("fmopt.execution.evidence.carry_out", carried)
+    left = [Trialled(one, (outcome(True),) * 8) for one in press_plan().attempts]
+    asked = Examination(96, 0.9, 1, max_time=5.0)
+    plan, evidence = examined(press_choosing(), left, asked, lambda _: "0" * 64, lambda _: None)
+    assert evidence is not None
+    assert (evidence.level, evidence.cycle_times, evidence.max_time) == (level, (seconds[-1],) * 2, 5.0)
+    assert (len(calls), plan.attempts[0]) == ((1, left[0].attempt) if level == "tested" else (2, left[1].attempt))

@@ -29,6 +29,9 @@ POSITION, ANGLE, KNOWN = 'position = "0.1 mm"', 'angle = "0.1 deg"', 'known = "0
 NO_HAND = "give [uncertainty.start]: errors of the peg's leading face against the hole"
 NO_BALL = "give [uncertainty.start]: errors of the ball's lowest point against the hole"
 SWAPPED = 'moving = "block.toml"\nfixed = "peg.toml"\n'
+NOTHING_AROUND = "leave [tool] solids and [obstacles] out"
+WALL = '[obstacles.wall]\nshape = "box"\nsize = ["10 mm", "50 mm", "20 mm"]\nat = ["60 mm", 0, "40 mm"]\n'
+TCP = '[tool]\ntcp = { at = [0, 0, "10 mm"] }\n'
 PLACED = 'placed = [{ robot = { position = "0.1 mm" } }]'
 NAMED = "name the peg of one part and the hole of the other"
 ONE_OF = "give one of position (with angle), known, observed; or placed alone, from an exact place"
@@ -55,6 +58,11 @@ PLANE = {"peg.toml": FLAT, "block.toml": FLAT_SLOT}
 def flat_problem(folder: Path, text: str) -> Any:
     """A problem in the plane."""
     return files(folder, {**PLANE, "problem.toml": text})
+
+
+def gripped(folder: Path, model: str) -> Any:
+    """A problem whose gripper is of this model."""
+    return files(folder, {"held.toml": model, "problem.toml": f'{WHOLE}[tool.solids]\ngripper = "held.toml"\n'})
 
 
 def level(*names: str) -> str:
@@ -208,6 +216,17 @@ CASES: tuple[Case, ...] = (
     edited("far off with large parts", "keep them at most 500 mm", large, 300, 249),
     edited("no insertion", DESCRIBE_IT, answered, "not planar", "planar"),
     edited("a pair misspelt", PAIRS, answered, "prism", "cylindrical", "prismatic", "revolute"),
+    edited("obstacles in a plane", NOTHING_AROUND, flat_problem, level("x", "z") + WALL, level("x", "z")),
+    edited(
+        "obstacles for a proof",
+        f'write settings.evidence = "tested", or {NOTHING_AROUND}',
+        problem,
+        f'{WHOLE}{WALL}[settings]\nevidence = "certified"',
+        f'{WHOLE}{WALL}[settings]\nevidence = "tested"',
+        f'{WHOLE}[settings]\nevidence = "certified"',
+    ),
+    edited("a gripper with balls", "give [solids] or [mesh] alone", gripped, BALL_PEG, f"{PEG}{UNITS}"),
+    edited("a TCP at what stays", "leave it out", problem, f"{SWAPPED}{START}{TCP}", f"{SWAPPED}{START}"),
     edited("no such file", "correct the path", any_file, "prolbem.toml", "problem.toml"),
     edited(
         "an assembly",

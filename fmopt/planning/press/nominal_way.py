@@ -1,0 +1,56 @@
+"""Ways without errors that tool and obstacles have no room for: their candidates are dropped before they are tried."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fmopt.errors import SearchError
+from fmopt.execution.kept_clear import KeptClear
+from fmopt.execution.press_controller import begun
+from fmopt.plan.evidence import TOUCH
+from fmopt.plan.press import Attempt
+from fmopt.planning.press.task import PressTask
+from fmopt.spatial.se3 import Pose
+
+_STEPS = 5  # poses of a turn, and of the way in
+
+
+def kept_clear(task: PressTask, attempts: Sequence[Attempt]) -> list[Attempt]:
+    """Attempts whose way without errors keeps clear of tool and obstacles, in their order.
+
+    Raises:
+        SearchError: there is none; says what comes how near where, on the best way.
+    """
+    if not task.problem.cell.solids:
+        return [*attempts]
+    over = max(one.start[2] for one in attempts)
+    ways = [[(words, pose.vector()) for words, pose in _way(task, one, over)] for one in attempts]
+    poses = [begun(np.array([six for _, six in way]), np.zeros((len(way), 6))) for way in ways]
+    clear = KeptClear(task.bodies, task.problem.cell, poses[0][:1])
+    least, kept = (-np.inf, ""), []
+    for attempt, way, rows in zip(attempts, ways, poses, strict=True):
+        near = ((*clear.measured(pose), words) for (words, _), pose in zip(way, rows, strict=True))
+        distance, solids, words = min(near, key=lambda one: one[0])
+        if distance > TOUCH:
+            kept.append(attempt)
+        least = max(least, (distance, f"{solids} come within {1e3 * max(distance, 0.0):.3g} mm of each other {words}"))
+    if not kept:
+        advice = "grip the part farther from its leading face, move the obstacle, or make it smaller"
+        raise SearchError(f"no press keeps clear of tool and obstacles: on the best way {least[1]}", advice)
+    return kept
+
+
+def _way(task: PressTask, attempt: Attempt, over: float) -> Iterator[tuple[str, Pose]]:
+    """Poses that an attempt leads to without errors, about, with words for where they are."""
+    start, goal = Pose.from_vector(attempt.start), task.goal
+    lowest = min(float(start.apply(piece)[:, 2].min()) for piece in task.bodies.moving)
+    tilted, upright = start.p - [0.0, 0.0, lowest], np.array([*goal.p[:2], 0.0])
+    yield "on the way over", Pose(np.array([*start.p[:2], max(over, start.p[2])]), start.R)
+    yield "at the start", start
+    for before, after, words in (
+        (Pose(tilted, start.R), Pose(upright, goal.R), "as the part is turned upright"),
+        (Pose(upright, goal.R), goal, "on the way in"),
+    ):
+        yield from ((words, before.moved(share * before.local(after))) for share in np.linspace(0.0, 1.0, _STEPS))
