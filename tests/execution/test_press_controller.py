@@ -67,12 +67,14 @@ def test_the_controller_seats_the_part_in_mujoco_alone_as_the_plan_does(plan: Pl
         assert seconds == pytest.approx(one.seconds, abs=0.5)
 
 
-def test_the_program_seats_the_part_as_the_plan_does(plan: Plan) -> None:
-    text = program(plan, presses_of(plan), BASE)
+@pytest.mark.parametrize("tcp", [(0.0,) * 6, (0.02, -0.01, 0.15, 0.3, 0.1, 0.8)])
+def test_the_program_seats_the_part_as_the_plan_does(plan: Plan, tcp: tuple[float, ...]) -> None:
+    held = replace(plan, description=replace(plan.description, tcp=tcp))
+    text = program(held, presses_of(plan), BASE)
     assert faults(syntax(text)) == []
     errors = drawn(plan, range(2))
     for k, one in enumerate(carry_out(Bodies.of(plan), presses_of(plan), errors, 1, range(2))):
-        robot = PressModeRobot(Bodies.of(plan), presses_of(plan), BASE, errors.of([k]), k)
+        robot = PressModeRobot(Bodies.of(plan), presses_of(plan), BASE, errors.of([k]), k, Pose.from_vector(tcp))
         assert robot.run(text).seated == one.seated == (robot.outcome == 0.0)
         assert robot.log == ["fmopt: seated"]
 

@@ -213,6 +213,7 @@ class Robot:
             "get_actual_tcp_speed": lambda: [0.0] * 6,
             "get_actual_tcp_pose": lambda: self.start,
             "point_dist": distance,
+            "pose_trans": lambda a, b: list(Pose.from_vector(a).compose(Pose.from_vector(b)).vector()),
             "textmsg": lambda *words: self.log.append("".join(words)),
         }
 
@@ -328,10 +329,14 @@ def test_contacts_that_are_felt_lead_to_the_end(square_peg_plan: dict[str, Any])
     assert not robot.forced
 
 
-def test_the_program_seats_the_part_in_the_physics_engine(square_peg_plan: dict[str, Any]) -> None:
+@pytest.mark.parametrize("tcp", [(0.0,) * 6, (0.02, -0.01, 0.15, 0.3, 0.1, 0.8)])
+def test_the_program_seats_the_part_in_the_physics_engine(
+    square_peg_plan: dict[str, Any], tcp: tuple[float, ...]
+) -> None:
     error = np.random.default_rng(7).uniform(-1.0, 1.0, 6) * square_peg_plan["uncertainty"]["start_box"]
-    robot = ForceModeRobot(read(square_peg_plan), BASE, error, 0)
-    assert robot.run(program(read(square_peg_plan), BASE)), robot.log
+    held = changed(square_peg_plan, lambda plan: plan["description"].update(tcp=tcp))
+    robot = ForceModeRobot(read(square_peg_plan), BASE, error, 0, Pose.from_vector(tcp))
+    assert robot.run(program(read(held), BASE)), robot.log
     assert robot.log == ["fmopt: seated"]
 
 

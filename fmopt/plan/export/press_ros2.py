@@ -53,7 +53,7 @@ def export(plan: Plan, presses: PressPlan, base: Pose, folder: Path, caution: st
         "attempts": [
             {
                 "source": one.source,
-                "way": [ros2.pose_message(pose) for pose in over(base, presses, k)],
+                "way": [ros2.pose_message(base.compose(pose)) for pose in over(presses, k, Pose.identity())],
                 "presses": [_press(press, base, one.start) for press in one.presses],
             }
             for k, one in enumerate(presses.attempts)

@@ -3,22 +3,34 @@
 The program measures poses and forces in the frame of the hole as the base knows it. `presses.script` has its functions.
 """
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 
 from fmopt.plan import Plan
-from fmopt.plan.export.urscript import Settings, heading, in_axes_of, list_of, number, pose_of, templates
+from fmopt.plan.export.urscript import (
+    Settings,
+    heading,
+    in_axes_of,
+    list_of,
+    number,
+    of_tcp,
+    pose_of,
+    tcp_of,
+    templates,
+)
 from fmopt.plan.press import Force, Level, Next, Press, PressPlan, Standstill, Time, Travel
 from fmopt.runtime.escape import one_line
-from fmopt.spatial.se3 import Pose
+from fmopt.spatial.se3 import Pose, exp, log
 from fmopt.spatial.values import Array
 
 _STILL = list_of(np.zeros(6))
 _CODES: dict[Next, int] = {"next": 1, "seated": 2, "retry": 3, "fail": 4}
 _NEVER = 1000.0  # m, rad, N, s: what no end comes to
 DEVIATION = (0.01, 0.2)  # m and rad, limits on stiff axes
+_BEND = 5e-4  # m, by which the part's origin is beside a straight line between two attempts
 _TRAIL = 100  # poses along which the part goes back
 
 
@@ -34,17 +46,19 @@ def program(plan: Plan, presses: PressPlan, base: Pose, caution: str = "nothing 
     corners = np.array(body.vertices)[fans]
     volumes = np.linalg.det(corners) / 6.0
     centroid = volumes @ corners.sum(axis=1) / (4.0 * volumes.sum())
-    first, attempts, tries = base.compose(Pose.from_vector(presses.attempts[0].start)), [], []
+    tcp, attempts, tries = tcp_of(plan), list[str](), list[str]()
+    first = base.compose(Pose.from_vector(presses.attempts[0].start)).compose(tcp)
     for k, one in enumerate(presses.attempts):
         calls = "\n".join(f"  {line}" for press in one.presses for line in _press(press, base))
         attempts.append(attempt.format(number=k + 1, source=one_line(one.source), still=_STILL, presses=calls))
-        poses = map(pose_of, over(base, presses, k))
+        poses = (pose_of(base.compose(one).compose(tcp)) for one in over(presses, k, tcp))
         tries += [f"  movel({pose}, fmopt_acceleration, fmopt_speed_back, 0, 0)\n" for pose in poses]
         tries.append(again.format(number=k + 1))
     said = {
         **heading(plan, base, f"WARNING: {caution}."),
         "volume": f"{1e9 * volumes.sum():.6g}",
-        "centroid": list_of(centroid),
+        "centroid": list_of(tcp.inverse().apply(centroid)),
+        "of_tcp": of_tcp(plan),
         "into_hole": pose_of(base.inverse()),
         "still": _STILL,
         "start": pose_of(first),
@@ -99,13 +113,20 @@ def _ends(press: Press) -> Array:
     return ends
 
 
-def over(base: Pose, presses: PressPlan, following: int) -> Iterator[Pose]:
-    """From the start of an attempt up, across, and down to that of the following one; to the first as it is."""
+def over(presses: PressPlan, following: int, tcp: Pose) -> Iterator[Pose]:
+    """From the start of an attempt up, across, and down to that of the following one; to the first as it is.
+
+    Across in so many steps that the part's origin goes straight, too, where the tool's centre point is far from it.
+    """
     if following == 0:
-        yield base.compose(Pose.from_vector(presses.attempts[0].start))
+        yield Pose.from_vector(presses.attempts[0].start)
         return
     one, other = (Pose.from_vector(presses.attempts[k].start) for k in (following - 1, following))
     high = max(presses.clear, float(one.p[2]), float(other.p[2]))
-    for pose in (one, other):
-        yield base.compose(Pose(np.array([*pose.p[:2], high]), pose.R))
-    yield base.compose(other)
+    up, across = (Pose(np.array([*pose.p[:2], high]), pose.R) for pose in (one, other))
+    turn = log(up.R.T @ across.R)
+    # A chord of the arc that a turn by θ takes the point on lies r θ²/8 off it.
+    bend = float(np.linalg.norm(tcp.p) * (turn @ turn)) / (8.0 * _BEND)
+    for share in np.linspace(0.0, 1.0, max(math.ceil(math.sqrt(bend)), 1) + 1):
+        yield Pose(up.p + share * (across.p - up.p), up.R @ exp(share * turn))
+    yield other

@@ -74,8 +74,9 @@ def program(plan: Plan, base: Pose, caution: str = "") -> str:
         PlanFormatError: a segment cannot be run, or its force axes are not orthogonal in any one frame.
     """
     settings, rows = Settings(), moves(plan)
-    lines = [_head(plan, rows, base, caution), _functions(settings), "def fmopt_insert():"]
-    lines += _indented(_beginning(base.compose(rows[0].start), plan.specification.speed, settings))
+    lines = [_head(plan, rows, base, caution), of_tcp(plan), _functions(settings), "def fmopt_insert():"]
+    begin = base.compose(rows[0].start).compose(tcp_of(plan))
+    lines += _indented(_beginning(begin, plan.specification.speed, settings))
     for index in range(len(rows)):
         lines += _indented(_segment(plan, rows, index, base, settings))
     arrived = "seated" if rows[-1].stop else "as far in as planned; no contact tells that the part is seated"
@@ -106,11 +107,22 @@ def heading(plan: Plan, base: Pose, standing: str) -> dict[str, str]:
         "version": plan.version,
         "standing": standing,
         "moving": FRAMES["moving"],
+        "tcp": pose_of(tcp_of(plan)),
         "hole": FRAMES["B"],
         "base": pose_of(base),
         "insertion": insertion_words(base),
     }
     return {name: one_line(text) for name, text in said.items()}
+
+
+def tcp_of(plan: Plan) -> Pose:
+    """Pose of the tool's centre point in the frame of the moving part."""
+    return Pose.from_vector(plan.description.tcp)
+
+
+def of_tcp(plan: Plan) -> str:
+    """Functions from the tool's centre point to the origin of the part's frame, which twists and wrenches are of."""
+    return templates("tcp.script")[0].format(part_in_tcp=pose_of(tcp_of(plan).inverse()))
 
 
 def _functions(settings: Settings) -> str:
@@ -200,7 +212,7 @@ def _pace(move: Move, settings: Settings) -> float:
 
 def in_axes_of(base: Pose, six: Array) -> Array:
     """A twist or wrench (6,) that is given in axes of B, in those of the base."""
-    # About the TCP, which is the moving frame's origin, before and after: no arm comes in.
+    # About the moving frame's origin before and after: no arm comes in.
     return np.concatenate([base.R @ six[:3], base.R @ six[3:]])
 
 

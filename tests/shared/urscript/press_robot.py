@@ -25,13 +25,19 @@ from tests.shared.urscript.language import Interpreter, distance, parsed
 
 ONE = np.zeros(1, dtype=np.int64)
 REST = 0.2  # s
+HELD = Pose.identity()  # the TCP in the frame of the part
 
 
 class PressModeRobot:
-    """One part in the scene of a plan of presses, its robot driven by a program for a base pose of the hole."""
+    """One part in the scene of a plan of presses, its robot driven by a program for a base pose of the hole.
 
-    def __init__(self, bodies: Bodies, plan: PressPlan, base: Pose, errors: Errors, seed: int) -> None:
-        self.plan, self.base, self.errors, self.robot = plan, base, errors, plan.robot
+    The tool's centre point is at `tcp` in the frame of the part.
+    """
+
+    def __init__(
+        self, bodies: Bodies, plan: PressPlan, base: Pose, errors: Errors, seed: int, tcp: Pose = HELD
+    ) -> None:
+        self.plan, self.base, self.errors, self.robot, self.tcp = plan, base, errors, plan.robot, tcp
         put = ENGINES["mujoco"].scene(
             Setup(bodies, SOFT * plan.seat.clearance, plan.robot, float(errors.friction[0]), None, 1)
         )
@@ -63,7 +69,7 @@ class PressModeRobot:
             "speedl": lambda twist, most, time, turning: self.run_for(time, self._in_hole(twist)),
             "get_steptime": lambda: self.robot.period,
             "get_tcp_force": lambda: list(self._to_base(self.seen[7:] - self.zero)),
-            "get_actual_tcp_pose": lambda: list(self.base.compose(self.believed).vector()),
+            "get_actual_tcp_pose": lambda: list(self.base.compose(self.believed).compose(self.tcp).vector()),
             "point_dist": distance,
             "pose_trans": lambda a, b: list(Pose.from_vector(a).compose(Pose.from_vector(b)).vector()),
             "pose_inv": lambda a: list(Pose.from_vector(a).inverse().vector()),
@@ -98,7 +104,7 @@ class PressModeRobot:
     def movel(self, pose: list[float], acceleration: float, speed: float, *_: float) -> None:
         """Leads the part along a straight line."""
         self._held()
-        goal = self.base.inverse().compose(Pose.from_vector(pose))
+        goal = self.base.inverse().compose(Pose.from_vector(pose)).compose(self.tcp.inverse())
         state, (wanted,) = self.state, begun(goal.vector()[None], self.errors.start)
         p, q = wanted[:3], wanted[3:]
         here = state.p[0].copy(), state.q[0].copy()
@@ -136,8 +142,9 @@ class PressModeRobot:
         return Pose(seen[:3] - error[:3], exp(-error[3:]) @ from_quaternions(seen[3:7]))
 
     def _in_hole(self, twist: list[float]) -> Array:
-        six = np.array(twist)
-        return np.concatenate([self.base.R.T @ six[:3], self.base.R.T @ six[3:]])
+        """The twist of the part's origin, axes of B, for one of the tool's centre point in the base."""
+        v, w = self.base.R.T @ twist[:3], self.base.R.T @ twist[3:]
+        return np.concatenate([v - np.cross(w, self.believed.R @ self.tcp.p), w])
 
     def _to_base(self, six: Array) -> Array:
         return np.concatenate([self.base.R @ six[:3], self.base.R @ six[3:]])

@@ -25,17 +25,18 @@ from fmopt.spatial.values import Array
 from tests.shared.urscript.language import Halt, Interpreter, distance, parsed
 
 STEP = 0.002  # s between calls of the program
+HELD = Pose.identity()  # the TCP in the frame of the part
 
 
 class ForceModeRobot:
     """One part in the scene of a plan, held by the robot; the plan's strategies are not looked at.
 
     The base is the pose of the hole in that of the robot that the program was written for; the error (6,) of the start
-    pose, m and rad, is about the part's origin, in axes of B.
+    pose, m and rad, is about the part's origin, in axes of B. The tool's centre point is at `tcp` in the part's frame.
     """
 
-    def __init__(self, plan: Plan, base: Pose, error: Array, seed: int) -> None:
-        self.robot, self.fit = Robot(), Fit.of(plan)
+    def __init__(self, plan: Plan, base: Pose, error: Array, seed: int, tcp: Pose = HELD) -> None:
+        self.robot, self.fit, self.tcp = Robot(), Fit.of(plan), tcp
         robot, friction = self.robot, plan.specification.friction
         physics = Physics.of_fit(self.fit.clearance, robot.period)
         self.model = compiled(scene(Bodies.of(plan), physics, robot.mass, robot.inertia, friction))
@@ -71,10 +72,11 @@ class ForceModeRobot:
             "speedl": lambda twist, most, time, turning: self.run_for(time, self._turned(twist), (most, turning)),
             "stopl": lambda most, turning: self.run_for(5 * STEP, np.zeros(6), (most, turning)),
             "get_steptime": lambda: STEP,
-            "get_tcp_force": lambda: list(self._to_base(self.reaction - self.zero)),
-            "get_actual_tcp_pose": lambda: list(self.base.compose(self.pose).vector()),
-            "get_actual_tcp_speed": lambda: list(self._to_base(self.speed)),
+            "get_tcp_force": lambda: list(self._to_base(self._of_tcp(self.reaction - self.zero, 3))),
+            "get_actual_tcp_pose": lambda: list(self.base.compose(self.pose).compose(self.tcp).vector()),
+            "get_actual_tcp_speed": lambda: list(self._to_base(self._of_tcp(self.speed, 0))),
             "point_dist": distance,
+            "pose_trans": lambda a, b: list(Pose.from_vector(a).compose(Pose.from_vector(b)).vector()),
             "sleep": lambda time: self.run_for(time, np.zeros(6), (np.inf, np.inf)),
             "textmsg": lambda *words: self.log.append("".join(words)),
         }
@@ -139,8 +141,14 @@ class ForceModeRobot:
         self.p, self.q = here.p + back[:3], product(quaternions(back[3:]), self.data.qpos[3:])
 
     def _turned(self, twist: list[float]) -> Array:
-        six = np.array(twist)
-        return np.concatenate([self.base.R.T @ six[:3], self.base.R.T @ six[3:]])
+        six = np.concatenate([self.base.R.T @ twist[:3], self.base.R.T @ twist[3:]])
+        return self._of_tcp(six, 0, -1.0)
+
+    def _of_tcp(self, six: Array, moved: int, sign: float = 1.0) -> Array:
+        """A twist (its half from 0 on) or wrench (from 3 on) of the part's origin for the TCP, axes of B, or back."""
+        found, arm = six.copy(), self.R @ self.tcp.p
+        found[moved : moved + 3] += sign * np.cross(six[3 - moved : 6 - moved], arm)
+        return found
 
     def _to_base(self, six: Array) -> Array:
         return np.concatenate([self.base.R @ six[:3], self.base.R @ six[3:]])
