@@ -52,7 +52,8 @@ def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: fl
     steps, lack = ((), None) if attempt is None else _followed(posed, attempt)
     late = isinstance(error, SearchError) and error.late
     found, cut = None, False
-    if not problem.settings.reduce_errors:  # else the search itself has tried shares
+    # Else the search itself has tried shares, or guarded moves are none to take.
+    if not problem.settings.reduce_errors and not problem.cell.solids:
         progress("the nearest problem that works")
         tried = nearest(problem, seconds - (clock() - begun), progress)
         cut = tried.late
@@ -98,6 +99,9 @@ def write(failure: Failure, folder: Path) -> list[Path]:
 
 def _advice(problem: Problem, error: SearchError | InfeasibleError, found: Nearest | None, cut: bool) -> Iterator[str]:
     """What to change, each true of what was tried; `cut` says whether time ended a try with smaller errors."""
+    if problem.cell.solids and error.advice:
+        yield error.advice
+        return
     if (short := short_of_height(problem)) is not None:
         yield (
             f"raise start.height to {quantity(short[1])}: it is {quantity(problem.approach)}, "

@@ -9,10 +9,12 @@ from typing import Any
 import pytest
 
 from fmopt.errors import SearchError
+from fmopt.notebook.failure import explained
 from fmopt.plan.press import ConvexSolid, Surroundings
 from fmopt.planning import pipeline
 from fmopt.planning.press.nominal_way import kept_clear
 from fmopt.planning.press.propose import proposals
+from fmopt.runtime.clock import clock
 from fmopt.task.problem import Problem
 from tests.shared.plans.press_plan import press_problem, press_task
 
@@ -53,6 +55,7 @@ def test_where_none_is_left_it_is_said_what_is_near_and_where(held: Box, standin
         pipeline.synthesise(problem)  # no guarded moves take their place, which keep clear of nothing
     assert words in told.value.message
     assert "grip the part farther" in told.value.advice
+    assert explained(problem, told.value, clock()).advice == (told.value.advice,)
 
 
 def test_guarded_moves_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
