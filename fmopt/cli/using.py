@@ -34,12 +34,12 @@ def export(
             "which is 0 0 0 for a hole open upwards.",
         ),
     ] = None,
-    rate: Annotated[float, typer.Option("--rate", help="Samples a second of csv, json and bags.")] = 100.0,
+    rate: Annotated[float, typer.Option("--rate", help="Samples a second of csv and json.")] = 100.0,
     unverified: Unverified = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a certified plan as a program or bag for robots, or its nominal position/force trajectory as a table."""
+    """Write a certified plan for robots, or its nominal position/force trajectory as a table."""
     from fmopt.plan.export.write import Form, place
     from fmopt.plan.export.write import export as write
 

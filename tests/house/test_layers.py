@@ -102,7 +102,6 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "mujoco": frozenset({"execution"}),
     "pydrake": frozenset({"execution/engines/drake_engine.py"}),
     "PIL": frozenset({"execution/replay.py"}),
-    "rosbags": frozenset({"plan/export/ros2.py"}),
     "yaml": frozenset({"plan/export/ros2.py", "plan/export/executor.py"}),
     "rclpy": frozenset({"plan/export/executor.py"}),
     "geometry_msgs": frozenset({"plan/export/executor.py"}),

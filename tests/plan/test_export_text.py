@@ -41,7 +41,7 @@ FILES = {
     "urscript": ("",),
     "csv": ("",),
     "json": ("",),
-    "ros2": ("segments.yaml", "controllers.yaml", "bag/metadata.yaml"),
+    "ros2": ("segments.yaml", "controllers.yaml"),
 }
 
 

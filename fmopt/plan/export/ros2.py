@@ -1,23 +1,22 @@
-"""A plan for ROS 2: a bag of target poses and wrenches, the controller's parameters, and force-mode requests.
+"""A plan of guarded moves for ROS 2: its segments, with the force-mode request and the stop of each, and parameters.
 
-The bag holds `geometry_msgs/PoseStamped` on `/cartesian_compliance_controller/target_frame` and
-`geometry_msgs/WrenchStamped` on `/cartesian_compliance_controller/target_wrench`, in the robot's base: the motion of
-`segments` without errors, and the wrench that the controller applies at the moving frame. What a bag cannot say, which
-axes are stiff and when a move ends, is in `segments.yaml`, with one request for `ur_msgs/srv/SetForceMode` a segment.
+`segments.yaml` has, for each segment, start and goal of the moving frame and the wrenches that the controller applies
+there, in the robot's base, which axes are stiff, a request for `ur_msgs/srv/SetForceMode`, and when the move ends.
+`controllers.yaml` has the parameters of the Cartesian compliance controller.
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import yaml
 
-from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.errors import PlanFormatError
 from fmopt.plan import Plan
-from fmopt.plan.export.cautions import check_rate, insertion_words, turning_words
+from fmopt.plan.export.cautions import insertion_words, turning_words
 from fmopt.plan.export.frame import TaskFrame, task_frame
 from fmopt.plan.guarded_moves import Move, moves
 from fmopt.plan.position_force import AXES
@@ -27,8 +26,6 @@ from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 CONTROLLER = "cartesian_compliance_controller"
-POSES = f"/{CONTROLLER}/target_frame"
-WRENCHES = f"/{CONTROLLER}/target_wrench"
 BASE_LINK, TOOL_LINK, SENSOR_LINK = "base_link", "moving_part", "ft_sensor_link"
 AXIS_NAMES = ("trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z")
 UPDATE_RATE, ERROR_SCALE = 500, 0.5  # Hz of the controller, and what it scales its net force by
@@ -40,87 +37,27 @@ _DEBOUNCE = 3
 _LINE = 1000  # characters, from which a value goes on in the next line
 _NOTES = (
     "SI units; poses and wrenches in the base frame; moving_part is the plan's moving frame, compliance_ref_link too",
-    "target_wrench: what the controller applies to the moving part, about its origin, opposite to the reaction",
+    "wrench_start, wrench_goal: what the controller applies to the moving part about its origin, minus the reaction",
     "stiffness: along and about the axes of the segment's task frame; 0 where the axis is compliant",
 )
 
 
-class _Sample(NamedTuple):
-    time: float
-    pose: Pose
-    wrench: Array
-
-
-def export(plan: Plan, base: Pose, rate: float, folder: Path, caution: str = "") -> tuple[Path, ...]:
-    """Writes the bag (MCAP), `controllers.yaml` and `segments.yaml` into a new folder.
+def export(plan: Plan, base: Pose, folder: Path, caution: str = "") -> tuple[Path, ...]:
+    """Write `controllers.yaml` and `segments.yaml` into a folder.
 
     Raises:
-        PlanFormatError: a segment cannot be run, its force axes fit no frame, or the rate is no rate for it.
-        ResourceError: the extra is missing, the bag exists, or a file cannot be written.
+        PlanFormatError: a segment cannot be run, or its force axes fit no frame.
+        ResourceError: a file cannot be written.
     """
     rows = moves(plan)
-    check_rate(rate, sum(move.duration for move in rows))
     frames = [task_frame(move, plan.rho) for move in rows]  # where none fits, no file is written
     notes = ((f"WARNING: {one_line(caution)}",) if caution else ()) + _NOTES
+    first = controllers(_stiffness(frames[0]), _GAINS, (*notes, "change the stiffness at each segment"))
+    parameters, segments = folder / "controllers.yaml", folder / "segments.yaml"
     output.prepare(folder)
-    bag, parameters, segments = folder / "bag", folder / "controllers.yaml", folder / "segments.yaml"
-    with output.fresh(bag) as partial:
-        _write_bag(list(_samples(rows, base, rate)), partial, notes)
-        # Before the bag comes to its place: a folder that holds one is refused, so that it stands for all three.
-        first = controllers(_stiffness(frames[0]), _GAINS, (*notes, "change the stiffness at each segment"))
-        output.save(first.encode(), parameters)
-        output.save(_segments(plan, rows, frames, base, notes).encode(), segments)
-    return bag, parameters, segments
-
-
-def _samples(rows: tuple[Move, ...], base: Pose, rate: float) -> Iterator[_Sample]:
-    begun = 0.0
-    for move in rows:
-        # As arms change on the way: what is right for a part that is all the way in tips one that is not.
-        begin, end = (np.concatenate([base.R @ hold[:3], base.R @ hold[3:]]) for hold in (move.hold_start, move.hold))
-        along = move.start.local(move.goal)
-        # Counted anew for each segment, so that its first pose and wrench are sent when it begins, whatever the rate.
-        for k in range(int(np.floor(move.duration * rate)) + 1):
-            share = min(k / (rate * move.duration), 1.0)
-            pose, wrench = move.start.moved(share * along), (1.0 - share) * begin + share * end
-            yield _Sample(begun + k / rate, base.compose(pose), wrench)
-        begun += move.duration
-    yield _Sample(begun, base.compose(rows[-1].goal), end)
-
-
-def _write_bag(samples: list[_Sample], path: Path, notes: tuple[str, ...]) -> None:
-    try:
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise ResourceError("bags need the extra ros2", "install fmopt[ros2]") from error
-    store = get_typestore(Stores.ROS2_JAZZY)
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        for line, note in enumerate(notes):
-            writer.set_custom_data(f"note_{line}", note)
-        connections = {
-            kind: writer.add_connection(topic, f"geometry_msgs/msg/{kind}", typestore=store)
-            for kind, topic in (("PoseStamped", POSES), ("WrenchStamped", WRENCHES))
-        }
-        for sample in samples:
-            for kind, message in _messages(store.types, sample).items():
-                content = store.serialize_cdr(message, message.__msgtype__)
-                writer.write(connections[kind], round(1e9 * sample.time), content)
-
-
-def _messages(types: Mapping[str, Any], sample: _Sample) -> dict[str, Any]:
-    # Rounded once, as a whole: nanoseconds rounded by themselves could come to a full second.
-    nanoseconds = round(1e9 * sample.time)
-    stamp = types["builtin_interfaces/msg/Time"](nanoseconds // 10**9, nanoseconds % 10**9)
-    header = types["std_msgs/msg/Header"](stamp, BASE_LINK)
-    vector = types["geometry_msgs/msg/Vector3"]
-    position = types["geometry_msgs/msg/Point"](*map(float, sample.pose.p))
-    turn = types["geometry_msgs/msg/Quaternion"](*_quaternion(sample.pose))
-    wrench = types["geometry_msgs/msg/Wrench"](*(vector(*map(float, half)) for half in np.split(sample.wrench, 2)))
-    return {
-        "PoseStamped": types["geometry_msgs/msg/PoseStamped"](header, types["geometry_msgs/msg/Pose"](position, turn)),
-        "WrenchStamped": types["geometry_msgs/msg/WrenchStamped"](header, wrench),
-    }
+    output.save(first.encode(), parameters)
+    output.save(_segments(plan, rows, frames, base, notes).encode(), segments)
+    return parameters, segments
 
 
 def _quaternion(pose: Pose) -> tuple[float, float, float, float]:
@@ -175,6 +112,12 @@ def _segment(move: Move, task: TaskFrame, begun: float, base: Pose, rho: float) 
         "segment": move.segment,
         "move": move.number,
         "begins": begun,
+        "duration": move.duration,
+        "start": pose_message(base.compose(move.start)),
+        "goal": pose_message(base.compose(move.goal)),
+        # As arms change on the way: what is right for a part that is all the way in tips one that is not.
+        "wrench_start": _wrench(base, move.hold_start),
+        "wrench_goal": _wrench(base, move.hold),
         "held": list(move.state),
         "stiffness": _stiffness(task),
         "set_force_mode": _request(move, task, base, rho),
@@ -201,7 +144,7 @@ def request(frame: Pose, gives: Sequence[float], wrench: Array, speed: Array, de
     return {
         "task_frame": {"header": {"frame_id": BASE_LINK}, "pose": pose_message(frame)},
         **{f"selection_vector_{axis}": bool(one) for axis, one in zip(AXES, gives, strict=True)},
-        "wrench": {"force": _xyz(wrench[:3]), "torque": _xyz(wrench[3:])},
+        "wrench": _wrench(Pose.identity(), wrench),
         "type": 2,
         "speed_limits": {"linear": _xyz(speed[:3]), "angular": _xyz(speed[3:])},
         "deviation_limits": deviation.tolist(),
@@ -221,6 +164,11 @@ def _stop(move: Move, base: Pose) -> dict[str, Any]:
         "max_travel": move.stop.max_travel,
         "timeout": move.stop.timeout,
     }
+
+
+def _wrench(base: Pose, wrench: Array) -> dict[str, dict[str, float]]:
+    """A wrench (6,), N and N·m, in the axes of the base, as `geometry_msgs/msg/Wrench`, field by field."""
+    return {"force": _xyz(base.R @ wrench[:3]), "torque": _xyz(base.R @ wrench[3:])}
 
 
 def _xyz(values: Array) -> dict[str, float]:

@@ -97,7 +97,7 @@ def _turning(plan: Plan, to: str) -> str:
     from fmopt.plan.export.urscript import commanded
 
     rows = moves(plan)
-    # A program runs guarded moves more slowly than the plan; bags keep the plan's speeds.
+    # A program runs guarded moves more slowly than the plan; segments keep the plan's speeds.
     return turning_words(commanded(rows) if to == "urscript" else [m.twist for m in rows], [m.number for m in rows])
 
 
@@ -108,7 +108,7 @@ def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
 
         if plan.press_plan is not None:
             return press_ros2.export(plan, plan.press_plan, form.frame, target, form.caution)
-        return ros2.export(plan, form.frame, form.rate, target, form.caution)
+        return ros2.export(plan, form.frame, target, form.caution)
     output.save(text_of(plan, form).encode(), target)
     return (target,)
 
