@@ -82,7 +82,7 @@ def canonical(document: Mapping[str, Any]) -> str:
             document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False, check_circular=False
         )
     except ValueError as error:
-        raise PlanFormatError(f"the plan holds a number that JSON cannot: {error}") from error
+        raise PlanFormatError(f"the plan holds a number that JSON cannot: {error}", "keep numbers finite") from error
 
 
 def digest(document: Mapping[str, Any]) -> str:

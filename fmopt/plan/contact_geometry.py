@@ -77,7 +77,8 @@ class Contact(Value, moving=(None, 3), fixed=(None, 3), moving_normal=(3,), fixe
         m = cross(u, v)
         size = float(np.linalg.norm(m))
         if size < _PARALLEL * float(np.linalg.norm(u) * np.linalg.norm(v)):
-            raise PlanFormatError(f"the edges of contact {self.name} are parallel: it has no normal")
+            message = f"the edges of contact {self.name} are parallel: it has no normal"
+            raise PlanFormatError(message, "give a plan.json that fmopt solve wrote")
         # u × v may point either way; the sum of the normals beside a convex edge points outside.
         m = m / size if float(m @ self.fixed_normal) > 0.0 else -m / size
         s, t = _nearest(p, u, q, v)

@@ -13,10 +13,18 @@ from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.step import step_import as step
 from fmopt.runtime import confined
-from tests.shared.files.mesh_files import ply_text, rounded, stl_text, triangles_of
+from tests.shared.files.mesh_files import (
+    binary_ply,
+    binary_stl,
+    obj_text,
+    ply_text,
+    rounded,
+    stl_text,
+    triangles_of,
+)
 from tests.shared.files.shipped import edit
 from tests.shared.files.step_files import write_step
-from tests.shared.fuzz.files import KINDS, binary_ply, binary_stl, fuzzed, obj_text, run
+from tests.shared.fuzz.files import KINDS, fuzzed, run
 
 POINTS, TRIANGLES = triangles_of(rounded((0.012, 0.008), 0.03))
 OBJ, PLY, STL = obj_text(POINTS, TRIANGLES), ply_text(POINTS, TRIANGLES), stl_text(POINTS, TRIANGLES)
@@ -29,11 +37,12 @@ def written(folder: Path, name: str, content: bytes | str) -> Path:
     return path
 
 
+@pytest.mark.parametrize("times", [1, pytest.param(10, marks=pytest.mark.wide)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_damaged_files_end_with_an_exit_code_and_a_message(kind: str, tmp_path: Path) -> None:
-    tally = fuzzed(kind, COUNTS.get(kind, 30), 11, tmp_path)
-    assert tally.failures == []
-    assert tally.codes[2] > tally.codes[0] / 4
+def test_damaged_files_end_with_an_exit_code_and_a_message(kind: str, times: int, tmp_path: Path) -> None:
+    codes, failures = fuzzed(kind, times * COUNTS.get(kind, 30), times, tmp_path)
+    assert failures == []
+    assert codes[2] > codes[0] / 4
 
 
 def mixed(content: bytes) -> bytes:

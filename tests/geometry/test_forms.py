@@ -17,6 +17,7 @@ from fmopt.geometry.section import sealed
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.problem import Problem
 from fmopt.task.sizes import measured_clearance
+from tests.shared.files.mesh_files import binary_stl
 from tests.shared.parts import families
 from tests.shared.parts.forms import differences, read
 
@@ -44,7 +45,7 @@ def check_motion(family: str, seed: int, motion: int, folder: Path) -> Problem:
     paths = [folder / f"{motion}-{name}.stl" for name in ("peg", "block")]
     for path, (points, triangles) in zip(paths, families.meshes(pair), strict=True):
         pose = Pose(rng.uniform(-50.0, 50.0, 3), exp(rng.normal(size=3)))
-        path.write_bytes(families.stl_bytes(points @ pose.R.T + pose.p, triangles))
+        path.write_bytes(binary_stl(points @ pose.R.T + pose.p, triangles))
     shift, turn = pair.error
     error = f"{shift} mm, {turn} deg"
     problem = fmopt.problem(*paths[:: -1 if pair.exchanged else 1], error, unit="mm", folder=folder / "task")

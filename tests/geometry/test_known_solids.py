@@ -13,7 +13,7 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.polyhedron import triangulated
 from fmopt.task.toml.units import UNITS, evaluate
-from tests.shared.files.mesh_files import polygons_obj, polygons_ply
+from tests.shared.files.mesh_files import ply_text, polygons_obj
 
 A, B, C = 0.012, 0.008, 0.03  # m, edges of a box
 TURN = trimesh.transformations.rotation_matrix(0.7, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0))
@@ -46,7 +46,7 @@ def test_a_box_of_another_writer_has_its_volume_centre_and_inertia(kind: str, tm
     assert inertia == pytest.approx(TURN[:3, :3] @ about @ TURN[:3, :3].T, rel=1e-5, abs=1e-6 * about.max())
 
 
-@pytest.mark.parametrize(("kind", "write"), [("obj", polygons_obj), ("ply", polygons_ply)])
+@pytest.mark.parametrize(("kind", "write"), [("obj", polygons_obj), ("ply", ply_text)])
 @pytest.mark.parametrize("sides", [3, 5, 8])
 def test_a_prism_of_polygons_has_its_volume_and_centre(sides: int, kind: str, write: Writer, tmp_path: Path) -> None:
     """Polygons of many corners, written by hand."""
@@ -71,7 +71,7 @@ def test_a_prism_of_polygons_has_its_volume_and_centre(sides: int, kind: str, wr
     ],
     ids=["L", "notched", "T", "U"],
 )
-@pytest.mark.parametrize(("kind", "write"), [("obj", polygons_obj), ("ply", polygons_ply)])
+@pytest.mark.parametrize(("kind", "write"), [("obj", polygons_obj), ("ply", ply_text)])
 def test_a_polygon_that_is_not_convex_is_one_face_from_whatever_corner_it_is_listed(
     outline: Any, area: float, around: float, centre: tuple[float, float], kind: str, write: Writer, tmp_path: Path
 ) -> None:
@@ -104,7 +104,7 @@ def test_a_polygon_that_crosses_itself_is_named_with_its_line(tmp_path: Path) ->
     bow = np.array([(0.0, 0.0, 0.0), (2.0, 1.0, 0.0), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (1.0, 1.0, 3.0)])
     star = np.array([(np.cos(0.8 * np.pi * k), np.sin(0.8 * np.pi * k), 0.0) for k in range(5)])
     for points, face in ((bow, [0, 1, 2, 3]), (star, [0, 1, 2, 3, 4])):
-        for kind, write, head in (("obj", polygons_obj, 0), ("ply", polygons_ply, 9)):
+        for kind, write, head in (("obj", polygons_obj, 0), ("ply", ply_text, 9)):
             (tmp_path / f"bow.{kind}").write_text(write(points, [[0, 1, 2], face]))
             line = head + len(points) + 2
             with pytest.raises(GeometryError, match=rf"bow\.{kind}, line {line}: the polygon crosses itself"):

@@ -28,6 +28,7 @@ from fmopt.task.sizes import measured_clearance
 from tests.shared.files.mesh_damage import DAMAGES
 from tests.shared.files.mesh_files import (
     at,
+    binary_stl,
     glb,
     plate,
     rounded,
@@ -40,7 +41,6 @@ from tests.shared.files.mesh_files import (
 from tests.shared.files.model_text import of_file
 from tests.shared.files.others import PAIRS, PARTS
 from tests.shared.files.own import PROBLEM
-from tests.shared.files.packed import packed_stl
 
 GAP = 1e-4
 SHAPES: dict[str, tuple[tuple[float, float, float, float], ...]] = {  # rectangles in mm whose union is the outline
@@ -163,7 +163,7 @@ def folder(path: Path, size: float) -> Path:
     rng = np.random.default_rng(4)
     for name, solid in (("rod", rounded((0.012, 0.008), 0.03, 0.0005)), ("plate", plate((0.0123, 0.0083)))):
         points, corners = DAMAGES["turned"](*triangles_of(solid), rng)
-        (path / f"{name}.stl").write_bytes(packed_stl(points + rng.uniform(-size, size, points.shape), corners))
+        (path / f"{name}.stl").write_bytes(binary_stl(points + rng.uniform(-size, size, points.shape), corners))
         (path / f"{name}.toml").write_text(of_file(f"{name}.stl"))
     (path / "problem.toml").write_text(PROBLEM)
     return path / "problem.toml"
@@ -182,7 +182,7 @@ def test_noise_beyond_the_clearance_is_refused_with_its_place(tmp_path: Path) ->
     noisy = DAMAGES["noise of 10 µm"](
         *DAMAGES["subdivided"](points, corners, np.random.default_rng(1)), np.random.default_rng(1)
     )
-    (tmp_path / "plate.stl").write_bytes(packed_stl(*noisy))
+    (tmp_path / "plate.stl").write_bytes(binary_stl(*noisy))
     for name in ("rod", "plate"):
         (tmp_path / f"{name}.toml").write_text(of_file(f"{name}.stl"))
     (tmp_path / "problem.toml").write_text(PROBLEM.replace("x = 0.2\ny = 0.15", "x = 0.01\ny = 0.01"))

@@ -19,8 +19,7 @@ from fmopt.geometry.part import Part, in_order, mesh_part, part_of, rebased
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, triangulated
 from fmopt.geometry.section import section, section_limit
 from fmopt.spatial.se3 import Pose
-from tests.shared.files.mesh_files import at, stl_text
-from tests.shared.fuzz.files import obj_text
+from tests.shared.files.mesh_files import at, obj_text, stl_text
 from tests.shared.solids import frustum
 
 HOLE = Feature("hole", "hollow", at(z=0.04), 0.03)

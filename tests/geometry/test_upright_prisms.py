@@ -15,7 +15,8 @@ from fmopt.geometry.upright_prisms import upright_prisms
 from fmopt.spatial.se3 import Pose
 from fmopt.verify.parts.covering import uncovered
 from fmopt.verify.parts.solids import Shape
-from tests.shared.parts.families import Outline, stl_bytes, widened
+from tests.shared.files.mesh_files import binary_stl
+from tests.shared.parts.families import Outline, widened
 from tests.shared.parts.stated import as_stated
 
 OUTLINES: dict[str, Outline] = {
@@ -75,7 +76,9 @@ def test_pieces_make_up_filleted_parts_exactly_however_they_are_turned(family: s
     outline = filleted(OUTLINES[family], float(rng.uniform(0.8, 2.0)), int(rng.integers(1, 4)))
     turned = made(kind, outline).rotate((0.0, 0.0, float(rng.uniform(0.0, 360.0)))).to_mesh64()
     path = tmp_path / "part.stl"
-    path.write_bytes(stl_bytes(np.asarray(turned.vert_properties)[:, :3], np.asarray(turned.tri_verts, dtype=np.int64)))
+    path.write_bytes(
+        binary_stl(np.asarray(turned.vert_properties)[:, :3], np.asarray(turned.tri_verts, dtype=np.int64))
+    )
     stated = as_stated(mesh_part("part", load_mesh(path, "mm")))
     assert list(uncovered(Shape(stated.body), [Shape(piece) for piece in stated.pieces])) == []
 

@@ -25,7 +25,7 @@ from fmopt.planning.pipeline import tried
 from fmopt.spatial.se3 import exp
 from tests.shared.files import step_parts
 from tests.shared.files.asked import keyed, rectangle, regular
-from tests.shared.files.mesh_files import polygons_obj, polygons_ply
+from tests.shared.files.mesh_files import ply_text, polygons_obj
 from tests.shared.parts.families import Outline, widened
 
 BAR = ((-15.0, 0.0), (-9.0, -6.0), (9.0, -6.0), (15.0, 0.0), (9.0, 6.0), (-9.0, 6.0))
@@ -258,7 +258,8 @@ def test_facets_that_overlap_where_round_parts_have_room_cannot_tell(
 def test_needle_triangles_change_nothing(share: float, across: bool, tmp_path: Path) -> None:
     """D: triangles are cut at points 1e-8 mm off an edge or a corner, on one side or on both."""
     rng, bodies = np.random.default_rng(1), []
-    for write, shape in ((polygons_ply, bar(regular(6, 12))), (polygons_obj, plate(12, hole(regular(6, 12.4))))):
+    peg, seat = bar(regular(6, 12)), plate(12, hole(regular(6, 12.4)))
+    for kind, write, shape in (("ply", ply_text, peg), ("obj", polygons_obj, seat)):
         mesh = meshed(shape)
         points, triangles = [*(mesh.vertices @ exp(rng.normal(size=3)).T)], mesh.faces.tolist()
         for _ in range(8):
@@ -270,7 +271,7 @@ def test_needle_triangles_change_nothing(share: float, across: bool, tmp_path: P
                 number = next(k for k, t in enumerate(triangles) if (b, a) in zip(t, [*t[1:], t[0]], strict=True))
                 (d,) = {*triangles.pop(number)} - {a, b}
                 triangles += [[b, n, d], [n, a, d], [a, n, m], [n, b, m]]
-        path = tmp_path / f"part.{write.__name__[-3:]}"
+        path = tmp_path / f"part.{kind}"
         path.write_text(write(np.array(points), triangles))
         bodies.append(load_mesh(path, "mm").body)
     assert [len(body.faces) for body in bodies] == [8, 12]

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import ast
 import math
 import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import fmopt
 from fmopt.errors import InputError
 from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Cylinder, Placed, Sphere
@@ -18,6 +22,9 @@ from fmopt.task.object_model.command import answer
 from fmopt.task.object_model.tree import Feature, ObjectTree
 from fmopt.task.problem import Problem
 from fmopt.task.task_command import is_round, problem_answer, task_command
+from fmopt.task.toml import assembly_file, model_file, problem_file, tables
+from fmopt.task.toml.tables import Measured
+from fmopt.task.toml.units import EXAMPLES, at_most, evaluate
 from tests import ROOT
 from tests.shared.files import models
 from tests.shared.files.shipped import loaded, shipped, swapped
@@ -216,3 +223,39 @@ def test_sources_of_errors_are_refused_with_the_hollow_part_in_the_hand(tmp_path
     sources = "[uncertainty.sources]\nrobot = { position = 0.01 }\ngrasp = { height = 30 }\n"
     with pytest.raises(InputError, match=r"conflict: uncertainty.sources: with the hollow part in the hand"):
         edited(tmp_path, (start, sources), text=text)
+
+
+def keys_of(schema: Any) -> set[str]:
+    """All keys of all tables of a schema."""
+    if isinstance(schema, dict):
+        own = set(schema.get("properties", {})) if isinstance(schema.get("properties"), dict) else set()
+        return own.union(*map(keys_of, schema.values()))
+    return set().union(*map(keys_of, schema)) if isinstance(schema, list) else set()
+
+
+def test_keys_that_messages_name_exist() -> None:
+    known = keys_of(problem_file.ProblemFile.model_json_schema()) | keys_of(model_file.ModelFile.model_json_schema())
+    named_key = r"(?<![\w.\[])(settings|specification|goal|start|clearance|uncertainty|mesh|grasp|units)\.([a-z_]+)\b"
+    others = {"verify", "same_problem.py"}  # these name keys of plans
+    paths = [path for path in Path(fmopt.__file__).parent.rglob("*.py") if not others & set(path.parts)]
+    nodes = [node for path in paths for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+    texts = [one.value for one in nodes if isinstance(one, ast.Constant) and isinstance(one.value, str)]
+    named = [found for text in texts if "\n" not in text for found in re.findall(named_key, text)]
+    assert len(named) > 3
+    assert [found for found in named if found[1] not in known] == []
+
+
+def measured() -> Iterator[Measured]:
+    """The limits of all numbers of problem, model and assembly files."""
+    for module in (tables, problem_file, model_file, assembly_file):
+        for kind in vars(module).values():
+            yield from (one for one in getattr(kind, "__metadata__", ()) if isinstance(one, Measured))
+
+
+def test_limits_are_taken_as_they_are_told() -> None:
+    limits: set[Any] = set(measured())
+    assert len(limits) > 15
+    for one in limits:
+        for bound in (one.low, one.high):
+            assert bound == 0.0 or one.low <= evaluate(at_most(bound, one.dimension)).value <= one.high
+        assert one.low <= evaluate(EXAMPLES[one.dimension].strip('"')).value <= one.high

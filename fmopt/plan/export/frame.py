@@ -53,7 +53,8 @@ def task_frame(move: Move, rho: float) -> TaskFrame:
     wrench = to_frame(pose, move.hold, move.goal.p)
     stray = np.abs(np.where(np.array(selection) == 1, 0.0, wrench)) / np.array([1.0, 1.0, 1.0, rho, rho, rho])
     if float(stray.max()) > _PRESSES:
-        raise PlanFormatError(f"segment {move.segment}: its bias presses on a stiff axis by {float(stray.max()):.3g} N")
+        message = f"segment {move.segment}: its bias presses on a stiff axis by {float(stray.max()):.3g} N"
+        raise PlanFormatError(message, "run the segment with a controller that takes axes")
     # Shifted as the part is from the goal, where the frame is stated, but not turned.
     begin = Pose(pose.p + move.start.p - move.goal.p, pose.R)
     wrench = to_frame(begin, move.hold_start, move.start.p)

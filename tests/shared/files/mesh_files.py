@@ -6,7 +6,7 @@ import io
 import json
 import struct
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,13 +37,28 @@ def stl_text(points: np.ndarray, triangles: Iterable[Iterable[int]]) -> str:
     return "\n".join([*lines, "endsolid part"])
 
 
-def ply_text(points: np.ndarray, triangles: np.ndarray) -> str:
-    """An ASCII PLY file with nine digits."""
-    axes = [f"property double {axis}" for axis in "xyz"]
-    head = ["ply", "format ascii 1.0", f"element vertex {len(points)}", *axes, f"element face {len(triangles)}"]
-    rows = ["{:.9g} {:.9g} {:.9g}".format(*point) for point in points]
-    faces = ["3 {} {} {}".format(*triangle) for triangle in triangles]
-    return "\n".join([*head, "property list uchar int vertex_indices", "end_header", *rows, *faces, ""])
+def obj_text(points: np.ndarray, triangles: np.ndarray) -> str:
+    """An OBJ file with nine digits, its comments, names and materials with it."""
+    rows = ["v {:.9g} {:.9g} {:.9g}".format(*point) for point in points]
+    faces = ["f {} {} {}".format(*(triangle + 1)) for triangle in triangles]
+    return "\n".join(["# a part", "mtllib part.mtl", "o part", *rows, "vn 0 0 1", "usemtl steel", "s off", *faces, ""])
+
+
+def binary_stl(points: np.ndarray, triangles: np.ndarray) -> bytes:
+    """A binary STL file."""
+    facets = np.zeros(len(triangles), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+    facets["corners"] = points[triangles]
+    return b"binary".ljust(80) + len(triangles).to_bytes(4, "little") + facets.tobytes()
+
+
+def binary_ply(points: np.ndarray, triangles: np.ndarray, order: str) -> bytes:
+    """A binary PLY file, little ("<") or big (">") bytes first."""
+    text = ply_text(points, triangles)
+    name = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    head = text[: text.index("end_header\n")].replace("ascii", name).encode() + b"end_header\n"
+    faces = np.zeros(len(triangles), dtype=[("count", "u1"), ("corners", f"{order}i4", 3)])
+    faces["count"], faces["corners"] = 3, triangles
+    return head + points.astype(f"{order}f8").tobytes() + faces.tobytes()
 
 
 def polygons_obj(points: np.ndarray, faces: Iterable[Sequence[int]]) -> str:
@@ -52,8 +67,8 @@ def polygons_obj(points: np.ndarray, faces: Iterable[Sequence[int]]) -> str:
     return "\n".join([*rows, *("f " + " ".join(str(k + 1) for k in face) for face in faces), ""])
 
 
-def polygons_ply(points: np.ndarray, faces: Sequence[Sequence[int]]) -> str:
-    """An ASCII PLY file of polygons, in all digits."""
+def ply_text(points: np.ndarray, faces: Collection[Sequence[int]]) -> str:
+    """An ASCII PLY file of triangles or polygons, in all digits."""
     axes = [f"property double {axis}" for axis in "xyz"]
     head = ["ply", "format ascii 1.0", f"element vertex {len(points)}", *axes, f"element face {len(faces)}"]
     rows = [" ".join(map(repr, point)) for point in points.tolist()]

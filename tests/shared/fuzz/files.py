@@ -1,41 +1,43 @@
-"""Damaged files of each kind that a command reads: whatever the damage, an exit code and a message, within its time.
-
-    python -m tests.shared.fuzz.files --kind obj --count 1000 --seed 1
-
-prints what each exit code was met by how often, and every failure with its seed; `--keep FOLDER` keeps the files. The
-short form of this runs in the tests.
-"""
+"""Damaged files of each kind that a command reads: whatever the damage, an exit code and a message, within its time."""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import json
-import os
 import random
-import shutil
 import signal
 import sys
 import tempfile
-import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from unittest.mock import patch
-
-import numpy as np
 
 from fmopt.cli.entry import main
 from fmopt.geometry.mesh.mesh_file import OWN_UNIT
 from tests.shared.files import own
 from tests.shared.files.mesh_damage import Mesh
-from tests.shared.files.mesh_files import glb, plate, ply_text, rounded, stl_text, three_mf, triangles_of
+from tests.shared.files.mesh_files import (
+    binary_ply,
+    binary_stl,
+    glb,
+    obj_text,
+    plate,
+    ply_text,
+    rounded,
+    stl_text,
+    three_mf,
+    triangles_of,
+)
 from tests.shared.files.model_text import of_file
 from tests.shared.files.shipped import copied
+from tests.shared.files.step_files import write_step
+from tests.shared.files.step_parts import box, cut
 from tests.shared.fuzz.damage import damaged
+from tests.shared.plans.table_plan import table_plan
 
 SECONDS = 30  # of the processor, for one file
 WAITED = 600  # s by the clock
@@ -56,15 +58,6 @@ class Case:
     file: str
     commands: tuple[tuple[str, ...], ...]
     data: bool = False
-
-
-@dataclass
-class Tally:
-    """How often each exit code came, and what must not be."""
-
-    codes: Counter[int] = field(default_factory=Counter)
-    failures: list[str] = field(default_factory=list)
-    slowest: float = 0.0
 
 
 def run(arguments: tuple[str, ...]) -> tuple[int | str, str]:
@@ -97,14 +90,15 @@ def run(arguments: tuple[str, ...]) -> tuple[int | str, str]:
     return code, out.getvalue() + err.getvalue()
 
 
-def fuzzed(kind: str, count: int, seed: int, folder: Path, keep: Path | None = None) -> Tally:
-    """What commands make of so many damaged files of a kind, one of `KINDS`.
+def fuzzed(kind: str, count: int, seed: int, folder: Path) -> tuple[Counter[int | str], list[str]]:
+    """How often each exit code came of so many damaged files of a kind, one of `KINDS`, and what must not be.
 
-    Whole files are laid out in an empty folder; those that fail are kept, if a folder for them is given.
+    Whole files are laid out in an empty folder, one of which is damaged at a time.
     """
     cases = KINDS[kind](folder)
     wholes = {case.file: (folder / case.file).read_bytes() for case in cases}
-    tally = Tally()
+    codes: Counter[int | str] = Counter()
+    failures = []
     with contextlib.chdir(folder):
         for command in dict.fromkeys(command for case in cases for command in case.commands):
             code, said = run(command)
@@ -112,24 +106,14 @@ def fuzzed(kind: str, count: int, seed: int, folder: Path, keep: Path | None = N
         for number in range(count):
             rng = random.Random(f"{kind} {seed} {number}")
             case = rng.choice(cases)
-            content = damaged(rng, wholes[case.file], data=case.data)
-            Path(case.file).write_bytes(content)
-            if keep is not None:
-                (keep / f"{kind}-last{Path(case.file).suffix}").write_bytes(content)
+            Path(case.file).write_bytes(damaged(rng, wholes[case.file], data=case.data))
             for command in case.commands:
-                began = time.process_time()
                 code, said = run(command)
-                tally.slowest = max(tally.slowest, time.process_time() - began)
+                codes[code] += 1
                 if code not in EXPECTED or "Traceback" in said or (code == 2 and not said.strip()):
-                    tally.failures.append(f"{kind} {seed} {number}: {' '.join(command)}: {code}: {said[-300:].strip()}")
-                    if keep is not None:
-                        (keep / f"{kind}-{seed}-{number}{Path(case.file).suffix}").write_bytes(content)
-                if os.environ.get("FMOPT_SLOW") and time.process_time() - began > 4.0:
-                    print(number, command, code, f"{time.process_time() - began:.1f} s", said[-200:], flush=True)
-                if isinstance(code, int):
-                    tally.codes[code] += 1
+                    failures.append(f"{kind} {seed} {number}: {' '.join(command)}: {code}: {said[-300:].strip()}")
             Path(case.file).write_bytes(wholes[case.file])
-    return tally
+    return codes, failures
 
 
 def _shipped(files: Mapping[str, str], *words: str) -> Callable[[Path], list[Case]]:
@@ -147,39 +131,9 @@ def _themselves(*names: str) -> dict[str, str]:
 
 
 def _plans(folder: Path) -> list[Case]:
-    """The smallest of the plans in the folder that FMOPT_PLANS names; one of a table, solved here, without it."""
-    given = os.environ.get("FMOPT_PLANS")
-    if given is None:
-        from tests.shared.plans.table_plan import table_plan
-
-        (folder / "plan.json").write_text(json.dumps(table_plan()))
-    else:
-        shutil.copy(min(Path(given).glob("*.json"), key=lambda path: path.stat().st_size), folder / "plan.json")
+    """The plan of a table, which needs no search."""
+    (folder / "plan.json").write_text(json.dumps(table_plan()))
     return [Case("plan.json", (("verify", "plan.json"), ("show", "plan.json")), data=True)]
-
-
-def obj_text(points: np.ndarray, triangles: np.ndarray) -> str:
-    """An OBJ file with nine digits, its comments, names and materials with it."""
-    rows = ["v {:.9g} {:.9g} {:.9g}".format(*point) for point in points]
-    faces = ["f {} {} {}".format(*(triangle + 1)) for triangle in triangles]
-    return "\n".join(["# a part", "mtllib part.mtl", "o part", *rows, "vn 0 0 1", "usemtl steel", "s off", *faces, ""])
-
-
-def binary_stl(points: np.ndarray, triangles: np.ndarray) -> bytes:
-    """A binary STL file."""
-    facets = np.zeros(len(triangles), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
-    facets["corners"] = points[triangles]
-    return b"binary".ljust(80) + len(triangles).to_bytes(4, "little") + facets.tobytes()
-
-
-def binary_ply(points: np.ndarray, triangles: np.ndarray, order: str) -> bytes:
-    """A binary PLY file, little ("<") or big (">") bytes first."""
-    text = ply_text(points, triangles)
-    name = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
-    head = text[: text.index("end_header\n")].replace("ascii", name).encode() + b"end_header\n"
-    faces = np.zeros(len(triangles), dtype=[("count", "u1"), ("corners", f"{order}i4", 3)])
-    faces["count"], faces["corners"] = 3, triangles
-    return head + points.astype(f"{order}f8").tobytes() + faces.tobytes()
 
 
 def _own(kind: str, content: Callable[[Mesh, str], bytes]) -> Callable[[Path], list[Case]]:
@@ -204,18 +158,9 @@ def _stl(mesh: Mesh, name: str) -> bytes:
 
 
 def _step() -> bytes:
-    from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
-    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
-    from OCP.gp import gp_Pnt
-
-    from tests.shared.files.step_files import write_step
-
-    def box(x: float, y: float, low: float, high: float) -> object:
-        return BRepPrimAPI_MakeBox(gp_Pnt(-0.5 * x, -0.5 * y, low), gp_Pnt(0.5 * x, 0.5 * y, high)).Shape()
-
-    hole = box(12.3, 8.3, -5.0, 15.0)
+    hole = box(12.3, 8.3, 20.0, (0.0, 0.0, -5.0))
     with tempfile.TemporaryDirectory() as folder:
-        write_step(Path(folder) / "plate.step", BRepAlgoAPI_Cut(box(40.0, 40.0, 0.0, 10.0), hole).Shape())
+        write_step(Path(folder) / "plate.step", cut(box(40.0, 40.0, 10.0), hole))
         return (Path(folder) / "plate.step").read_bytes()
 
 
@@ -242,25 +187,3 @@ KINDS: dict[str, Callable[[Path], list[Case]]] = {
     "glb": _own("glb", lambda mesh, _: glb(1e-3 * mesh[0], mesh[1], {})),
     "step": _own("step", lambda *_: _step()),
 }
-
-
-def _long_form() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kind", choices=KINDS, required=True)
-    parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--keep", type=Path)
-    asked = parser.parse_args()
-    if asked.keep is not None:
-        asked.keep.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder:
-        tally = fuzzed(asked.kind, asked.count, asked.seed, Path(folder), asked.keep)
-    print("\n".join(tally.failures))
-    codes = ", ".join(f"{code}: {times}" for code, times in sorted(tally.codes.items()))
-    print(f"{asked.kind}: {asked.count} files, exit codes {codes}; the slowest took {tally.slowest:.1f} s")
-    print(f"{len(tally.failures)} failures")
-    return 1 if tally.failures else 0
-
-
-if __name__ == "__main__":
-    sys.exit(_long_form())

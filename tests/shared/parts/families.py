@@ -9,7 +9,6 @@ where both are meant to mate. Each part has a model frame of its own, turned and
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tests.shared.files.mesh_files import binary_stl
 from tests.shared.files.model_text import UNITS, of_file
 from tests.shared.files.own import TASK
 from tests.shared.files.shipped import swapped
@@ -258,7 +258,7 @@ def write_stl(pair: Pair, folder: Path, error: tuple[float, float] | None = None
     """The same with each part as a binary STL file and a model file that names it, its facets plane as drawn."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, (points, triangles) in zip(("peg", "block"), meshes(pair), strict=True):
-        (folder / f"{name}.stl").write_bytes(stl_bytes(points, triangles))
+        (folder / f"{name}.stl").write_bytes(binary_stl(points, triangles))
         (folder / f"{name}.toml").write_text(of_file(f"{name}.stl", 'unit = "mm"\ndeviation = 0\n'))
     return _write_problem(pair, folder, error or pair.error, time_limit)
 
@@ -296,16 +296,6 @@ def meshes(pair: Pair) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray,
         mesh = body.rotate((0.0, 0.0, placing.turn)).translate(placing.shift).to_mesh64()
         made.append((np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, dtype=np.int64)))
     return made[0], made[1]
-
-
-def stl_bytes(points: np.ndarray, triangles: np.ndarray) -> bytes:
-    """A binary STL file."""
-    found = [b"fmopt".ljust(80), struct.pack("<I", len(triangles))]
-    for a, b, c in points[triangles]:
-        normal = np.cross(b - a, c - a)
-        normal = normal / (np.linalg.norm(normal) or 1.0)
-        found.append(struct.pack("<12fH", *normal, *a, *b, *c, 0))
-    return b"".join(found)
 
 
 def _solid(stack: Stack) -> Manifold:

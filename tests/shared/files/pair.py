@@ -1,20 +1,17 @@
-"""Advice on files that are followed by an edit of their text: what is read, and two parts that fit one another."""
+"""Files of a peg and a block that it fits, some of them changed, read as a model, a problem or an assembly."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import fmopt
-from fmopt.planning.pipeline import tried
 from fmopt.task.assembly import carried_out, load_assembly
 from fmopt.task.solid_tree import build_part, build_tree
-from tests.shared.files.advice.case import Case
 from tests.shared.files.model_text import UNITS, cuboid, difference, feature, part
 from tests.shared.files.models import model_of
 
-T = TypeVar("T")
 PEG = part("peg", cuboid("peg", "20, 20, 50"), feature("peg", "solid", "0, 0, 0", "50"))
 BLOCK = part(
     "block",
@@ -27,17 +24,6 @@ PAIR = {"peg.toml": f"{PEG}{UNITS}", "block.toml": f"{BLOCK}{UNITS}"}
 SHORT = 'moving = "peg.toml"\nfixed = "block.toml"\n'
 LONG = '[moving]\nmodel = "peg.toml"\n[fixed]\nmodel = "block.toml"\n'
 START = '[uncertainty]\nstart = "0.02 mm, 0.02 deg"\n'
-
-
-def edited(name: str, advice: str, read: Callable[[Path, T], object], before: T, *after: T, slow: bool = False) -> Case:
-    """A case of what is read: refused as it was before, and taken in each way that the advice leaves to choose from."""
-
-    def followed(folder: Path) -> float:
-        for one in after:
-            read(folder, one)
-        return float(len(after))
-
-    return Case(name, advice, lambda folder: read(folder, before), followed, float(len(after)), slow)
 
 
 def written(folder: Path, files: Mapping[str, str | bytes]) -> None:
@@ -78,17 +64,7 @@ def files(folder: Path, changed: Mapping[str, str | bytes]) -> Any:
     return fmopt.load(folder / "problem.toml")
 
 
-def fitted(folder: Path, changed: Mapping[str, str | bytes]) -> Any:
-    """The same, and its clearance measured."""
-    return tried(files(folder, changed))
-
-
 def assembly(folder: Path, text: str) -> int:
     """The number of tasks of an assembly of the peg and the block, all carried out."""
-    return assembled(folder, {"assembly.toml": text})
-
-
-def assembled(folder: Path, changed: Mapping[str, str]) -> int:
-    """The same, with files that are not as they are."""
-    written(folder, {**PAIR, **changed})
+    written(folder, {**PAIR, "assembly.toml": text})
     return len(list(carried_out(load_assembly(folder / "assembly.toml"))))
