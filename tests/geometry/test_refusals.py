@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-import cadquery
 import manifold3d
 import numpy as np
 import pytest
@@ -84,8 +83,14 @@ def coarse() -> object:
     return checked_clearance(rod, rebased(part_of("block", bore), at(z=0.04)), at(z=-0.03), 0.03)
 
 
-def two_solids() -> object:
-    return imported_of(cadquery.Workplane().box(9, 9, 9).add(cadquery.Workplane().box(9, 9, 9, (False,) * 3)), "mm")
+def workplane(solids: int) -> object:
+    """A workplane of so many solids."""
+    import cadquery
+
+    plane = cadquery.Workplane()
+    for k in range(solids):
+        plane = plane.add(cadquery.Workplane().box(9, 9, 9, (k == 0,) * 3))
+    return imported_of(plane, "mm")
 
 
 def shape_of_nothing() -> object:
@@ -124,8 +129,8 @@ REFUSED: tuple[tuple[Callable[[], object], str], ...] = (
     (bent, "give the part faces that are plane, with at most three at a corner"),
     (without_lib3mf, "3MF files need lib3mf, which is not on this machine"),
     (coarse, "describe 'rod' by shapes: an enclosure is larger than the part"),
-    (lambda: imported_of(cadquery.Workplane(), "mm"), "the Workplane holds no shape; give it once it is built"),
-    (two_solids, "give one of its solids"),
+    (lambda: workplane(0), "the Workplane holds no shape; give it once it is built"),
+    (lambda: workplane(2), "give one of its solids"),
     (shape_of_nothing, "the CAD kernel cannot write the shape; give one solid"),
     (lambda: imported_of(SCENE, "mm"), "a Scene of trimesh is no mesh; give one Trimesh"),
     (lambda: imported_of(SECTION, "mm"), "a CrossSection of manifold3d is no solid; give a Manifold"),
