@@ -13,7 +13,7 @@ from fmopt.plan.press import ConvexSolid
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem
-from tests.shared.files.advice.edits import PAIR, SHORT, START, files
+from tests.shared.files.pair import PAIR, SHORT, START, files
 
 # The peg's model frame is that of the feature; the mouth is 40 mm above that of the block.
 CELL = """

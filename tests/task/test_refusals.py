@@ -35,6 +35,10 @@ SLOT = "[profile]\npolygons = [[[-30, 0], [-10.1, 0], [-10.1, 40], [-30, 40]],"
 SLOT += " [[10.1, 0], [30, 0], [30, 40], [10.1, 40]], [[-30, 0], [30, 0], [30, 10], [-30, 10]]]\n"
 SLOT += '[features.hole]\nkind = "hollow"\nat = [0, 0, 40]\nlength = 30\n'
 PLANE = {"peg.toml": f"{PROFILE}{ON_IT}{UNITS}", "block.toml": f"{SLOT}{UNITS}"}
+WALL = '[obstacles.wall]\nshape = "box"\nsize = ["10 mm", "50 mm", "20 mm"]\nat = ["60 mm", 0, "40 mm"]\n'
+HELD = f'{WHOLE}[tool.solids]\ngripper = "held.toml"\n'
+LEVEL = '[uncertainty.start]\nx = "1 mm"\nz = "1 mm"\nry = "1 deg"\n'
+TCP = '[tool]\ntcp = { at = [0, 0, "10 mm"] }\n'
 FLAT_ERROR = '[uncertainty.start]\nx = "1 mm"\ny = "1 mm"\nz = "1 mm"\nry = "1 deg"\n'
 LARGE = {name: text.replace('"mm"', '"cm"') for name, text in PAIR.items()}
 PIN = 'part = "rod"\n[solids.rod]\nshape = "cylinder"\nradius = 10\nheight = 30\n'
@@ -134,6 +138,10 @@ REFUSED: tuple[tuple[Callable[[Path, Any], Any], Any, str], ...] = (
     (files, {"peg.toml": f"{PEG}{BALL}{UNITS}", "problem.toml": f"{SHORT}{ROBOT}"}, "of the ball's lowest point"),
     (files, {"block.toml": PLANE["block.toml"]}, "give both models a [profile], or none"),
     (files, {**PLANE, "problem.toml": SHORT + FLAT_ERROR}, "'y' leaves the plane of a planar problem; leave it out"),
+    (files, {**PLANE, "problem.toml": SHORT + LEVEL + WALL}, "leave [tool] solids and [obstacles] out"),
+    (problem, f'{WHOLE}{WALL}[settings]\nevidence = "certified"', 'write settings.evidence = "tested", or leave'),
+    (files, {"held.toml": f"{PEG}{BALL}{UNITS}", "problem.toml": HELD}, "give [solids] or [mesh] alone"),
+    (problem, 'moving = "block.toml"\nfixed = "peg.toml"\n' + f"{START}{TCP}", "leave it out"),
     (files, {**LARGE, "problem.toml": SHORT + ROBOT.replace("0.1", "300")}, "add up to 600 mm; keep them at most 500"),
 )
 
