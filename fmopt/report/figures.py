@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Any
-
 from fmopt.plan import Plan
-from fmopt.report.drawing import drawn
+from fmopt.report.drawing import Drawing
 from fmopt.report.views import (
     budget_view,
     cut_view,
@@ -21,38 +16,12 @@ from fmopt.report.views import (
     tube_view,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Sheet
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A figure of a plan; its name is that of its file, too."""
-
-    name: str
-    title: str
-    alt: str
-    size: tuple[float, float]
-    paint: Callable[[Sheet], None]
-
-    def svg(self) -> str:
-        """The figure as a text of SVG, letters as outlines."""
-        return drawn(self.paint, self.size).decode()
-
-    def png(self, dpi: float = 150.0) -> bytes:
-        """The figure as the bytes of a PNG."""
-        return drawn(self.paint, self.size, "png", dpi)
-
-    def _repr_svg_(self) -> str:
-        return self.svg()
-
-
 def figures(plan: Plan) -> dict[str, str]:
     """The figures of a plan as texts of SVG, by name, in the order of a report."""
     return {name: figure.svg() for name, figure in catalogue(plan).items()}
 
 
-def catalogue(plan: Plan) -> dict[str, Figure]:
+def catalogue(plan: Plan) -> dict[str, Drawing]:
     """The figures that the plan has the data for, not yet drawn, by name, in the order of a report."""
     said = plan.description
     course = None if said.nominal is None else trajectory_view.Course(said.nominal, said.position_force)

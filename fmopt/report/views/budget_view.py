@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from fmopt.plan import Plan
 from fmopt.plan.position_force import AXES
-from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH, Figure
 from fmopt.report.naming import degrees, millimetres
 from fmopt.report.shell import table
 from fmopt.spatial.values import Array
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Shares: TypeAlias = list[tuple[str, Array]]
 TITLE = "Uncertainty budget: which source adds how much to the start error"

@@ -12,15 +12,13 @@ import numpy as np
 
 from fmopt.plan import Plan
 from fmopt.report.bodies import CUTS, contact_place, extent, loops_of, pieces_of, section_of, upright_plane
-from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH, fill
+from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH, Axes, Figure, fill
 from fmopt.report.moves import moves
 from fmopt.report.naming import Parts, quantity
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from shapely import MultiPolygon
 
 TITLE = (

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fmopt.plan import Plan
 from fmopt.plan.diagnostics import Diagram
 from fmopt.plan.field_types import Polyline
-from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH, fill
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH, Axes, Figure, fill
 from fmopt.report.naming import quantity
 from fmopt.spatial.values import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TITLE = (
     "The three cut-diagrams: operand 2 as it is and expanded by operand 1, which shrinks to the line L; "

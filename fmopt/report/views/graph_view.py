@@ -6,18 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from textwrap import wrap
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmopt.plan import Plan
-from fmopt.report.drawing import GREY, INK, PALE, RUST, WIDTH
+from fmopt.report.drawing import GREY, INK, PALE, RUST, WIDTH, Axes, Figure
 from fmopt.report.moves import states
 from fmopt.spatial.values import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TITLE = "Contact states, by how many freedoms they leave, and the chosen sequence"
 _LINE = 0.165  # inches a line of the legend

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fmopt.plan import Plan, Segment
-from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
+from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH, Axes, Figure
 from fmopt.report.moves import Move, margin_name, margin_words, moves, turn_of, way_of
 from fmopt.report.naming import binding_label
 from fmopt.spatial.values import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TITLE = "Clearance and margin along the path; what binds is named under each move's number"
 _LETTERS = 70.0  # points; the words of moves are written in letters of this over their number, 8 at most

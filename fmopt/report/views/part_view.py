@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,13 +12,9 @@ from fmopt.geometry.convex_pieces import faceted
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
 from fmopt.report.bodies import creases, loops_of
-from fmopt.report.drawing import BLUE, GREY, INK, PALE, WIDTH, fill
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, WIDTH, Axes, Figure, fill
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _LAMP = np.array([0.3, -0.5, 0.81])
 # Where the part is looked at from: rows to the right, up, and towards the viewer.

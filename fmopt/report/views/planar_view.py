@@ -7,17 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fmopt.plan.diagnostics import Boundary, Curve
-from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
+from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH, Axes, Figure
 from fmopt.spatial.values import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TITLE = "Where uncertain features may be (Uv, Ul), and reference points that may touch (CUv, CUl)"
 _PER_ROW = 3

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fmopt.plan.diagnostics import Slice, Surface
-from fmopt.report.drawing import BLUE, RUST, WIDTH
+from fmopt.report.drawing import BLUE, RUST, WIDTH, Figure
 from fmopt.report.views.planar_view import piece_points
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _COLUMNS = 2
 _ROW = 2.75  # inches

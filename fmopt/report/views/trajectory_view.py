@@ -5,18 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fmopt.plan.description import Nominal, PositionForce
 from fmopt.plan.position_force import AXES
-from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
+from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH, Axes, Figure
 from fmopt.spatial.values import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TITLE = "Position and force over time, without errors"
 STOPS = {0: "free", 1: "stopped in +", -1: "stopped in −", 2: "stopped in both"}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,14 +10,10 @@ from numpy.typing import ArrayLike
 from fmopt.plan import Plan
 from fmopt.plan.error_sets import ErrorSet
 from fmopt.plan.position_force import AXES
-from fmopt.report.drawing import BLUE, INK, WIDTH
+from fmopt.report.drawing import BLUE, INK, WIDTH, Axes, Figure
 from fmopt.report.moves import moves
 from fmopt.report.naming import pose_words
 from fmopt.spatial.values import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TITLE = "The set of errors at every move's end"
 PLANES = ((0, 1), (1, 3), (0, 4), (2, 5))  # a turn about x swings the part along y, one about y along x

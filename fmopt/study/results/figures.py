@@ -7,19 +7,15 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from fmopt.report.drawing import BLUE, DASHES, GREY, INK, PALE, RUST, WIDTH, drawn
+from fmopt.report.drawing import BLUE, DASHES, GREY, INK, PALE, RUST, WIDTH, Axes, Figure, drawn
 from fmopt.spatial.values import Array
 from fmopt.study.results.shares import bins
 from fmopt.study.results.table import Varied
 from fmopt.study.results.view import Truth, View, answer_label, axis_label, ticks
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _LINE = 100  # characters of a title
 _MOST_TICKS = 10
