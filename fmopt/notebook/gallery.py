@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmopt.errors import ChoiceError
-from fmopt.notebook.drawing import SUFFIXES, Drawing, drawings
+from fmopt.notebook.drawing import drawings
 from fmopt.notebook.parts import is_part, load_part
 from fmopt.plan import STDIO
+from fmopt.report.drawing import SUFFIXES, Drawing
 from fmopt.task.toml.source import read
 
 if TYPE_CHECKING:

@@ -24,13 +24,12 @@ if TYPE_CHECKING:
     import polars
 
     from fmopt.execution.trials import Trials as Wanted
-    from fmopt.notebook.drawing import Drawing
     from fmopt.notebook.placing import Placing
     from fmopt.notebook.trials import Trials
     from fmopt.plan.evidence import Evidence
     from fmopt.plan.position_force import Stretch
     from fmopt.plan.press import PressPlan
-    from fmopt.report.figures import Figure
+    from fmopt.report.drawing import Drawing
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,7 +311,7 @@ class Plan:
         return polars.DataFrame([segment_row(segment) for segment in self.segments], infer_schema_length=None)
 
     @property
-    def figures(self) -> Mapping[str, Figure]:
+    def figures(self) -> Mapping[str, Drawing]:
         """The figures of the plan's report by name, each with title, description, `svg()` and `png()`."""
         from fmopt.report.figures import catalogue
 

@@ -5,7 +5,7 @@ from functools import partial
 from hashlib import sha256
 from html import escape
 
-from fmopt.notebook.drawing import Drawing
+from fmopt.report.drawing import Drawing
 from fmopt.report.shell import svg_source
 
 _SCRIPT = """(function () {

@@ -18,16 +18,13 @@ from fmopt.certificate.error_set import ErrorSet
 from fmopt.contact.state_graph import ContactGraph
 from fmopt.geometry.part import Part
 from fmopt.geometry.plane.region import Region
-from fmopt.notebook.drawing import Drawing
 from fmopt.plan.position_force import AXES
 from fmopt.report.bodies import stated_part
-from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, fill
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, Drawing, Figure, fill
 from fmopt.report.naming import box_words
 from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Sheet
-
     from fmopt.notebook.plan import Plan
     from fmopt.papers.lee_huang.mapping import Mapping as Diagrams
     from fmopt.task.problem import Problem
@@ -55,8 +52,7 @@ def _plan(plan: Plan) -> Iterable[Drawing]:
     title = f"{stated.moving.name} going into {stated.fixed.name}, to be turned and played"
     size = _SCENE if stated.press_plan is None else _PRESSES
     yield Drawing("scene", title, title, size, fragment=partial(scene, stated))
-    for figure in catalogue(stated).values():
-        yield Drawing(figure.name, figure.title, figure.alt, figure.size, figure.paint)
+    yield from catalogue(stated).values()
 
 
 def _problem(problem: Problem) -> Iterable[Drawing]:
@@ -89,9 +85,7 @@ def _diagrams(mapping: Diagrams) -> Iterable[Drawing]:
     from fmopt.papers.lee_huang.mapping import diagrams
     from fmopt.report.views import diagram_view
 
-    found = diagrams(mapping, float(-mapping.path.nodes[-1, 2]) or 0.01)
-    alt, size = diagram_view.alt(found), diagram_view.size(found)
-    yield Drawing("diagrams", diagram_view.TITLE, alt, size, partial(diagram_view.paint, found))
+    yield diagram_view.drawing(diagrams(mapping, float(-mapping.path.nodes[-1, 2]) or 0.01))
 
 
 def _part(part: Part) -> Iterable[Drawing]:
@@ -147,7 +141,7 @@ VIEWS: Mapping[str, Callable[[Any], Iterable[Drawing]]] = {
 }
 
 
-def paint_region(region: Region, sheet: Sheet) -> None:
+def paint_region(region: Region, sheet: Figure) -> None:
     """The region hatched, each loop with an arrow that has the interior on its left; mm."""
     axes = sheet.subplots()
     tolerance = 1e-4 * region.size if not region.empty else 1.0
@@ -165,7 +159,7 @@ def paint_region(region: Region, sheet: Sheet) -> None:
     axes.set_ylabel("v, mm")
 
 
-def paint_graph(graph: ContactGraph, sheet: Sheet) -> None:
+def paint_graph(graph: ContactGraph, sheet: Figure) -> None:
     """A row for each dimension, free space on top; a dot for each state, lines to the states on its boundary."""
     axes = sheet.subplots()
     counts = graph.count()
@@ -190,7 +184,7 @@ def paint_graph(graph: ContactGraph, sheet: Sheet) -> None:
     axes.set_title(f"{len(graph.states)} contact states{lines_said}")
 
 
-def paint_errors(errors: ErrorSet, sheet: Sheet) -> None:
+def paint_errors(errors: ErrorSet, sheet: Figure) -> None:
     """Shadows of the set on three pairs of axes: of its ellipsoid, and of what is known of it altogether."""
     turn = np.linspace(0.0, 2.0 * math.pi, 181)
     round_ = np.column_stack([np.cos(turn), np.sin(turn)])

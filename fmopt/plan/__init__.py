@@ -37,6 +37,7 @@ from fmopt.verify.reading.reader import (
 
 if TYPE_CHECKING:
     from fmopt.plan.description import Description
+    from fmopt.plan.diagnostics import Diagnostics
     from fmopt.plan.error_sets import ErrorSet
     from fmopt.plan.evidence import Evidence
     from fmopt.plan.press import PressPlan
@@ -69,6 +70,13 @@ class Plan(proof.Plan):
         from fmopt.plan.error_sets import error_sets
 
         return error_sets(self)
+
+    @cached_property
+    def diagnostics(self) -> Diagnostics:
+        """How the plan was found; empty where it does not say."""
+        from fmopt.plan.diagnostics import Diagnostics
+
+        return self.description.diagnostics or Diagnostics((), (), (), (), (), (None, None))
 
 
 def canonical(document: Mapping[str, Any]) -> str:

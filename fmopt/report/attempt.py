@@ -5,24 +5,18 @@ One page of HTML and one figure, as a plan has them, and the same facts as data.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from functools import partial
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fmopt.plan import Contact, Part
-from fmopt.report.figures import Figure
+from fmopt.report.drawing import Drawing
 from fmopt.report.naming import binding_words, box_words, contact_words, degrees, pose_words, quantity
 from fmopt.report.scene import resource
 from fmopt.report.shell import bullets, chaptered, figure, page, table
-from fmopt.report.views import cut_view
-from fmopt.report.views.cut_view import End
+from fmopt.report.views.cut_view import End, attempt_drawing
 from fmopt.spatial.se3 import Pose
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Sheet
 
 Numbers = tuple[float, ...]
 _TITLE = "The closest attempt: both parts cut through the mating axis, at every move's end in the plane of the lean"
@@ -167,30 +161,18 @@ class Failure:
         }
 
     @property
-    def figures(self) -> Mapping[str, Figure]:
+    def figures(self) -> Mapping[str, Drawing]:
         """The closest attempt, by name; none where no motion could begin."""
         if not self.steps:
             return {}
-        ends = move_ends(self)
-        words = "; ".join(f"{end.name}, {end.plane}, lean {math.degrees(end.lean):.1f}°" for end in ends)
-        alt = f"Sections of {self.moving.name} and {self.fixed.name} through the mating axis: {words}."
-        return {"attempt": Figure("attempt", _TITLE, alt, cut_view.panels_size(ends), partial(_paint, self, ends))}
+        steps = enumerate(self.steps, start=1)
+        ends = [End(f"end of move {number}", Pose.from_vector(step.goal), step.made) for number, step in steps]
+        ends.insert(0, End("start", Pose.from_vector(self.steps[0].start), ()))
+        return {"attempt": attempt_drawing("attempt", _TITLE, self, ends)}
 
     def page(self) -> str:
         """One page of HTML that holds everything and opens offline."""
         return failure_page(self, {name: figure.svg() for name, figure in self.figures.items()})
-
-
-def move_ends(failure: Failure) -> list[End]:
-    """The start and the end of every move."""
-    steps = enumerate(failure.steps, start=1)
-    ends = [End(f"end of move {number}", Pose.from_vector(step.goal), step.made) for number, step in steps]
-    return [End("start", Pose.from_vector(failure.steps[0].start), ()), *ends]
-
-
-def _paint(failure: Failure, ends: Sequence[End], sheet: Sheet) -> None:
-    sheet.set_layout_engine("none")  # `panels` places everything by itself, in inches
-    cut_view.panels(failure, ends, sheet, cut_view.panels_size(ends)[1])
 
 
 def failure_page(failure: Failure, svgs: Mapping[str, str]) -> str:

@@ -15,7 +15,7 @@ from fmopt.plan.position_force import AXES, stretches
 from fmopt.report.moves import moves, turn_of, way_of
 from fmopt.report.naming import combination, direction, quantity, signed
 from fmopt.report.shell import table
-from fmopt.report.views.trajectory_view import STOPS
+from fmopt.report.views.trajectory_view import stops_words
 from fmopt.spatial.values import Array
 
 _TURNS = 1e-3  # rad/s, a rate worth a word
@@ -29,10 +29,9 @@ def force_table(plan: Plan) -> str:
     """S(t) and Fa(t) by interval."""
     rows = []
     for item in plan.description.position_force:
-        bound = [f"{axis} {STOPS[s]}" for axis, s in zip(AXES, item.s, strict=True) if s]
         either = [AXES[axis] for axis in item.either_sign]
         force = combination(item.fa, "N", "N·m") + (f"; {', '.join(either)} of either sign" if either else "")
-        rows.append((f"{item.start:.3g} to {item.end:.3g} s", ", ".join(bound) or "all free", force))
+        rows.append((f"{item.start:.3g} to {item.end:.3g} s", stops_words(item.s), force))
     return table("Freedoms and reaction forces by time", ("time", "S(t)", "Fa(t)"), rows)
 
 
@@ -42,9 +41,8 @@ def motion_table(plan: Plan) -> str:
     for stretch in stretches(plan):
         name = "seated" if stretch.move is None else f"move {stretch.move + 1}"  # stretches count from 0, people from 1
         time = f"{stretch.start:.3g} to {stretch.end:.3g} s" if stretch.move is not None else f"{stretch.end:.3g} s"
-        bound = [f"{axis} {STOPS[s]}" for axis, s in zip(AXES, stretch.s, strict=True) if s]
         force = combination(stretch.fa.tolist(), "N", "N·m")
-        rows.append((name, time, ", ".join(bound) or "all free", force, "; ".join(stretch.differences) or "nothing"))
+        rows.append((name, time, stops_words(stretch.s), force, "; ".join(stretch.differences) or "nothing"))
     if not rows:
         return ""
     words = (

@@ -11,10 +11,9 @@ import pytest
 from fmopt.plan import Contact, parsed
 from fmopt.plan.error_sets import ErrorSet
 from fmopt.report.bodies import contact_place
-from fmopt.report.drawing import sheet
-from fmopt.report.figures import Figure, catalogue, figures
-from fmopt.report.views import budget_view
-from fmopt.report.views.cut_view import alt as cut_alt
+from fmopt.report.drawing import Drawing, sheet
+from fmopt.report.figures import catalogue, figures
+from fmopt.report.views import budget_view, cut_view
 from fmopt.report.views.cut_view import move_ends, sections
 from fmopt.report.views.graph_view import graphs
 from fmopt.report.views.tube_view import ends_words, error_sets, outline
@@ -25,18 +24,18 @@ NAMES = ["cut", "states", "margin", "tube", "budget", "trajectory"]
 
 
 @pytest.fixture(scope="module")
-def drawings() -> dict[str, Figure]:
+def drawings() -> dict[str, Drawing]:
     return catalogue(parsed(with_graph()))
 
 
-def test_every_figure_of_a_whole_plan_is_there(drawings: dict[str, Figure]) -> None:
+def test_every_figure_of_a_whole_plan_is_there(drawings: dict[str, Drawing]) -> None:
     assert list(drawings) == NAMES
     assert all(figure.title and figure.alt for figure in drawings.values())
     assert list(figures(parsed(bare_plan()))) == ["cut", "states", "margin", "tube"]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_figure_is_the_same_every_time_and_has_something_on_it(drawings: dict[str, Figure], name: str) -> None:
+def test_a_figure_is_the_same_every_time_and_has_something_on_it(drawings: dict[str, Drawing], name: str) -> None:
     text = drawings[name].svg()
     root = ElementTree.fromstring(text)
     assert root.tag.endswith("svg")
@@ -45,7 +44,7 @@ def test_a_figure_is_the_same_every_time_and_has_something_on_it(drawings: dict[
     assert "<dc:date>" not in text
 
 
-def test_a_picture_is_a_png(drawings: dict[str, Figure]) -> None:
+def test_a_picture_is_a_png(drawings: dict[str, Drawing]) -> None:
     assert drawings["states"].png(40.0).startswith(b"\x89PNG")
 
 
@@ -61,7 +60,7 @@ def beyond_the_axes(paper: Any) -> Iterator[Any]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_letters_are_large_enough_and_on_the_sheet(drawings: dict[str, Figure], name: str) -> None:
+def test_letters_are_large_enough_and_on_the_sheet(drawings: dict[str, Drawing], name: str) -> None:
     from matplotlib.text import Text
 
     with sheet(drawings[name].size) as paper:
@@ -130,11 +129,10 @@ def test_a_plan_without_a_graph_shows_the_chain_of_its_states() -> None:
 
 
 def test_the_cut_view_tells_the_gaps() -> None:
-    words = cut_alt(cube())
-    assert words.endswith("Gaps in the goal pose: left in x–z 20 µm.")
+    assert cut_view.drawing(cube()).alt.endswith("Gaps in the goal pose: left in x–z 20 µm.")
     upright = cube_plan()
     upright["segments"][-1]["goal"][4] = 0.0
-    assert cut_alt(parsed(upright)).endswith("left in x–z touching.")
+    assert cut_view.drawing(parsed(upright)).alt.endswith("left in x–z touching.")
 
 
 @pytest.mark.parametrize("towards", [0.0, 0.3, 0.5 * np.pi, 2.0, 3.0])
@@ -152,7 +150,7 @@ def test_the_cut_is_in_the_plane_in_which_the_part_leans(towards: float) -> None
     along = np.abs(np.arctan2(sides[:, 0], sides[:, 1])) % np.pi
     assert np.min(np.abs(np.minimum(along, np.pi - along) - lean)) < 1e-9
     assert not block.is_empty
-    assert f"lean {np.degrees(lean):.1f}°" in cut_alt(plan)
+    assert f"lean {np.degrees(lean):.1f}°" in cut_view.drawing(plan).alt
 
 
 def test_a_contact_is_where_its_features_meet() -> None:
@@ -175,7 +173,7 @@ def test_the_budget_adds_up_and_names_its_sources() -> None:
     nothing = {"source": "nothing", "symbol": "", "frame": "hole", "box": [0.0] * 6}
     plan = cube(diagnostics=diagnostics(budget=[*listed, nothing]))
     assert [name for name, _ in budget_view.shares(plan)] == ["robot (ε)", "slide (ε)"]
-    text = budget_view.alt(budget_view.shares(plan))
+    text = budget_view.drawing(budget_view.shares(plan)).alt
     assert "x, y  ±0.4 mm: robot (ε) 75 %, slide (ε) 25 %" in text
     assert "z  ±0.1 mm: robot (ε) 100 %" in text
     shown = budget_view.budget_table(plan)

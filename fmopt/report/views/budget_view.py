@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 
 from fmopt.plan import Plan
 from fmopt.plan.position_force import AXES
-from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH, Figure
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH, Drawing, Figure
 from fmopt.report.naming import degrees, millimetres
 from fmopt.report.shell import table
 from fmopt.spatial.values import Array
@@ -30,20 +31,16 @@ _FILLS = (  # face, hatch: told apart in black and white, too
 
 def shares(plan: Plan) -> Shares:
     """Sources with what each adds to the half-widths (6,), m and rad; those that add nothing are left out."""
-    listed = () if plan.description.diagnostics is None else plan.description.diagnostics.budget
-    named = ((f"{item.source} ({item.symbol})" if item.symbol else item.source, item.box) for item in listed)
+    named = ((f"{i.source} ({i.symbol})" if i.symbol else i.source, i.box) for i in plan.diagnostics.budget)
     return [(name, np.array(box, dtype=np.float64)) for name, box in named if any(box)]
 
 
-def size(listed: Shares) -> tuple[float, float]:
-    """Width and height in inches, of a budget of boxes (6,)."""
-    return WIDTH, 0.9 + 0.36 * len(_bars(listed)) + 0.19 * math.ceil(len(listed) / 2)
-
-
-def alt(listed: Shares) -> str:
-    """What is to be seen, for who cannot see it."""
-    words = [f"{names}: " + ", ".join(parts) for names, _, parts in _bars(listed)]
-    return "Parts of the start error by source. " + "; ".join(words) + "."
+def drawing(listed: Shares) -> Drawing:
+    """One bar of 100 % for each axis, or axes alike, in parts by source."""
+    bars = _bars(listed)
+    words = "; ".join(f"{names}: {', '.join(parts)}" for names, _, parts in bars)
+    size = WIDTH, 0.9 + 0.36 * len(bars) + 0.19 * math.ceil(len(listed) / 2)
+    return Drawing("budget", TITLE, f"Parts of the start error by source. {words}.", size, partial(_paint, listed))
 
 
 def budget_table(plan: Plan) -> str:
@@ -91,8 +88,7 @@ def _bars(listed: Shares) -> list[tuple[str, Array, list[str]]]:
     return bars
 
 
-def paint(listed: Shares, figure: Figure) -> None:
-    """One bar of 100 % for each axis, or axes alike, in parts by source."""
+def _paint(listed: Shares, figure: Figure) -> None:
     axes = figure.subplots()
     bars = _bars(listed)
     left = np.zeros(len(bars))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from fmopt.plan import Plan
 from fmopt.report.bodies import CUTS, contact_place, extent, loops_of, pieces_of, section_of, upright_plane
-from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH, Axes, Figure, fill
+from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH, Axes, Drawing, Figure, fill
 from fmopt.report.moves import moves
 from fmopt.report.naming import Parts, quantity
 from fmopt.spatial.se3 import Pose
@@ -74,26 +75,19 @@ class _Gap:
         return self.side * (self.wall - self.flank)
 
 
-def size(plan: Plan) -> tuple[float, float]:
-    """Width and height in inches."""
-    width, height = panels_size(move_ends(plan))
-    return width, height + (_GAPS if _all_gaps(plan) else 0.0)
-
-
-def alt(plan: Plan) -> str:
-    """What is to be seen, for who cannot see it."""
-    words = f"Sections of {plan.moving.name} and {plan.fixed.name} through the mating axis: "
-    words += "; ".join(f"{end.name}, {end.plane}, lean {_degrees(end.lean)}" for end in move_ends(plan)) + "."
-    said = [f"{'left' if gap.side < 0 else 'right'} in {plane} {_width(gap)}" for plane, gap in _all_gaps(plan)]
-    return words + (f" Gaps in the goal pose: {', '.join(said)}." if said else "")
-
-
-def paint(plan: Plan, figure: Figure) -> None:
+def drawing(plan: Plan) -> Drawing:
     """A section for each move's end; below them the gaps in the seated pose, magnified across."""
-    gaps = _all_gaps(plan)
-    figure.set_layout_engine("none")  # by hand: half the time
-    height = size(plan)[1]
-    panels(plan, move_ends(plan), figure, height)
+    seated = Pose.from_vector(plan.segments[-1].goal)
+    gaps = [(plane, gap) for plane in CUTS for gap in _gaps(plan, seated, CUTS[plane])]
+    said = [f"{'left' if gap.side < 0 else 'right'} in {plane} {_width(gap)}" for plane, gap in gaps]
+    attempt = attempt_drawing("cut", TITLE, plan, move_ends(plan))
+    alt = attempt.alt + (f" Gaps in the goal pose: {', '.join(said)}." if said else "")
+    size = WIDTH, attempt.size[1] + (_GAPS if gaps else 0.0)
+    return replace(attempt, alt=alt, size=size, paint=partial(_paint, plan, gaps, size[1]))
+
+
+def _paint(plan: Plan, gaps: Sequence[tuple[str, _Gap]], height: float, figure: Figure) -> None:
+    _panels(plan, move_ends(plan), height, figure)
     if gaps:
         figure.text(0.01, 1.85 / height, "The gaps in the goal pose, magnified across", fontweight="bold", fontsize=9.5)
         room = {"left": 0.085, "right": 0.985, "top": 1.55 / height, "bottom": 0.45 / height, "wspace": 0.55}
@@ -102,13 +96,17 @@ def paint(plan: Plan, figure: Figure) -> None:
             _gap_panel(figure.add_subplot(below[number]), plane, gap)
 
 
-def panels_size(ends: Sequence[End]) -> tuple[float, float]:
-    """Width and height of the panels of `panels`, inches."""
-    return WIDTH, -(-len(ends) // _COLUMNS) * (_HEADS + _ROW) + 0.05
+def attempt_drawing(name: str, title: str, plan: Parts, ends: Sequence[End]) -> Drawing:
+    """A section for each of some poses."""
+    said = "; ".join(f"{end.name}, {end.plane}, lean {_degrees(end.lean)}" for end in ends)
+    alt = f"Sections of {plan.moving.name} and {plan.fixed.name} through the mating axis: {said}."
+    height = -(-len(ends) // _COLUMNS) * (_HEADS + _ROW) + 0.05
+    return Drawing(name, title, alt, (WIDTH, height), partial(_panels, plan, ends, height))
 
 
-def panels(plan: Parts, ends: Sequence[End], figure: Figure, height: float) -> None:
-    """A section for each of some poses, from the top of a figure."""
+def _panels(plan: Parts, ends: Sequence[End], height: float, figure: Figure) -> None:
+    """A section for each of some poses, from the top of a figure of a height in inches."""
+    figure.set_layout_engine("none")  # by hand: half the time
     drawn = [sections(plan, end) for end in ends]
     middle, scale = _window(drawn)
     for number, (end, (peg, block)) in enumerate(zip(ends, drawn, strict=True)):
@@ -172,11 +170,6 @@ def move_ends(plan: Plan) -> list[End]:
     """The start and the end of every move."""
     ends = [End(f"end of move {m.number}", Pose.from_vector(m.segments[-1].goal), m.new) for m in moves(plan)]
     return [End("start", Pose.from_vector(plan.segments[0].start), ()), *ends]
-
-
-def _all_gaps(plan: Plan) -> list[tuple[str, _Gap]]:
-    seated = Pose.from_vector(plan.segments[-1].goal)
-    return [(plane, gap) for plane in CUTS for gap in _gaps(plan, seated, CUTS[plane])]
 
 
 def _gaps(plan: Plan, pose: Pose, plane: Pose) -> list[_Gap]:

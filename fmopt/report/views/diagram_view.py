@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from fmopt.plan import Plan
 from fmopt.plan.diagnostics import Diagram
 from fmopt.plan.field_types import Polyline
-from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH, Axes, Figure, fill
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH, Axes, Drawing, Figure, fill, legend
 from fmopt.report.naming import quantity
 from fmopt.spatial.values import Array
 
@@ -32,15 +33,8 @@ _SIDES = ((5, -2, "left", "top"), (-5, -2, "right", "top"), (5, 2, "left", "bott
 
 def diagrams(plan: Plan) -> tuple[Diagram, ...]:
     """The diagrams that the plan holds, at most one a plane; of a planar problem those with material of operand 2."""
-    found = plan.description.diagnostics
-    if found is None:
-        return ()
+    found = plan.diagnostics
     return found.diagrams if found.planar is None else tuple(item for item in found.diagrams if item.fixed)
-
-
-def size(items: Sequence[Diagram]) -> tuple[float, float]:
-    """Width and height in inches."""
-    return paper(len(items))
 
 
 def paper(count: int) -> tuple[float, float]:
@@ -48,16 +42,17 @@ def paper(count: int) -> tuple[float, float]:
     return WIDTH, _ROW * count + _LEGEND
 
 
-def alt(items: Sequence[Diagram]) -> str:
-    """What is to be seen, for who cannot see it."""
+def drawing(items: Sequence[Diagram]) -> Drawing:
+    """A row per plane: the whole diagram on the left, the room for the nominal centre magnified on the right."""
     words = "Operand 2 cut by the planes of the mouth's frame (G), and expanded by operand 1 (GE)"
     said = [f"{_name(i)}: ball {quantity(i.radius)}, cone {math.degrees(i.half_angle):.3g}°" for i in items]
-    return f"{words}, which becomes a line L. Uncertainty: {'; '.join(said)}."
+    alt = f"{words}, which becomes a line L. Uncertainty: {'; '.join(said)}."
+    return Drawing("diagrams", TITLE, alt, paper(len(items)), partial(paint, items))
 
 
 def paint(items: Sequence[Diagram], figure: Figure) -> None:
-    """A row per plane: the whole diagram on the left, the room for the nominal centre magnified on the right."""
-    height = size(items)[1]
+    """Paints what `drawing` shows."""
+    height = paper(len(items))[1]
     figure.set_layout_engine("none")  # margins are in inches, whatever the number of rows
     bottom, top = _LEGEND / height, 1.0 - 0.3 / height
     room = {"left": 0.09, "right": 0.985, "top": top, "bottom": bottom + 0.35 / height, "hspace": 0.42, "wspace": 0.22}
@@ -197,18 +192,15 @@ def _name(item: Diagram) -> str:
 
 
 def _legend(figure: Figure, turning: bool) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles: list[Any] = [
-        Patch(facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0, label="G: material of operand 2"),
-        Patch(facecolor=_GROUND, edgecolor=RUST, label="GE: where the nominal centre cannot be"),
-        *([Line2D([], [], label="GE while operand 1 turns", **_TURNING)] if turning else []),
-        Line2D([], [], color=INK, linestyle=":", marker="o", markersize=2.6, label="P(t), nominal centre"),
-        Line2D([], [], color=BLUE, linewidth=1.4, marker="o", markersize=3.4, label="L: operand 1, shrunk"),
-        Line2D([], [], color=BLUE, linewidth=0.9, label="ball of the centre"),
-        Line2D([], [], color=GREY, linewidth=0.8, linestyle="-.", label="cone of the direction"),
-        Patch(facecolor=BLUE, alpha=0.12, linewidth=0, label="trapezoid: all lines L"),
-        Line2D([], [], color=BLUE, linewidth=0.9, linestyle="--", label="its edges"),
-    ]
-    figure.legend(handles=handles, loc="lower center", ncols=3)
+    entries: dict[str, dict[str, Any]] = {
+        "G: material of operand 2": {"facecolor": PALE, "edgecolor": "#999999", "hatch": "////", "linewidth": 0},
+        "GE: where the nominal centre cannot be": {"facecolor": _GROUND, "edgecolor": RUST},
+        **({"GE while operand 1 turns": _TURNING} if turning else {}),
+        "P(t), nominal centre": {"color": INK, "linestyle": ":", "marker": "o", "markersize": 2.6},
+        "L: operand 1, shrunk": {"color": BLUE, "linewidth": 1.4, "marker": "o", "markersize": 3.4},
+        "ball of the centre": {"color": BLUE, "linewidth": 0.9},
+        "cone of the direction": {"color": GREY, "linewidth": 0.8, "linestyle": "-."},
+        "trapezoid: all lines L": {"facecolor": BLUE, "alpha": 0.12, "linewidth": 0},
+        "its edges": {"color": BLUE, "linewidth": 0.9, "linestyle": "--"},
+    }
+    legend(figure, entries, loc="lower center", ncols=3)

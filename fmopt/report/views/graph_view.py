@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from textwrap import wrap
 
 import numpy as np
 
 from fmopt.plan import Plan
-from fmopt.report.drawing import GREY, INK, PALE, RUST, WIDTH, Axes, Figure
+from fmopt.report.drawing import GREY, INK, PALE, RUST, WIDTH, Axes, Drawing, Figure
 from fmopt.report.moves import states
 from fmopt.spatial.values import Array
 
@@ -47,7 +48,7 @@ def graphs(plan: Plan) -> tuple[StateGraph, ...]:
             sons=graph.sons,
             chosen=graph.chosen,
         )
-        for graph in (() if plan.description.diagnostics is None else plan.description.diagnostics.graphs)
+        for graph in plan.diagnostics.graphs
         if graph.chosen
     ]
     return tuple(found) or (_chain(plan),)
@@ -59,20 +60,20 @@ def _chain(plan: Plan) -> StateGraph:
     return StateGraph("", contacts, dimensions, sons, tuple(range(len(contacts))))
 
 
-def size(graph: StateGraph) -> tuple[float, float]:
-    """Width and height in inches."""
-    return WIDTH, _picture_height(graph) + _LINE * (len(_legend(graph)) + 1)
-
-
-def alt(graph: StateGraph) -> str:
-    """What is to be seen, for who cannot see it."""
-    words = [f"{number}: {_named(graph.contacts[i])}" for number, i in enumerate(graph.chosen)]
-    among = f" among {len(graph.contacts)} states of the contact graph" if graph.name else ""
-    return f"The chosen sequence of contact states{among}. " + "; ".join(words) + "."
-
-
-def paint(graph: StateGraph, figure: Figure) -> None:
+def drawings(plan: Plan) -> list[Drawing]:
     """States as dots in rows by dimension, the chosen ones numbered along a thick line; below, what they hold."""
+    found = []
+    for number, graph in enumerate(graphs(plan), start=1):
+        words = [f"{order}: {_named(graph.contacts[i])}" for order, i in enumerate(graph.chosen)]
+        among = f" among {len(graph.contacts)} states of the contact graph" if graph.name else ""
+        alt = f"The chosen sequence of contact states{among}. {'; '.join(words)}."
+        size = WIDTH, _picture_height(graph) + _LINE * (len(_legend(graph)) + 1)
+        name = "states" if number == 1 else f"states-{number}"
+        found.append(Drawing(name, TITLE, alt, size, partial(_paint, graph)))
+    return found
+
+
+def _paint(graph: StateGraph, figure: Figure) -> None:
     lines = _legend(graph)
     axes, text = figure.subplots(2, 1, height_ratios=[_picture_height(graph), _LINE * (len(lines) + 1)])
     text.axis("off")

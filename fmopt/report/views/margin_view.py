@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from textwrap import fill
 from typing import Any
 
 import numpy as np
 
 from fmopt.plan import Plan, Segment
-from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH, Axes, Figure
+from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH, Axes, Drawing, Figure, legend
 from fmopt.report.moves import Move, margin_name, margin_words, moves, turn_of, way_of
 from fmopt.report.naming import binding_label
 from fmopt.spatial.values import Array
@@ -18,19 +19,14 @@ _LETTERS = 70.0  # points; the words of moves are written in letters of this ove
 _LINEAR = 10.0  # µm: the vertical axis is linear between minus this and this, logarithmic beyond
 
 
-def size(plan: Plan) -> tuple[float, float]:
-    """Width and height in inches."""
-    return WIDTH, 4.1
-
-
-def alt(plan: Plan) -> str:
-    """What is to be seen, for who cannot see it."""
-    said = [f"move {m.number} {margin_words(m.margin)}, bound by {binding_label(plan, m.binding)}" for m in moves(plan)]
-    return f"Clearance and {margin_name(plan)} of every piece of the motion. Smallest by move: {'; '.join(said)}."
-
-
-def paint(plan: Plan, figure: Figure) -> None:
+def drawing(plan: Plan) -> Drawing:
     """Steps over the travel, each move equally wide: the clearance dashed, the margin solid, hatched between."""
+    said = [f"move {m.number} {margin_words(m.margin)}, bound by {binding_label(plan, m.binding)}" for m in moves(plan)]
+    alt = f"Clearance and {margin_name(plan)} of every piece of the motion. Smallest by move: {'; '.join(said)}."
+    return Drawing("margin", TITLE, alt, (WIDTH, 4.1), partial(_paint, plan))
+
+
+def _paint(plan: Plan, figure: Figure) -> None:
     axes = figure.subplots()
     run = moves(plan)
     marks = [0.0, *np.cumsum([sum(_length(plan, piece) for piece in move.segments) for move in run]).tolist()]
@@ -54,7 +50,12 @@ def paint(plan: Plan, figure: Figure) -> None:
     axes.set_ylabel("µm (linear up to 10, logarithmic beyond)")
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:.0f}".replace("-", "−"))
     axes.set_title(f"Clearance and {margin_name(plan)}")
-    _legend(axes, plan)
+    entries: dict[str, dict[str, Any]] = {
+        "clearance of the nominal motion": {"color": GREY, "linestyle": "--"},
+        margin_name(plan): {"color": BLUE, "linewidth": 2.0},
+        "taken by errors and curvature": {"facecolor": "none", "edgecolor": "#bbbbbb", "hatch": "/////"},
+    }
+    legend(axes, entries, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3)
 
 
 def _length(plan: Plan, piece: Segment) -> float:
@@ -99,15 +100,3 @@ def _point_at_smallest(axes: Axes, run: tuple[Move, ...], edges: list[Array]) ->
     side = -1 if place > 0.6 * len(run) else 1
     style: Any = {"textcoords": "offset points", "ha": "left" if side > 0 else "right", "color": RUST}
     axes.annotate(name + margin_words(move.margin), (place, margins[piece]), (side * 8, -11), **style)
-
-
-def _legend(axes: Axes, plan: Plan) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles = [
-        Line2D([], [], color=GREY, linestyle="--", label="clearance of the nominal motion"),
-        Line2D([], [], color=BLUE, linewidth=2.0, label=margin_name(plan)),
-        Patch(facecolor="none", edgecolor="#bbbbbb", hatch="/////", label="taken by errors and curvature"),
-    ]
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3)

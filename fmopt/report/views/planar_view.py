@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from fmopt.plan.diagnostics import Boundary, Curve
-from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH, Axes, Figure
+from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH, Axes, Drawing, Figure, legend
 from fmopt.spatial.values import Array
 
 TITLE = "Where uncertain features may be (Uv, Ul), and reference points that may touch (CUv, CUl)"
@@ -33,12 +34,10 @@ def sets_size(sets: Sequence[Boundary]) -> tuple[float, float]:
     return WIDTH, 0.75 + 2.35 * math.ceil(len(sets) / _PER_ROW)
 
 
-size = sets_size
-
-
-def alt(sets: Sequence[Boundary]) -> str:
-    """What is to be seen, for who cannot see it."""
-    return "Boundaries of planar uncertainty sets: " + "; ".join(map(_said, sets)) + "."
+def drawing(sets: Sequence[Boundary]) -> Drawing:
+    """A panel for each set of a plan."""
+    alt = f"Boundaries of planar uncertainty sets: {'; '.join(map(_said, sets))}."
+    return Drawing("sets", TITLE, alt, sets_size(sets), partial(paint_sets, sets, upright="z"))
 
 
 def _said(found: Boundary) -> str:
@@ -50,11 +49,6 @@ def _said(found: Boundary) -> str:
     return f"{found.name}, {x:.4g} by {y:.4g} mm, {arcs} arcs, {lines} lines"
 
 
-def paint(sets: Sequence[Boundary], figure: Figure) -> None:
-    """A panel for each set of a plan."""
-    paint_sets(sets, figure, "z")
-
-
 def paint_sets(sets: Sequence[Boundary], figure: Figure, upright: str = "y") -> None:
     """A panel in mm for each set, such as `papers.basanez_suarez.account` makes; `upright` names its second axis."""
     grid = figure.subplots(math.ceil(len(sets) / _PER_ROW), _PER_ROW, squeeze=False).ravel()
@@ -64,7 +58,10 @@ def paint_sets(sets: Sequence[Boundary], figure: Figure, upright: str = "y") -> 
         axes.set_ylabel(f"{upright}, mm", fontsize=7.5)
     for axes in grid[len(sets) :]:
         axes.set_visible(False)
-    _legend(figure, used)
+    listed = [carrier for name, carrier in CARRIERS.items() if name in used]
+    entries: dict[str, Any] = {words: {"color": c, "linestyle": d, "linewidth": 1.8} for c, d, words in listed}
+    entries["without uncertainty"] = {"color": GREY, "linestyle": ":", "marker": "o", "markersize": 3.0}
+    legend(figure, entries, loc="outside lower center", ncols=2)
 
 
 def _panel(axes: Axes, found: Boundary) -> None:
@@ -92,12 +89,3 @@ def piece_points(piece: Curve, step: float = 0.03) -> Array:
     # In steps of 0.03 a chord is off its arc by 1e-4 of the radius.
     angles = start + np.linspace(0.0, sweep, max(math.ceil(abs(sweep) / step), 2) + 1)
     return np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
-
-
-def _legend(figure: Figure, used: set[str]) -> None:
-    from matplotlib.lines import Line2D
-
-    listed = [carrier for name, carrier in CARRIERS.items() if name in used]
-    handles = [Line2D([], [], color=c, linestyle=dashes, linewidth=1.8, label=words) for c, dashes, words in listed]
-    handles.append(Line2D([], [], color=GREY, linestyle=":", marker="o", markersize=3.0, label="without uncertainty"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=2)

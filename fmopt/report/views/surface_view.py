@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from fmopt.plan.diagnostics import Slice, Surface
-from fmopt.report.drawing import BLUE, RUST, WIDTH, Figure
+from fmopt.report.drawing import BLUE, RUST, WIDTH, Drawing, Figure, legend
 from fmopt.report.views.planar_view import piece_points
 
 _COLUMNS = 2
@@ -18,28 +19,19 @@ _ROW = 2.75  # inches
 TITLE = "CU of basic contacts over φ, and the nominal C-surface inside"
 
 
-def size(surfaces: Sequence[Surface]) -> tuple[float, float]:
-    """Width and height in inches."""
-    return paper(len(surfaces))
-
-
 def paper(count: int) -> tuple[float, float]:
     """Width and height, in inches, of a sheet for so many surfaces, two in a row."""
     return WIDTH, 0.35 + _ROW * math.ceil(count / _COLUMNS)
 
 
-def alt(surfaces: Sequence[Surface]) -> str:
-    """What is to be seen, for who cannot see it."""
+def drawing(surfaces: Sequence[Surface]) -> Drawing:
+    """The surfaces of a plan side by side."""
     words = []
     for surface in surfaces:
         low, high = (math.degrees(surface.slices[k].phi) for k in (0, -1))
         words.append(f"{surface.contact}, {surface.kind}, φ from {low:.4g} to {high:.4g}°")
-    return "Configurations at which contacts are possible, as slices over φ: " + "; ".join(words) + "."
-
-
-def paint(surfaces: Sequence[Surface], figure: Figure) -> None:
-    """The surfaces of a plan side by side."""
-    paint_surfaces(surfaces, figure, "z")
+    alt = f"Configurations at which contacts are possible, as slices over φ: {'; '.join(words)}."
+    return Drawing("surfaces", TITLE, alt, paper(len(surfaces)), partial(paint_surfaces, surfaces, upright="z"))
 
 
 def paint_surfaces(surfaces: Sequence[Surface], figure: Figure, upright: str = "y") -> None:
@@ -64,7 +56,9 @@ def paint_surfaces(surfaces: Sequence[Surface], figure: Figure, upright: str = "
         axes.tick_params(labelsize=8.0, pad=0.0)
         axes.view_init(elev=22.0, azim=-62.0)
         axes.set_box_aspect(None, zoom=0.82)
-    _legend(figure)
+    possible = {"facecolor": BLUE, "alpha": 0.3}
+    entries = {"CU, possible with uncertainty": possible, "nominal C-surface": {"facecolor": RUST}}
+    legend(figure, entries, loc="outside lower center", ncols=2)
 
 
 def _slices(axes: Any, slices: Sequence[Slice]) -> None:
@@ -92,13 +86,3 @@ def _nominal(axes: Any, slices: Sequence[Slice]) -> None:
     if len(ruled) > 1:
         x, y, z = np.moveaxis(np.array(ruled), -1, 0)
         axes.plot_surface(x, y, z, color=RUST, alpha=0.85, linewidth=0.3, edgecolor="white", shade=False)
-
-
-def _legend(figure: Figure) -> None:
-    from matplotlib.patches import Patch
-
-    handles = [
-        Patch(facecolor=BLUE, alpha=0.3, label="CU, possible with uncertainty"),
-        Patch(facecolor=RUST, label="nominal C-surface"),
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2)

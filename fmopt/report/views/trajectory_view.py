@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from typing import Any
 
@@ -11,7 +13,7 @@ import numpy as np
 
 from fmopt.plan.description import Nominal, PositionForce
 from fmopt.plan.position_force import AXES
-from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH, Axes, Figure
+from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH, Axes, Drawing, Figure, legend
 from fmopt.spatial.values import Array
 
 TITLE = "Position and force over time, without errors"
@@ -35,23 +37,20 @@ class Course:
     forces: tuple[PositionForce, ...] = ()
 
 
-def size(course: Course) -> tuple[float, float]:
-    """Width and height in inches."""
-    return WIDTH, 6.6
+def stops_words(s: Sequence[int]) -> str:
+    """S by axis in words: "x stopped in +, z stopped in both"."""
+    return ", ".join(f"{axis} {STOPS[code]}" for axis, code in zip(AXES, s, strict=True) if code) or "all free"
 
 
-def alt(course: Course) -> str:
-    """What is to be seen, for who cannot see it."""
-    said = []
-    for item in course.nominal.intervals:
-        bound = [f"{axis} {STOPS[code]}" for axis, code in zip(AXES, item.s, strict=True) if code]
-        said.append(f"{item.start:.3g} to {item.end:.3g} s: {', '.join(bound) or 'all free'}")
-    forces = ", and position and reaction force Pa and Fa" if course.forces else ""
-    return f"Nominal trajectory P(t) per axis with the bands of S(t){forces}. S by time: {'; '.join(said)}."
-
-
-def paint(course: Course, figure: Figure) -> None:
+def drawing(course: Course) -> Drawing:
     """A row per axis: position on the left with S(t) as bands, reaction force on the right where there is one."""
+    said = "; ".join(f"{i.start:.3g} to {i.end:.3g} s: {stops_words(i.s)}" for i in course.nominal.intervals)
+    forces = ", and position and reaction force Pa and Fa" if course.forces else ""
+    alt = f"Nominal trajectory P(t) per axis with the bands of S(t){forces}. S by time: {said}."
+    return Drawing("trajectory", TITLE, alt, (WIDTH, 6.6), partial(_paint, course))
+
+
+def _paint(course: Course, figure: Figure) -> None:
     forces = course.forces
     columns = 2 if forces else 1
     figure.set_layout_engine("none")  # by hand: a fifth of the time
@@ -141,14 +140,10 @@ def _limits(axes: Axes, values: Array) -> None:
 
 
 def _legend(figure: Figure, forces: bool) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles: list[Any] = [Line2D([], [], color=INK, label="P(t)")]
+    entries: dict[str, dict[str, Any]] = {"P(t)": {"color": INK}}
     if forces:
-        servoed = "Pa(t), where position is servoed"
-        handles.append(Line2D([], [], color=BLUE, linestyle="--", linewidth=1.6, label=servoed))
-        handles.append(Line2D([], [], color=RUST, linewidth=1.6, label="Fa(t), where force is servoed"))
-        handles.append(Line2D([], [], color=RUST, linewidth=1.6, linestyle=":", label="either sign"))
-    handles += [Patch(linewidth=0, label=f"S: {STOPS[code]}", **style) for code, style in _BANDS.items()]
-    figure.legend(handles=handles, loc="lower center", ncols=3)
+        entries["Pa(t), where position is servoed"] = {"color": BLUE, "linestyle": "--", "linewidth": 1.6}
+        entries["Fa(t), where force is servoed"] = {"color": RUST, "linewidth": 1.6}
+        entries["either sign"] = {"color": RUST, "linewidth": 1.6, "linestyle": ":"}
+    entries |= {f"S: {STOPS[code]}": {"linewidth": 0, **style} for code, style in _BANDS.items()}
+    legend(figure, entries, loc="lower center", ncols=3)

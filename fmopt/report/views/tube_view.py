@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,12 +12,11 @@ from numpy.typing import ArrayLike
 from fmopt.plan import Plan
 from fmopt.plan.error_sets import ErrorSet
 from fmopt.plan.position_force import AXES
-from fmopt.report.drawing import BLUE, INK, WIDTH, Axes, Figure
+from fmopt.report.drawing import BLUE, INK, WIDTH, Axes, Drawing, Figure, legend
 from fmopt.report.moves import moves
 from fmopt.report.naming import pose_words
 from fmopt.spatial.values import Array
 
-TITLE = "The set of errors at every move's end"
 PLANES = ((0, 1), (1, 3), (0, 4), (2, 5))  # a turn about x swings the part along y, one about y along x
 _SCALE = (1e3, 1e3, 1e3, math.degrees(1.0), math.degrees(1.0), math.degrees(1.0))
 _UNIT = ("mm", "mm", "mm", "°", "°", "°")
@@ -46,20 +47,16 @@ def ends_words(plan: Plan) -> str:
     return words + (f"ends with errors of up to {', '.join(left)}." if left else "ends with no error to speak of.")
 
 
-def size(plan: Plan) -> tuple[float, float]:
-    """Width and height in inches."""
-    return WIDTH, 4.7 * max(1, math.ceil(len(error_sets(plan)) / _PER_ROW))
-
-
-def alt(plan: Plan) -> str:
-    """What is to be seen, for who cannot see it."""
-    said = [f"{name} {_largest(errors.half_widths())}" for name, errors in error_sets(plan).items()]
-    return f"Cross-sections of the set of errors. Largest half-widths: {'; '.join(said)}."
-
-
-def paint(plan: Plan, figure: Figure) -> None:
+def drawing(plan: Plan) -> Drawing:
     """A column per move's end, a row per plane; one scale in a row, so that shrinking is seen as shrinking."""
     sets = [*error_sets(plan).items()]
+    said = [f"{name} {_largest(errors.half_widths())}" for name, errors in sets]
+    alt = f"Cross-sections of the set of errors. Largest half-widths: {'; '.join(said)}."
+    height = 4.7 * max(1, math.ceil(len(sets) / _PER_ROW))
+    return Drawing("tube", "The set of errors at every move's end", alt, (WIDTH, height), partial(_paint, sets))
+
+
+def _paint(sets: Sequence[tuple[str, ErrorSet]], figure: Figure) -> None:
     blocks = [sets[k : k + _PER_ROW] for k in range(0, len(sets), _PER_ROW)]
     figure.set_layout_engine("none")
     # How far the axes go on each side, mm and degrees: no outline is clipped.
@@ -76,7 +73,11 @@ def paint(plan: Plan, figure: Figure) -> None:
                 _scales(axes, plane, reach, column == 0)
                 if row == 0:
                     axes.set_title(name, loc="center", fontweight="normal")
-    _legend(figure)
+    entries = {
+        "zonotope ⊕ ellipsoid": {"color": BLUE},
+        "outer ellipsoid (errors lie in both)": {"color": INK, "linestyle": "--", "linewidth": 0.8},
+    }
+    legend(figure, entries, loc="lower center", ncols=2)
 
 
 def outline(generators: ArrayLike, growth: ArrayLike) -> Array:
@@ -137,16 +138,6 @@ def _scales(axes: Axes, plane: tuple[int, int], reach: Array, first: bool) -> No
     axes.tick_params(labelleft=first, pad=1.5, length=2)
     if first:
         axes.set_ylabel(f"{AXES[plane[1]]}, {_UNIT[plane[1]]}", labelpad=1)
-
-
-def _legend(figure: Figure) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D([], [], color=BLUE, label="zonotope ⊕ ellipsoid"),
-        Line2D([], [], color=INK, linestyle="--", linewidth=0.8, label="outer ellipsoid (errors lie in both)"),
-    ]
-    figure.legend(handles=handles, loc="lower center", ncols=2)
 
 
 def _largest(half_widths: Array) -> str:

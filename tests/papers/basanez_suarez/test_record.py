@@ -84,7 +84,7 @@ def test_figures_are_drawn_in_the_colours_of_the_circles() -> None:
     for colour, _, _ in planar_view.CARRIERS.values():
         assert colour in picture
     surfaces = tuple(surface(contact(name), 6) for name in ("1", "A"))
-    assert drawn(partial(surface_view.paint, surfaces), surface_view.size(surfaces)).startswith(b"<?xml")
+    assert surface_view.drawing(surfaces).svg().startswith("<?xml")
     found = catalogue(described(replace(told(), sets=sets, surfaces=surfaces)))
     assert "Ul of edge 0, case A" in found["sets"].alt
     assert "type-2, φ from -34.38 to 51.57°" in found["surfaces"].alt

@@ -14,7 +14,6 @@ from fmopt.geometry.polyhedron import placed
 from fmopt.papers.lee_huang.mapping import Mapping, Task, diagrams, task_mapping
 from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_over, section_at
 from fmopt.papers.lee_huang.uncertainty_zone import PLANES
-from fmopt.report.drawing import drawn
 from fmopt.report.views import diagram_view
 from fmopt.spatial.values import Array
 from tests.shared.parts.figure2 import BOX, GOAL, RHO, SPEED, at, block
@@ -92,9 +91,8 @@ def test_a_part_under_a_roof_comes_out_as_it_lies_and_turns_where_there_is_room(
     assert never_meets(made, fixed)
     found = diagrams(made, 0.05)
     assert [item.turning is not None for item in found] == [True, True, False]
-    text = drawn(lambda figure: diagram_view.paint(found, figure), diagram_view.size(found))
     without = [replace(item, turning=None) for item in found]
-    assert text != drawn(lambda figure: diagram_view.paint(without, figure), diagram_view.size(without))
+    assert diagram_view.drawing(found).svg() != diagram_view.drawing(without).svg()
 
 
 def test_a_part_with_no_place_to_turn_is_refused() -> None:
