@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from fmopt.execution.trials import Trials as Trials
     from fmopt.notebook import stages as stages
     from fmopt.notebook.asking import problem as problem
+    from fmopt.notebook.drawing import Drawing as Drawing
     from fmopt.notebook.drawing import drawings as drawings
     from fmopt.notebook.drawing import show as show
     from fmopt.notebook.plan import Plan as Plan
@@ -55,7 +56,6 @@ if TYPE_CHECKING:
     from fmopt.notebook.shipped import example as example
     from fmopt.notebook.shipped import examples as examples
     from fmopt.notebook.slider import slider as slider
-    from fmopt.report.drawing import Drawing as Drawing
     from fmopt.study.outcome import study as study
 
 __version__ = "0.1.0"
@@ -77,7 +77,7 @@ _HOMES = {
     "Problem": "fmopt.notebook.problem",
     "Plan": "fmopt.notebook.plan",
     "Segment": "fmopt.notebook.plan",
-    "Drawing": "fmopt.report.drawing",
+    "Drawing": "fmopt.notebook.drawing",
     "Trials": "fmopt.execution.trials",
     "ChoiceError": "fmopt.errors",
     "FmoptError": "fmopt.errors",

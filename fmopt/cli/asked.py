@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmopt.cli.entry import answer, say
-from fmopt.errors import Fault, InputError
-from fmopt.notebook.asking import Asked, of_assembly
+from fmopt.errors import InputError
+from fmopt.notebook.asking import Asked, of_assembly, wrong
 from fmopt.notebook.parts import holds_several, is_part
 from fmopt.task.toml.source import read
 
@@ -32,42 +32,37 @@ def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
     error, unit, moving, fixed = options
     if len(files) > 2:
         advice = f"name a problem file, or two parts: {_EXAMPLE}"
-        raise _wrong(files[2], "too-many", f"{len(files)} files are named", advice)
+        raise wrong(files[2], "too-many", f"{len(files)} files are named", advice)
     parts = [is_part(file) for file in files]
     if len(files) == 1 and not parts[0]:
-        for option, value in (("--error", error), ("--unit", unit), ("--moving", moving), ("--fixed", fixed)):
+        for option, value in zip(("--error", "--unit", "--moving", "--fixed"), options, strict=True):
             if value is not None:
                 read(files[0])  # what it refuses is neither
                 message = f"{option} is for parts without a problem file, and this is one"
-                raise _wrong(files[0], "conflict", message, f"leave {option} out and state it in the file")
+                raise wrong(files[0], "conflict", message, f"leave {option} out and state it in the file")
         return None
     if not all(parts):
         other = files[parts.index(False)]
         read(other)  # what it refuses is neither
         message = "this is no part but a problem or an assembly file"
-        raise _wrong(other, "file-kind", message, f"name it alone, or two parts: {_EXAMPLE}")
+        raise wrong(other, "file-kind", message, f"name it alone, or two parts: {_EXAMPLE}")
     if len(files) == 2 and files[0].absolute() == files[1].absolute():
         advice = f"name the part that moves and the one that stays: {_EXAMPLE}"
-        raise _wrong(files[0], "same-part", "this part is named twice", advice)
+        raise wrong(files[0], "same-part", "this part is named twice", advice)
     single = len(files) == 1
     if single and files[0].suffix.lower() not in {".obj", ".glb", ".3mf"} and not holds_several(files[0]):
         message = "this is one part, and an insertion takes two"
-        raise _wrong(files[0], "one-part", message, f"name the other one, too: {_EXAMPLE}")
+        raise wrong(files[0], "one-part", message, f"name the other one, too: {_EXAMPLE}")
     if error is None:
         message = "how far off the part may start is not stated, and nobody but you can know it"
-        raise _wrong(files[0], "missing-error", message, f'add --error "1 mm, 1 deg": {_EXAMPLE}')
+        raise wrong(files[0], "missing-error", message, f'add --error "1 mm, 1 deg": {_EXAMPLE}')
     if single:
         return of_assembly(files[0], error, moving, fixed, unit)
     return Asked((files[0], files[1]), error, (unit, unit), (moving, fixed))
 
 
 def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: bool) -> Problem:
-    """The problem that files and options ask for, its file written into the folder of the results.
-
-    Raises:
-        InputError: as of `asked_problem`, or something is at fault with the parts.
-        ResourceError: it cannot be written.
-    """
+    """The problem that files and options ask for, its file written into the folder of the results."""
     from fmopt.runtime import output
     from fmopt.task.problem import load
 
@@ -83,11 +78,7 @@ def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: boo
 
 def refuse_problem(file: Path) -> InputError:
     """The error of a problem file where parts are asked for."""
-    return _wrong(file, "file-kind", "this is a problem file already", f"check it with fmopt check {file}")
-
-
-def _wrong(file: Path, code: str, message: str, advice: str) -> InputError:
-    return InputError(Fault(str(file), 1, 1, "", code, message, advice))
+    return wrong(file, "file-kind", "this is a problem file already", f"check it with fmopt check {file}")
 
 
 def told(problem: Problem) -> None:
@@ -109,7 +100,7 @@ def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
     from fmopt.runtime import output
 
     if target.exists():
-        raise _wrong(target, "file-there", "this file is there already", "name another one with --out, or remove it")
+        raise wrong(target, "file-there", "this file is there already", "name another one with --out, or remove it")
     # Written twice: what is put into it as comments is found by reading it as any other problem file.
     problem = asked.written(target)
     try:
@@ -125,9 +116,9 @@ def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
 
 def draw_found(parts: Sequence[Part], target: Path) -> Path:
     """Draws what was taken for what on parts."""
-    from fmopt.notebook.views import part_sheet
+    from fmopt.report.views import part_view
 
-    return part_sheet(*parts, name="found").save(target)
+    return part_view.drawing("found", *parts).save(target)
 
 
 def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool, bool]) -> None:
@@ -137,6 +128,5 @@ def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool,
     parts = load_part(file, unit)
     drawn = [] if out is None else [draw_found(parts, out)]
     facts = {"valid": True, "parts": [part_facts(part) for part in parts], "written": [str(path) for path in drawn]}
-    lines = [line for part in parts for line in part_words(part)]
     hint = f"drawn by: fmopt check {file} --out {file.stem}.svg" if out is None else f"wrote {out}"
-    answer(facts, "\n".join([str(file), *lines, hint]), *form)
+    answer(facts, "\n".join([str(file), *map(part_words, parts), hint]), *form)

@@ -36,12 +36,8 @@ app = typer.Typer(
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
-Workers = Annotated[
-    int | None, typer.Option("--workers", min=1, max=MOST_WORKERS, help="Processes; default: one a core.")
-]
-Unverified = Annotated[
-    bool, typer.Option("--unverified", help="Take a plan without asking the check: nothing is guaranteed then.")
-]
+Workers = Annotated[int | None, typer.Option("--workers", min=1, max=MOST_WORKERS, help="Default: one a core.")]
+Unverified = Annotated[bool, typer.Option("--unverified", help="Do without the check: nothing is guaranteed then.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 
 
@@ -144,8 +140,6 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
-    ] = False,
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
 ) -> None:
     """Insertion motions that work although the clearance is smaller than the error, with proof."""

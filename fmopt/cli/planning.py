@@ -20,10 +20,7 @@ if TYPE_CHECKING:
 
 
 Wanted: TypeAlias = Literal["tested", "certified"]
-Error = Annotated[
-    str | None,
-    typer.Option("--error", help='How far off the part may start, with units: "1 mm, 1 deg"; without a problem file.'),
-]
+Error = Annotated[str | None, typer.Option("--error", help='Start error without a problem file: "1 mm, 1 deg".')]
 MeshUnit = Annotated[str | None, typer.Option("--unit", help="Of the numbers of mesh files; mm if not given.")]
 Moving = Annotated[str | None, typer.Option("--moving", help="Body of an assembly (STEP) that moves: name or number.")]
 Fixed = Annotated[str | None, typer.Option("--fixed", help="Body of an assembly that stays: name or number.")]
@@ -33,15 +30,12 @@ Parts = Annotated[
 ]
 
 
-@app.command(
-    epilog='Example: fmopt solve problems/square_peg.toml --report, or fmopt solve PEG HOLE --error "1 mm, 1 deg"'
-)
+@app.command(epilog='Examples: fmopt solve problems/square_peg.toml; fmopt solve PEG HOLE --error "1 mm, 1 deg"')
 def solve(
     files: Annotated[
         list[Path],
         typer.Argument(
-            help="Problem file (TOML; - for standard input); or PEG HOLE, two mesh, STEP or model files, or one STEP "
-            "file of an assembly, with --error.",
+            help="Problem file (TOML; or -); or PEG HOLE: mesh, STEP or model files, or one assembly, with --error.",
             metavar="FILE | PEG HOLE",
         ),
     ],
@@ -60,7 +54,7 @@ def solve(
 ) -> None:
     """Plan an insertion, check the certificate, write plan.json."""
     from fmopt import plan
-    from fmopt.cli.console import Stages, print_solved
+    from fmopt.cli.console import print_solved, stages
     from fmopt.planning.pipeline import RESERVED, synthesise
     from fmopt.runtime import output
     from fmopt.runtime.clock import clock
@@ -82,19 +76,19 @@ def solve(
         problem = replace(problem, settings=replace(problem.settings, evidence=evidence))
     if trials is not None:
         problem = replace(problem, settings=replace(problem.settings, draws=trials))
-    with Stages(quiet or as_json) as stages:
-        announce(stages)
-        compile_kernels(stages)
+    with stages(quiet or as_json) as progress:
+        announce(progress)
+        compile_kernels(progress)
         begun = clock()
         try:
-            result = synthesise(problem, stages, RESERVED).carried_out(problem.settings, stages)
+            result = synthesise(problem, progress, RESERVED).carried_out(problem.settings, progress)
         except FmoptError as error:
             kept = output.set_aside(folder, ("plan.json", "timings.json", "report.html"))
             lines = [f"the {path.name.removeprefix('earlier-')} of an earlier run is now {path}" for path in kept]
             if isinstance(error, SearchError | InfeasibleError):
                 from fmopt.notebook.failure import explained, write
 
-                lines += [f"wrote {path}" for path in write(explained(problem, error, begun, stages), folder)]
+                lines += [f"wrote {path}" for path in write(explained(problem, error, begun, progress), folder)]
             if lines and not (quiet or as_json):
                 say("\n".join(lines))
             raise
@@ -169,11 +163,8 @@ def _findings(verdict: Verdict) -> dict[str, Any]:
 
 def _margins(plan: proof.Plan) -> dict[str, Any]:
     """What each segment states, in m; stated, not proved, unless the verdict is CERTIFIED."""
-    rows = [
-        {"move": s.move, "margin": s.margin, "clearance": s.clearance, "binding_contact": s.binding}
-        for s in plan.segments
-    ]
-    return {"segment_margins": rows}
+    keys = {"move": "move", "margin": "margin", "clearance": "clearance", "binding_contact": "binding"}
+    return {"segment_margins": [{key: getattr(s, name) for key, name in keys.items()} for s in plan.segments]}
 
 
 @app.command(epilog="Example: fmopt verify out/square_peg/plan.json --problem problems/square_peg.toml")
@@ -215,9 +206,7 @@ def init(
     unit: MeshUnit = None,
     moving: Moving = None,
     fixed: Fixed = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Problem file to write; default: <peg>_<hole>.toml here.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="File to write; default: <peg>_<hole>.toml here.")] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -238,14 +227,10 @@ def init(
 def check(
     file: Annotated[
         Path,
-        typer.Argument(
-            help="Problem or assembly file (TOML; - for standard input); or a part: mesh, STEP or model file."
-        ),
+        typer.Argument(help="Problem or assembly (TOML; or - for standard input); a part: mesh, STEP or model."),
     ],
     unit: MeshUnit = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Draw what was found, too: a file .svg, .png or .html.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Drawing of what was found: .svg, .png, .html.")] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:

@@ -28,20 +28,16 @@ app.add_typer(studies, name="study", help="Run a study over many problems, resum
 def study_run(
     files: Annotated[list[Path], typer.Argument(help="Study files (TOML), one after the other.")],
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; default: out/<study>.")] = None,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes; default: one for each processor.")
-    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes; default: all cores.")] = None,
     limit: Annotated[int | None, typer.Option(min=0, help="Runs to do at most now.")] = None,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Do failed runs again.")] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Show the runs and an estimate of time, and stop.")
-    ] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show the runs and an estimate of time.")] = False,
     cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://…, to work there.")] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Run a study, or go on with one that was interrupted: what is done is not done again."""
-    from fmopt.cli.console import Runs, Stages
+    from fmopt.cli.console import runs, stages
     from fmopt.study import command
     from fmopt.study.running.running import Options
 
@@ -53,19 +49,19 @@ def study_run(
         raise typer.BadParameter("an allocation is one piece of work on this machine", param_hint=str(allocations[0]))
     # Before there are workers, each of which would compile the same; other hosts keep their own.
     if not dry_run and cluster is None:
-        with Stages(quiet or as_json) as stages:
-            compile_kernels(stages)
+        with stages(quiet or as_json) as progress:
+            compile_kernels(progress)
     for file in files:
         folder = out if out is not None else Path("out") / file.stem
         if file in allocations:
             _allocate(file, folder, dry_run, as_json, quiet)
             continue
         if dry_run:
-            with Stages(quiet or as_json) as stages:
-                found = command.forecast(file, folder, options, stages)
+            with stages(quiet or as_json) as progress:
+                found = command.forecast(file, folder, options, progress)
             typer.echo(json.dumps(asdict(found)) if as_json else _foretold(file, found))
             continue
-        with Runs(file.stem, quiet or as_json) as progress:
+        with runs(file.stem, quiet or as_json) as progress:
             tally = command.carry_out(file, folder, options, progress)
         answer({**asdict(tally), "folder": str(folder)}, _told(tally, folder), as_json, quiet)
         if tally.interrupted:
@@ -74,14 +70,14 @@ def study_run(
 
 
 def _allocate(file: Path, folder: Path, dry_run: bool, as_json: bool, quiet: bool) -> None:
-    from fmopt.cli.console import Stages
+    from fmopt.cli.console import stages
     from fmopt.study import command
 
     if dry_run:
         record, words = command.asked_for(file)
     else:
-        with Stages(quiet or as_json) as stages:
-            record, words = command.allocated(file, folder, stages)
+        with stages(quiet or as_json) as progress:
+            record, words = command.allocated(file, folder, progress)
         record = {**record, "folder": str(folder)}
     answer(record, "\n".join(words), as_json, quiet)
     if not dry_run and record["same_motion"]["verdict"] != "CERTIFIED":

@@ -23,9 +23,7 @@ def export(
         ),
     ] = "",
     mjcf: Annotated[bool, typer.Option("--mjcf", help="The same as --to mjcf.")] = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="File, or - for standard output; for ros2 a folder.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="File, or - for standard output; of ros2 a folder.")] = None,
     base: Annotated[
         tuple[float, float, float, float, float, float] | None,
         typer.Option(
@@ -111,12 +109,8 @@ def _admitted(file: Path, unverified: bool) -> tuple[Any, str]:
 @app.command(epilog="Examples: fmopt show models/square_peg.toml; fmopt show out/square_peg/plan.json --what states")
 def show(
     file: Annotated[Path, typer.Argument(help="Plan (JSON; or -), problem, model or assembly (TOML), mesh or STEP.")],
-    what: Annotated[
-        str | None, typer.Option("--what", help="Which drawing; default: the first that --list has.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="File .svg, .png or .html, or - for standard output.")
-    ] = None,
+    what: Annotated[str | None, typer.Option("--what", help="Which drawing; default: first of --list.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="File .svg, .png, .html; or - for standard output.")] = None,
     listing: Annotated[bool, typer.Option("--list", help="Say which drawings there are, and draw nothing.")] = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -155,29 +149,20 @@ def examples(
 @app.command(epilog="Example: fmopt execute out/square_peg/plan.json --trials 1000 --seed 0")
 def execute(
     file: Annotated[Path, typer.Argument(help="Plan file (JSON).")],
-    trials: Annotated[
-        int, typer.Option("--trials", min=0, max=MOST_TRIALS, help="With errors inside the certified set.")
-    ] = 100,
-    beyond: Annotated[
-        int, typer.Option("--beyond", min=0, max=MOST_TRIALS, help="With errors of one to two times the set.")
-    ] = 0,
+    trials: Annotated[int, typer.Option("--trials", min=0, max=MOST_TRIALS, help="Errors inside the set.")] = 100,
+    beyond: Annotated[int, typer.Option("--beyond", min=0, max=MOST_TRIALS, help="Errors of 1 to 2 times it.")] = 0,
     seed: Annotated[
-        int | None,
-        typer.Option("--seed", min=0, help="Default: 0; of presses a new one, with --replay that of their evidence."),
+        int | None, typer.Option("--seed", min=0, help="Default: 0; of presses a new one, that of --replay theirs.")
     ] = None,
     method: Annotated[str, typer.Option("--method", help="plan, push, spiral, dither or tilt.")] = "plan",
     friction: Annotated[float | None, typer.Option("--friction", help="Default: the plan's bound.")] = None,
-    time_step: Annotated[
-        float | None, typer.Option("--time-step", help="Of the physics, s; by the clearance if not given.")
-    ] = None,
+    time_step: Annotated[float | None, typer.Option("--time-step", help="s; default: by the clearance.")] = None,
     growth: Annotated[float, typer.Option("--growth", help="Of the moving part, m a side: interference fits.")] = 0.0,
     offset: Annotated[float, typer.Option("--offset", help="Of each start along x, m, that nobody knows of.")] = 0.0,
     recovery: Annotated[
         bool, typer.Option("--recovery/--no-recovery", help="Back off and try again as the plan says, or fail.")
     ] = True,
-    covered: Annotated[
-        bool, typer.Option("--covered", help="Errors beyond are of those that the plan's retries cover.")
-    ] = False,
+    covered: Annotated[bool, typer.Option("--covered", help="Errors beyond are those that retries cover.")] = False,
     engine: Annotated[str, typer.Option("--engine", help="mujoco, or drake for a second opinion.")] = "mujoco",
     again: Annotated[int | None, typer.Option("--replay", min=0, help="Draw this trial as a GIF instead.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder; default: trials beside the plan.")] = None,
@@ -187,7 +172,7 @@ def execute(
     quiet: Quiet = False,
 ) -> None:
     """Carry a certified or tested plan out in a physics engine, under sampled errors (MuJoCo, or extra drake)."""
-    from fmopt.cli.console import Trials as Progress
+    from fmopt.cli.console import trials as shown
     from fmopt.execution.engines.catalogue import ENGINES
     from fmopt.execution.execute import Settled
     from fmopt.execution.execute import execute as run
@@ -213,8 +198,8 @@ def execute(
     if again is not None:
         _replay(plan, wanted, again, folder)
         return
-    with Progress(trials + beyond, quiet or as_json) as progress:
-        found = run(plan, wanted, Settled(folder, workers, progress.advance), caution)
+    with shown(trials + beyond, quiet or as_json) as advance:
+        found = run(plan, wanted, Settled(folder, workers, advance), caution)
     answer(found, "\n".join(lines(found)), as_json, quiet)
 
 
@@ -233,9 +218,7 @@ def _replay(plan: Any, wanted: Any, number: int, folder: Path) -> None:
 @app.command(epilog="Example: fmopt compare out/square_peg/plan.json --trials 200")
 def compare(
     files: Annotated[list[Path], typer.Argument(help="Plan files (JSON).")],
-    trials: Annotated[
-        int, typer.Option("--trials", min=1, max=MOST_TRIALS, help="Of each method, with errors inside.")
-    ] = 100,
+    trials: Annotated[int, typer.Option("--trials", min=1, max=MOST_TRIALS, help="Of each method, inside.")] = 100,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is drawn.")] = 0,
     out: Annotated[Path | None, typer.Option("--out", help="Folder; default: compared beside the first plan.")] = None,
     workers: Workers = None,
@@ -244,8 +227,8 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """Carry certified plans out beside what people do without one, as push, spiral, search, tilt."""
-    from fmopt.cli.console import Trials as Progress
     from fmopt.cli.console import print_compared
+    from fmopt.cli.console import trials as shown
     from fmopt.execution.execute import Settled
     from fmopt.execution.execute import compare as run
     from fmopt.execution.trials import METHODS
@@ -253,8 +236,8 @@ def compare(
     folder = out if out is not None else (Path() if files[0] == STDIO else files[0].parent) / "compared"
     # All of them before the first is carried out: one that is refused costs no trials.
     plans = [_admitted(file, unverified)[0] for file in files]
-    with Progress(len(files) * len(METHODS) * trials, quiet or as_json) as progress:
-        rows = run(plans, trials, seed, Settled(folder, workers, progress.advance))
+    with shown(len(files) * len(METHODS) * trials, quiet or as_json) as advance:
+        rows = run(plans, trials, seed, Settled(folder, workers, advance))
     if as_json:
         typer.echo(json.dumps(rows))
     elif not quiet:
@@ -263,9 +246,7 @@ def compare(
 
 @app.command(epilog="Example: fmopt manual --out manual.html")
 def manual(
-    out: Annotated[Path, typer.Option("--out", help="File .html; or - for standard output.", show_default=True)] = Path(
-        "manual.html"
-    ),
+    out: Annotated[Path, typer.Option("--out", help="File .html; or - for standard output.")] = Path("manual.html"),
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:

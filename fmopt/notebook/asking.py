@@ -35,12 +35,9 @@ _BODIES_ADVICE = "say which with --moving NAME and --fixed NAME, or by their num
 
 @dataclass(frozen=True)
 class Asked:
-    """Two parts and a start error, in place of a problem file.
+    """Two parts, moving and fixed, and a start error, in place of a problem file; one file twice for an assembly.
 
-    Args:
-        files: of the moving and the fixed part: mesh, STEP or model files; one file twice for an assembly.
-        units: of the numbers of mesh files; mm where it is not given, which is said.
-        bodies: of STEP or mesh files, by name or number; None for the only one.
+    Units are of the numbers of mesh files, mm where not given; bodies go by name or number, None for the only one.
     """
 
     files: tuple[Path, Path]
@@ -57,7 +54,7 @@ class Asked:
         try:
             error_of(self.error)
         except QuantityError as error:
-            raise InputError(Fault("--error", 1, 1, "", error.code, error.message, error.advice)) from error
+            raise wrong("--error", error.code, error.message, error.advice) from error
         pairs = zip(SIDES, self.operands(folder), strict=True)
         lines = [f"{side} = {_table(keys) if len(keys) > 1 else quoted(str(keys['model']))}" for side, keys in pairs]
         return "\n".join([*lines, "[uncertainty]", f"start = {quoted(self.error)}", ""])
@@ -72,8 +69,8 @@ class Asked:
         for file, unit, body in zip(self.files, self.units, self.bodies, strict=True):
             keys: dict[str, str | int] = {"model": _from(file, folder)}
             if unit is not None and unit not in _UNITS:
-                message, advice = f"{unit!r} is no unit of a mesh", f"write one of {', '.join(_UNITS)}"
-                raise InputError(Fault("--unit", 1, 1, "", "unknown-unit", message, advice))
+                advice = f"write one of {', '.join(_UNITS)}"
+                raise wrong("--unit", "unknown-unit", f"{unit!r} is no unit of a mesh", advice)
             # STEP files say their unit themselves, and model files are no meshes.
             if unit is not None and file.suffix.lower() in MESHES and file.suffix.lower() not in STEP:
                 keys["unit"] = unit
@@ -95,6 +92,11 @@ class Asked:
         return load(file)
 
 
+def wrong(where: Path | str, code: str, message: str, advice: str) -> InputError:
+    """What is wrong with a file or an option as a whole, as an error to be raised."""
+    return InputError(Fault(str(where), 1, 1, "", code, message, advice))
+
+
 def _from(file: Path, folder: Path) -> str:
     """A file as a problem file in a folder names it."""
     name = os.path.relpath(file.absolute(), folder.absolute())
@@ -102,8 +104,7 @@ def _from(file: Path, folder: Path) -> str:
     try:
         name.encode()
     except UnicodeEncodeError:
-        fault = Fault(ascii(str(file)), 1, 1, "", "file-name", "its name is no text", "give the file another name")
-        raise InputError(fault) from None
+        raise wrong(ascii(str(file)), "file-name", "its name is no text", "give the file another name") from None
     return Path(name).as_posix()
 
 
@@ -111,7 +112,7 @@ def _require_file(file: Path) -> None:
     if not file.is_file():
         what = "is no file" if file.exists() else "does not exist"
         advice = "name the two files of the parts: mesh (.stl, .obj, .ply), STEP or model files (.toml)"
-        raise InputError(Fault(str(file), 1, 1, "", "file-missing", f"{file} {what}", advice))
+        raise wrong(file, "file-missing", f"{file} {what}", advice)
 
 
 def quoted(text: str) -> str:
@@ -142,17 +143,16 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, u
         names = [body.name for body in found]
         known = listed(names)
         if len(found) < 2:
-            message, advice = f"{file} holds one body", "name the file of the other part, too"
-            raise InputError(Fault(str(file), 1, 1, "", "one-body", message, advice))
+            raise wrong(file, "one-body", f"{file} holds one body", "name the file of the other part, too")
         picks = [None if which is None else chosen(names, which) for which in (moving, fixed)]
     rest = [n for n in range(len(found)) if n not in picks]
     if picks[0] is not None and picks[0] == picks[1]:
         message = f"{names[picks[0]] or picks[0] + 1!r} is to move and to stand"
-        raise InputError(Fault(str(file), 1, 1, "", "conflict", message, f"name two of {known}"))
+        raise wrong(file, "conflict", message, f"name two of {known}")
     if None in picks and len(rest) != picks.count(None):
         named = {n for n in picks if n is not None}
         message = f"{file} holds {len(rest)} {'other ' if named else ''}bodies: {listed(names, named)}"
-        raise InputError(Fault(str(file), 1, 1, "", "ambiguous", message, _BODIES_ADVICE))
+        raise wrong(file, "ambiguous", message, _BODIES_ADVICE)
     # Of two bodies the smaller one moves.
     smaller = iter(sorted(rest, key=lambda n: found[n].mesh.body.volume))
     picks = [next(smaller) if pick is None else pick for pick in picks]

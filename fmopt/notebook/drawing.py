@@ -5,7 +5,7 @@ from typing import Any
 
 from fmopt.errors import ChoiceError, ResourceError
 from fmopt.notebook.views import views_of
-from fmopt.report.drawing import Drawing
+from fmopt.report.drawing import Drawing as Drawing
 
 
 def show(value: Any, what: str | None = None) -> Drawing:

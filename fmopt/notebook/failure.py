@@ -81,11 +81,7 @@ def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: fl
 
 
 def write(failure: Failure, folder: Path) -> list[Path]:
-    """Writes `attempt.html`, and its figure as SVG and PNG, to a folder.
-
-    Raises:
-        ResourceError: a file cannot be written.
-    """
+    """Writes `attempt.html`, and its figure as SVG and PNG, to a folder."""
     figures = failure.figures
     svgs = {name: figure.svg() for name, figure in figures.items()}
     files = {folder / "attempt.html": failure_page(failure, svgs).encode()}
@@ -109,10 +105,8 @@ def _advice(problem: Problem, error: SearchError | InfeasibleError, found: Neare
         )
     late, now = isinstance(error, SearchError) and error.late, f"{problem.settings.time_limit:g} s now"
     if found is not None:
-        yield (
-            f"lower all start errors{found.and_velocity} to {100.0 * found.share:.3g} % ({found.words}), "
-            f"which is certified with {quantity(found.margin)}"
-        )
+        share = f"{100.0 * found.share:.3g} % ({found.words})"
+        yield f"lower all start errors{found.and_velocity} to {share}, which is certified with {quantity(found.margin)}"
     if late:
         yield f"raise settings.time_limit, {now}, which ended the search before its end"
     elif found is None and cut:
@@ -147,7 +141,8 @@ def _followed(posed: Posed, attempt: Attempt) -> tuple[tuple[Step, ...], Lack | 
                 lack = lack or _impossible(number, name, move, error)
             except OverdueError:
                 lack = lack or Lack(number, name, "the time limit is used up", "", "", None)
-        steps.append(_step(name, move, margin))
+        start, goal = (tuple(map(float, pose.vector())) for pose in (move.start, move.goal))
+        steps.append(Step(name, start, goal, tuple(contact.id for contact in move.making), margin))
     if lack is None and attempt.seated:  # all of it can be followed: what was missing is time to place it
         lack = Lack(max(1, len(steps)), attempt.names[-1], "the time limit is used up", "", "", None)
     if lack is not None:
@@ -183,11 +178,6 @@ def _contact(move: Move, binding: str) -> str:
     return own or next((c.id for c in move.making), "")
 
 
-def _step(name: str, move: Move, margin: float | None) -> Step:
-    start, goal = (tuple(map(float, pose.vector())) for pose in (move.start, move.goal))
-    return Step(name, start, goal, tuple(contact.id for contact in move.making), margin)
-
-
 def _contacts(moves: Iterable[Move]) -> list[Contact]:
     found: dict[str, PrimitiveContact] = {}
     for move in moves:
@@ -197,5 +187,5 @@ def _contacts(moves: Iterable[Move]) -> list[Contact]:
 
 def _part(solid: Solid, problem: Problem, posed: Posed) -> Part:
     declared, measured = problem.declared_clearance, posed.clearance.per_side
-    part = stated_part(solid)
-    return replace(part, name=line(part.name), declared_clearance=declared, measured_clearance=measured)
+    part, name = stated_part(solid), line(solid.name)
+    return replace(part, name=name, declared_clearance=declared, measured_clearance=measured)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmopt.notebook.asking import SIDES, quoted
-from fmopt.task.explain import explain
+from fmopt.task.explain import aligned, statements
 from fmopt.task.mesh_source import MESHES
 from fmopt.task.toml.model_file import STEP
 
@@ -26,7 +26,7 @@ def commented(asked: Asked, folder: Path, problem: Problem, clearance: Clearance
     note = yours if stated else f"AN EXAMPLE, put your own: {yours}"
     goal, exchanged = problem.task, problem.task.exchanged
     # The file names first what it moves, which is the part with the hole where operands were exchanged.
-    names = (problem.hole.name, problem.peg.name) if exchanged else (problem.peg.name, problem.hole.name)
+    names = (problem.peg.name, problem.hole.name)[:: -1 if exchanged else 1]
     lines = [f"# {problem.title}. What stands behind # was found or is as usual: take the # away to state it.", ""]
     for side, keys, name in zip(SIDES, asked.operands(folder), names, strict=True):
         lines += [f"[{side}]", *(f"{key} = {quoted(v) if isinstance(v, str) else v}" for key, v in keys.items())]
@@ -45,7 +45,7 @@ def commented(asked: Asked, folder: Path, problem: Problem, clearance: Clearance
     lines += ["[uncertainty]", f"start = {quoted(asked.error)} # {note}", "", "[uncertainty.velocity]"]
     lines += [f"# {name} = {getattr(problem.velocity_error, name)!r}" for name in ("translation", "rotation")]
     lines += ["", *_usual(problem), ""]
-    said = explain(problem, clearance).split("\n")[2:]
+    said = aligned(*statements(problem, clearance)).split("\n")
     return "\n".join([*lines, "# What fmopt check says of it:", *(f"# {line}".rstrip() for line in said), ""])
 
 

@@ -24,14 +24,7 @@ _RHO = 0.01  # m: an assembly states no errors, so that the characteristic lengt
 
 
 def gallery(file: Path) -> Mapping[str, Drawing]:
-    """The drawings that there are of a file, by name; none is made before it is asked for.
-
-    Args:
-        file: a plan (JSON; "-" for standard input), a problem, model or assembly (TOML), or a mesh or STEP file.
-
-    Raises:
-        FmoptError: the file cannot be read, or is none of these.
-    """
+    """The drawings that there are of a plan, problem, model, assembly or part, by name, made when asked for."""
     if file == STDIO or file.suffix.lower() == ".json":
         from fmopt.notebook.plan import read as read_plan
 
@@ -54,15 +47,10 @@ def gallery(file: Path) -> Mapping[str, Drawing]:
 
 
 def draw(file: Path, what: str | None, out: Path | None) -> bytes | Path:
-    """Draws a file.
+    """Draws a file by the name of a drawing, or what people call it, as "motion", else the first; gives what it wrote.
 
-    Args:
-        what: name of the drawing, or what people call it, as "moves" and "motion"; the first when not given.
-        out: file whose ending says the format; "-" for SVG, or HTML of what moves, as bytes; None for a file named
-            after both in the current folder.
-
-    Returns:
-        The file that was written, or the bytes.
+    The ending of `out` says the format. "-" gives the bytes of SVG, or of HTML for what moves; None writes a file named
+    after both into the current folder.
 
     Raises:
         ChoiceError: there is no such drawing, or not in this format.
@@ -88,18 +76,14 @@ def _tasks(file: Path) -> dict[str, Drawing]:
     from fmopt.report.views import diagram_view
     from fmopt.task.assembly import carried_out, load_assembly
 
-    size = diagram_view.paper(3)
+    def paint(answer: Answer, sheet: Any) -> None:
+        from fmopt.papers.lee_huang.mapping import answered, diagrams
+
+        mapping = answered(answer, [0.0] * 6, _RHO)
+        diagram_view.paint(diagrams(mapping, float(-mapping.path.nodes[-1, 2]) or _RHO), sheet)
+
     found = {}
     for step in carried_out(load_assembly(file)):
-        task = step.answer.task
-        title = f"{step.name}: {task.moving} into {task.fixed}, cut-diagrams without errors"
-        found[step.name] = Drawing(step.name, title, title, size, paint=partial(_paint_task, step.answer))
+        title = f"{step.name}: {step.answer.task.moving} into {step.answer.task.fixed}, cut-diagrams without errors"
+        found[step.name] = Drawing(step.name, title, title, diagram_view.paper(3), partial(paint, step.answer))
     return found
-
-
-def _paint_task(found: Answer, sheet: Any) -> None:
-    from fmopt.papers.lee_huang.mapping import answered, diagrams
-    from fmopt.report.views import diagram_view
-
-    mapping = answered(found, [0.0] * 6, _RHO)
-    diagram_view.paint(diagrams(mapping, float(-mapping.path.nodes[-1, 2]) or _RHO), sheet)

@@ -28,24 +28,23 @@ def own_trials(file: Path) -> OwnTrials:
     Raises:
         InputError: with the faults of the file.
     """
-    content = read_bytes(file, Place(str(file)), _MOST_BYTES)
+    start = Place(str(file))
+    content = read_bytes(file, start, _MOST_BYTES)
     outcomes, seconds, faults = list[bool](), list[float](), list[Fault]()
     try:
         rows = csv.reader(io.StringIO(content.decode("utf-8-sig"), newline=""), strict=True)
         names = [name.strip().lower() for name in next(rows, [])]
         if "outcome" not in names:
             advice = "name the columns in the first line: outcome, and seconds where they are known"
-            raise InputError(Place(str(file)).fault("missing-key", "there is no column 'outcome'", advice))
+            raise InputError(start.fault("missing-key", "there is no column 'outcome'", advice))
         for row in rows:
             cells = dict(zip(names, (cell.strip().lower() for cell in row), strict=False))
             if any(cells.values()):
                 faults += _read(cells, Place(str(file), rows.line_num), outcomes, seconds)
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(
-            Place(str(file)).fault("syntax", f"it is no CSV file: {error}", "write it in UTF-8")
-        ) from error
+        raise InputError(start.fault("syntax", f"it is no CSV file: {error}", "write it in UTF-8")) from error
     if not outcomes and not faults:
-        faults.append(Place(str(file)).fault("missing-key", "there are no trials", "write a line for each"))
+        faults.append(start.fault("missing-key", "there are no trials", "write a line for each"))
     if faults:
         raise InputError(*faults[:_MOST_FAULTS])
     count, seated = len(outcomes), sum(outcomes)

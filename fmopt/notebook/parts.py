@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from fmopt.errors import FmoptError, InputError
 from fmopt.geometry.bodies import bodies_of, lie_apart
 from fmopt.plan import STDIO
+from fmopt.task.explain import aligned, mm
 from fmopt.task.mesh_source import MESHES
 from fmopt.task.model import Bare, load_model
 from fmopt.task.solid_tree import build_part, build_tree
@@ -26,11 +25,7 @@ _OF_PART = {"features", "solids", "mesh", "profile", "part", "parameters"}
 
 
 def is_part(file: Path) -> bool:
-    """Whether a file is one part, a mesh, STEP or model file, to go by its name and its tables.
-
-    Raises:
-        InputError: it is a TOML file that cannot be read.
-    """
+    """Whether a file is one part, a mesh, STEP or model file, to go by its name and its tables."""
     if file.suffix.lower() in MESHES:
         return True
     if file == STDIO or file.suffix.lower() != ".toml":
@@ -78,29 +73,28 @@ def _loaded(file: Path, said: Bare) -> Part:
     return replace(part, notes=(*model.notes, *part.notes))
 
 
-def part_words(part: Part) -> Iterator[str]:
+def part_words(part: Part) -> str:
     """What is found on a part, one statement a line, lengths in mm and angles in degrees."""
     shape = part.polyhedron
-    extent = " x ".join(_mm(width) for width in np.ptp(shape.vertices, axis=0).tolist())
+    extent = " x ".join(map(mm, shape.widths.tolist()))
     pieces = "1 convex piece" if len(part.pieces) == 1 else f"{len(part.pieces) or 'no'} convex pieces"
     pieces += "" if part.pieces else " before it is known what it mates with"
-    yield f"{'part':<10} {part.name}: {extent} mm, volume {1e9 * shape.volume:.6g} mm3"
-    sizes = f"{len(shape.faces)} faces, {len(shape.edges)} edges, {len(shape.vertices)} corners"
-    yield f"{'surface':<10} {sizes}, closed; {pieces}"
-    said = f"facets lie up to {_mm(part.chord_error)} mm off the true surface, which adds to the start error"
-    yield f"{'deviation':<10} {said if part.chord_error else 'none: every face is plane'}"
-    if part.form:
-        yield f"{'form':<10} faces lie up to {1e6 * part.form:.3g} µm off the facets of the file, which margins lose"
-    for one in part.features:
-        at = ", ".join(map(_mm, one.frame.p.tolist()))
-        yield f"{'feature':<10} {one.name}: {one.kind}, {_mm(one.length)} mm long, at ({at}) mm"
-    if not part.features:
-        yield f"{'feature':<10} none stated: what goes where is found with the other part of a problem"
-    yield from (f"{'':<10} {note}" for note in part.notes)
-
-
-def _mm(length: float) -> str:
-    return f"{round(1e3 * length, 9) + 0.0:.6g}"
+    off = f"facets lie up to {mm(part.chord_error)} mm off the true surface, which adds to the start error"
+    form = f"faces lie up to {1e6 * part.form:.3g} µm off the facets of the file, which margins lose"
+    features = [
+        f"{one.name}: {one.kind}, {mm(one.length)} mm long, at ({', '.join(map(mm, one.frame.p.tolist()))}) mm"
+        for one in part.features
+    ]
+    counts = f"{len(shape.faces)} faces, {len(shape.edges)} edges, {len(shape.vertices)} corners"
+    rows = [
+        ("part", f"{part.name}: {extent} mm, volume {1e9 * shape.volume:.6g} mm3"),
+        ("surface", f"{counts}, closed; {pieces}"),
+        ("deviation", off if part.chord_error else "none: every face is plane"),
+        *([("form", form)] if part.form else []),
+        *(("feature", words) for words in features or ["none stated: what goes where is found with the other part"]),
+        *(("", note) for note in part.notes),
+    ]
+    return aligned(*rows)
 
 
 def part_facts(part: Part) -> dict[str, Any]:
@@ -108,7 +102,7 @@ def part_facts(part: Part) -> dict[str, Any]:
     shape = part.polyhedron
     return {
         "name": part.name,
-        "extent": np.ptp(shape.vertices, axis=0).tolist(),
+        "extent": shape.widths.tolist(),
         "volume": shape.volume,
         "faces": len(shape.faces),
         "edges": len(shape.edges),

@@ -88,11 +88,7 @@ def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placin
 
 
 def motion_of(plan: Plan, problem: Problem) -> CertifiedMotion:
-    """The motion of a plan, certified once more on the parts of its problem.
-
-    Raises:
-        InfeasibleError: a move is impossible, which no certified plan's is.
-    """
+    """The motion of a plan, certified once more on the parts of its problem."""
     posed = Posed.of(problem)
     run = tuple(_moves(plan, posed.assembly.moving.polyhedron, posed.assembly.fixed.polyhedron))
     placed = certified(posed.assembly, run, posed.start, posed.tolerance, FINE)

@@ -40,15 +40,9 @@ class Segment:
     >>> segment.move, segment.state, segment.margin > 0.0
     (1, (), True)
 
-    Args:
-        number: counts from 0 through the plan.
-        move: of which move it is a piece, from 1.
-        start: nominal pose of the moving part where it begins, in the frame of the hole.
-        margin: what is left of its tightest inequality, m.
-        clearance: gap that the nominal motion leaves, m.
-        hybrid: the control strategy: frame, axes, velocity, bias, what ends the move, jam-free range.
-        rho: characteristic length, m, that makes turns comparable with lengths.
-        record: all that the plan file holds of it, SI units.
+    `number` counts from 0 through the plan, `move` from 1. Poses are nominal ones of the moving part in the frame of
+    the hole; `margin`, `clearance` and the characteristic length `rho` are in m. `hybrid` has the control strategy,
+    `record` all that the plan file holds of it, SI units.
     """
 
     number: int
@@ -125,24 +119,19 @@ class Plan:
         """The pieces of the motion, in order."""
         from fmopt.report.naming import binding_words
 
-        run = ((move.number, piece) for move in self.moves for piece in move.segments)
+        alike = ("state", "goal_state", "leaving", "margin", "clearance", "hybrid")
         return tuple(
             Segment(
                 number=number,
                 move=move,
                 start=Pose.from_vector(piece.start),
                 goal=Pose.from_vector(piece.goal),
-                state=piece.state,
-                goal_state=piece.goal_state,
-                leaving=piece.leaving,
-                margin=piece.margin,
-                clearance=piece.clearance,
                 binds=binding_words(self.stated, piece.binding),
-                hybrid=piece.hybrid,
                 rho=self.stated.rho,
                 record=piece,
+                **{name: getattr(piece, name) for name in alike},
             )
-            for number, (move, piece) in enumerate(run)
+            for number, (move, piece) in enumerate((m.number, piece) for m in self.moves for piece in m.segments)
         )
 
     @cached_property
@@ -165,14 +154,13 @@ class Plan:
     def verify(self, problem: task.Problem | None = None) -> Verdict:
         """Checks the certificate from the plan's own geometry, in exact arithmetic, without the planner.
 
+        Where a problem is given, the plan must be of that one, too.
+
         >>> plan = fmopt.read("out/square_peg/plan.json")
         >>> print("\\n".join(plan.verify().lines()[:1]))
         verdict: CERTIFIED (... segments)
         >>> plan.verify(fmopt.load(fmopt.example("lee_huang_peg"))).verdict
         'NOT_PROVED'
-
-        Args:
-            problem: that the plan must be of; None to check the plan alone.
 
         Raises:
             PlanFormatError: the document is no plan that can be checked.
@@ -186,15 +174,13 @@ class Plan:
     def placement(self, problem: task.Problem, radius: float | None = None) -> Placing:
         """The cone program that places the goal poses of this plan, as a CVXPY problem to be changed and solved.
 
-        Needs the extra `cvxpy`.
+        Poses may move by `radius`, m, turns at the characteristic length; else by a tenth of the clearance. It needs
+        the extra `cvxpy`.
 
         >>> problem = fmopt.load(fmopt.example("square_peg"))
         >>> placing = fmopt.read("out/square_peg/plan.json").placement(problem)
         >>> placing.shift.shape[1]
         6
-
-        Args:
-            radius: how far poses may move, m, turns at the characteristic length; else a tenth of the clearance.
 
         Raises:
             ChoiceError: the plan is of another problem.
@@ -222,7 +208,6 @@ class Plan:
                 has further trials with errors beyond the set, recovery, method, engine, friction and others.
             unverified: whether to take a plan that the check does not certify, without asking it.
             folder: for the results, what is there of the same trials is used; out/trials-… when not given.
-            workers: processes; one for each processor when not given.
 
         Raises:
             ValueError: there is no such engine or method.
@@ -257,7 +242,7 @@ class Plan:
         *,
         unverified: bool = False,
     ) -> tuple[Path, ...]:
-        """Writes the plan as a robot or a table takes it.
+        """Writes the plan as a robot or a table takes it, and gives the files and folders that were written.
 
         >>> plan = fmopt.read("out/square_peg/plan.json")
         >>> [path.name for path in plan.export("urscript", "peg.script", base=(0.4, -0.1, 0.2, 0, 0, 0))]
@@ -268,11 +253,7 @@ class Plan:
             path: the file; for "ros2" a folder.
             base: pose of the hole's frame, whose z points out of the hole, in the robot's base, m and rotation vector
                 in rad; for robots.
-            unverified: whether to take a plan that the check does not certify, without asking it; what is written
-                says so.
-
-        Returns:
-            The files and folders that were written.
+            unverified: whether to take a plan that the check does not certify, without asking it, and say so in it.
 
         Raises:
             ValueError: the format is unknown, or it is for robots and `base` is missing or in other units.
@@ -293,7 +274,7 @@ class Plan:
         return exported(plan, form, Path(path))
 
     def to_dataframe(self) -> polars.DataFrame:
-        """The segments as a data frame, a line each: poses, travel, margins and forces in SI units.
+        """The segments as a data frame, a line each: poses, margins and forces in SI units.
 
         >>> frame = fmopt.read("out/square_peg/plan.json").to_dataframe()
         >>> frame.columns[:4], len(frame) > 7

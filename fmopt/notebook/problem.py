@@ -1,7 +1,4 @@
-"""Problems from Python: read from a file, varied by path, solved, said back in words.
-
-Holes of other dimensions: a parametric hole is given those with which a clearance measures as declared.
-"""
+"""Problems from Python: read from a file, varied by path, given another clearance, said back in words."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ import numpy as np
 from fmopt.errors import Fault, InputError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.spatial.values import Array
-from fmopt.study.targets import Base, Target, assigned, blamed
+from fmopt.study.targets import Base, assigned, blamed
 from fmopt.task import problem as task
 from fmopt.task.loading import problem_of
 from fmopt.task.model import overrides_of, parameter_values
@@ -70,7 +67,7 @@ class Problem(task.Problem):
         >>> [path for path in problem.targets if path.startswith("model.moving")]
         ['model.moving.width', 'model.moving.length']
         """
-        return tuple(self._targets())
+        return tuple(Base.read(self.path).targets())
 
     def with_(self, values: Mapping[str, Given] | None = None, /, **named: Given) -> Problem:
         """The same problem with other values; this one stays as it is.
@@ -108,11 +105,8 @@ class Problem(task.Problem):
 
         return explain(self, self.measured)
 
-    def _targets(self) -> Mapping[str, Target]:
-        return Base.read(self.path).targets()
-
     def _with(self, values: Mapping[str, Given]) -> Problem:
-        known = self._targets()
+        known = Base.read(self.path).targets()
         spoken = {path.replace(".", "_"): path for path in known}
         placed, faults, mine = [], [], {}
         for name, value in values.items():

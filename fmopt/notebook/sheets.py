@@ -13,7 +13,9 @@ from fmopt.report.moves import summary_rows
 from fmopt.report.moves import verdict as spoken
 from fmopt.report.naming import pose_words
 from fmopt.report.presses import ENDINGS, HEAD, OUTCOMES, outcome_rows, press_rows
-from fmopt.report.shell import table
+from fmopt.report.sections import statements as statements_of_plan
+from fmopt.report.shell import bullets, facts, table
+from fmopt.task.explain import statements
 
 if TYPE_CHECKING:
     from fmopt.notebook.plan import Plan, Segment
@@ -34,12 +36,10 @@ def problem_sheet(problem: Problem) -> str:
     from fmopt.notebook.drawing import show
 
     try:
-        _, _, *lines = problem.explain().splitlines()
-        # `explain` says in the first ten columns what a line is about.
-        rows = [(line[:10].strip(), line[11:]) for line in lines]
+        rows = statements(problem, problem.measured)
     except InterferenceError as error:
         rows = [("infeasible", str(error))]
-    return _sheet(table(problem.title, ("", ""), rows) + show(problem, "parts")._repr_html_())
+    return _sheet(facts(problem.title, rows) + show(problem, "parts")._repr_html_())
 
 
 def plan_sheet(plan: Plan) -> str:
@@ -50,12 +50,12 @@ def plan_sheet(plan: Plan) -> str:
         text += table("Presses", HEAD, press_rows(plan.presses.attempts[0]))
         if plan.evidence is not None:
             text += table(OUTCOMES, ENDINGS, outcome_rows(plan.stated, plan.evidence))
-        return _sheet(text + plan.scene()._repr_html_())
-    head, *rows = summary_rows(plan.stated)
-    margins = [move.margin for move in plan.moves]
-    worst = margins.index(min(margins))
-    kinds = "".join("n" if name in ("move", "travel", "turn") or "margin" in name else "." for name in head)
-    return _sheet(text + table("Moves", head, rows, kinds, worst) + plan.scene()._repr_html_())
+    else:
+        head, *rows = summary_rows(plan.stated)
+        worst = min(range(len(rows)), key=lambda k: plan.moves[k].margin)
+        kinds = "".join("n" if name in ("move", "travel", "turn") or "margin" in name else "." for name in head)
+        text += table("Moves", head, rows, kinds, worst)
+    return _sheet(text + facts("Beside them", statements_of_plan(plan.stated)) + plan.scene()._repr_html_())
 
 
 def segment_sheet(segment: Segment) -> str:
@@ -73,7 +73,7 @@ def segment_sheet(segment: Segment) -> str:
     if segment.hybrid.jam_free is not None:
         of_jamming = ("push", "cannot jam within", "narrow ranges")
         rows += zip(of_jamming, jamming_cells(segment.hybrid, segment.hybrid.jam_free, segment.rho), strict=True)
-    return _sheet(table(f"segments[{segment.number}], of move {segment.move}", ("", ""), rows))
+    return _sheet(facts(f"segments[{segment.number}], of move {segment.move}", rows))
 
 
 def pose_sheet(pose: Any) -> str:
@@ -91,12 +91,10 @@ def freedom_sheet(freedoms: Sequence[Any]) -> str:
 
 def verdict_sheet(verdict: Any) -> str:
     """The outcome of the independent check, with what stands in its way."""
-    lines = "".join(f"<li>{escape(str(finding))}</li>" for finding in verdict.findings[:_SHOWN])
-    more = len(verdict.findings) - _SHOWN
-    rest = f"<li>and {more} more</li>" if more > 0 else ""
+    more = [f"and {len(verdict.findings) - _SHOWN} more"] * (len(verdict.findings) > _SHOWN)
     least = "least margin" if str(verdict.verdict) == "CERTIFIED" else "least stated margin, not proved,"
     first = "" if verdict.margin is None else f", {least} {1e6 * verdict.margin:.2f} µm"
-    listed = f"<ul>{lines}{rest}</ul>" if lines else ""
+    listed = bullets([*map(str, verdict.findings[:_SHOWN]), *more])
     return _sheet(f"<strong>{verdict.verdict}</strong>: {verdict.segments} segments{first}{listed}")
 
 
@@ -106,18 +104,12 @@ def _sheet(text: str) -> str:
 
 def segment_row(segment: Segment) -> dict[str, Any]:
     """A segment as a row of a table of numbers, by column."""
-    hybrid, piece = segment.hybrid, segment.record
-    ends = {"start": piece.start, "goal": piece.goal}
-    poses = {f"{end}_{name}": x for end, pose in ends.items() for name, x in zip(AXES, pose, strict=True)}
+    ends = {"start": segment.record.start, "goal": segment.record.goal}
     return {
         "segment": segment.number,
         "move": segment.move,
-        "state": " ".join(segment.state),
-        "goal_state": " ".join(segment.goal_state),
-        "leaving": " ".join(segment.leaving),
-        "margin": segment.margin,
-        "clearance": segment.clearance,
-        "binds": segment.binds,
-        **{name: getattr(hybrid, name) for name in ("speed", "push", "threshold", "max_travel", "timeout")},
-        **poses,
+        **{name: " ".join(getattr(segment, name)) for name in ("state", "goal_state", "leaving")},
+        **{name: getattr(segment, name) for name in ("margin", "clearance", "binds")},
+        **{name: getattr(segment.hybrid, name) for name in ("speed", "push", "threshold", "max_travel", "timeout")},
+        **{f"{end}_{name}": x for end, pose in ends.items() for name, x in zip(AXES, pose, strict=True)},
     }

@@ -40,13 +40,7 @@ def example(name: str) -> Path:
 
 
 def copy_examples(folder: str | PathLike[str]) -> tuple[Path, ...]:
-    """Copies the shipped problems and models, to be changed at will.
-
-    Args:
-        folder: gets the folders `problems` and `models`; what is in them already is left as it is.
-
-    Returns:
-        The files that were written, in order.
+    """Copies the folders of shipped problems and models, to be changed at will; gives the files written, in order.
 
     Raises:
         ResourceError: a file is there already, or cannot be written; nothing is overwritten.

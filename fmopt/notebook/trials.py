@@ -12,9 +12,8 @@ from typing import Any
 class Trials:
     """What trials of a plan came to.
 
-    Args:
-        summary: inside and beyond the certified set: trials, successes, share with its 95 % interval, forces (N), times
-            (s) and penetration (m); failures by their first departure from the plan.
+    `summary` has, inside and beyond the certified set, trials, successes, share with its 95 % interval, forces (N),
+    times (s) and penetration (m), and failures by their first departure from the plan.
     """
 
     summary: Mapping[str, Any]

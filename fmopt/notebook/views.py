@@ -1,9 +1,4 @@
-"""Which drawings there are of which values: a table by type, looked up by name so that nothing is imported in vain.
-
-Regions of the plane, contact graphs and sets of errors on a sheet.
-
-Parts as the scene in three dimensions takes them, and a part alone on a turntable.
-"""
+"""Which drawings there are of which values: a table by type, looked up by name so that nothing is imported in vain."""
 
 from __future__ import annotations
 
@@ -20,7 +15,7 @@ from fmopt.geometry.part import Part
 from fmopt.geometry.plane.region import Region
 from fmopt.plan.position_force import AXES
 from fmopt.report.bodies import stated_part
-from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, Drawing, Figure, fill
+from fmopt.report.drawing import BLUE, PALE, RUST, Drawing, Figure, fill
 from fmopt.report.naming import box_words
 from fmopt.spatial.values import Array
 
@@ -31,7 +26,6 @@ if TYPE_CHECKING:
 
 _SCENE, _PRESSES, _STILL = (8.2, 8.0), (8.2, 9.4), (8.2, 6.5)  # inches
 _PAIRS = ((0, 1), (0, 2), (3, 4))
-_MANY = 1500  # lines of a graph that can still be told apart
 
 
 def views_of(value: Any) -> dict[str, Drawing]:
@@ -56,29 +50,23 @@ def _plan(plan: Plan) -> Iterable[Drawing]:
 
 
 def _problem(problem: Problem) -> Iterable[Drawing]:
-    from fmopt.report.views import diagram_view
+    """Both parts; the scene with the nominal trajectory straight down, which no plan has confirmed; cut-diagrams."""
+    from fmopt.report.scene import seating
+    from fmopt.report.views import diagram_view, part_view
+
+    def paint(sheet: Figure) -> None:
+        from fmopt.notebook.stages import nominal
+        from fmopt.papers.lee_huang.mapping import diagrams
+
+        diagram_view.paint(diagrams(nominal(problem).planes, problem.peg.length), sheet)
 
     title = f"{problem.moving.name} and {problem.fixed.name}"
-    yield part_sheet(problem.moving, problem.fixed, name="parts")
-    yield Drawing("scene", f"{title}, seated along the axis", title, _SCENE, fragment=partial(_seating, problem))
-    alt, paint = f"{title}: cut-diagrams G and GE on three planes.", partial(_paint_diagrams, problem)
-    yield Drawing("diagrams", diagram_view.TITLE, alt, diagram_view.paper(3), paint)
-
-
-def _seating(problem: Problem) -> str:
-    """The parts with the nominal trajectory straight down, which no plan has confirmed."""
-    from fmopt.report.scene import seating
-
+    yield part_view.drawing("parts", problem.moving, problem.fixed)
     nodes = [tuple(pose.tolist()) for pose in (problem.start, problem.goal)]
-    return seating(stated_part(problem.moving), stated_part(problem.fixed), nodes)
-
-
-def _paint_diagrams(problem: Problem, sheet: Any) -> None:
-    from fmopt.notebook.stages import nominal
-    from fmopt.papers.lee_huang.mapping import diagrams
-    from fmopt.report.views import diagram_view
-
-    diagram_view.paint(diagrams(nominal(problem).planes, problem.peg.length), sheet)
+    seated = partial(seating, stated_part(problem.moving), stated_part(problem.fixed), nodes)
+    yield Drawing("scene", f"{title}, seated along the axis", title, _SCENE, fragment=seated)
+    alt = f"{title}: cut-diagrams G and GE on three planes."
+    yield Drawing("diagrams", diagram_view.TITLE, alt, diagram_view.paper(3), paint)
 
 
 def _diagrams(mapping: Diagrams) -> Iterable[Drawing]:
@@ -89,25 +77,12 @@ def _diagrams(mapping: Diagrams) -> Iterable[Drawing]:
 
 
 def _part(part: Part) -> Iterable[Drawing]:
-    yield part_sheet(part, name="part")
-    yield Drawing("scene", f"{part.name}, to be turned", part.name, _STILL, fragment=partial(turning, part))
-
-
-def part_sheet(*parts: Part, name: str) -> Drawing:
-    """Each part seen from a corner, and cut through its axis and across it."""
+    from fmopt.report.scene import part_scene
     from fmopt.report.views import part_view
 
-    def paint(sheet: Any) -> None:
-        if len(parts) == 1:
-            part_view.paint(parts[0].name, parts[0].polyhedron, parts[0].bodies, middle(parts[0]), sheet)
-            return
-        for half, part in zip(sheet.subfigures(len(parts), 1), parts, strict=True):
-            part_view.paint(part.name, part.polyhedron, part.bodies, middle(part), half)
-
-    width, height = part_view.size()
-    alt = " ".join(part_view.alt(part.name, part.polyhedron) for part in parts)
-    title = " and ".join(part.name for part in parts)
-    return Drawing(name, title, alt, (width, height * len(parts)), paint=paint)
+    yield part_view.drawing("part", part)
+    turning = partial(part_scene, stated_part(part))
+    yield Drawing("scene", f"{part.name}, to be turned", part.name, _STILL, fragment=turning)
 
 
 def _region(region: Region) -> Iterable[Drawing]:
@@ -118,10 +93,11 @@ def _region(region: Region) -> Iterable[Drawing]:
 
 
 def _graph(graph: ContactGraph) -> Iterable[Drawing]:
-    counts = ", ".join(f"{n} of dimension {d}" for d, n in reversed(graph.count().items()))
-    states = f"{len(graph.states)} contact states"
-    alt = f"{states}: {counts}. Each row is a dimension, lines join states that touch."
-    yield Drawing("states", f"{states} by dimension", alt, (7.0, 4.6), partial(paint_graph, graph))
+    from fmopt.report.views import graph_view
+
+    states = [(state.contacts, state.dimension) for state in graph.states]
+    contacts, dimensions = zip(*states, strict=True)
+    yield graph_view.drawing("states", graph_view.StateGraph("the pose", contacts, dimensions, graph.sons, ()))
 
 
 def _errors(errors: ErrorSet) -> Iterable[Drawing]:
@@ -159,31 +135,6 @@ def paint_region(region: Region, sheet: Figure) -> None:
     axes.set_ylabel("v, mm")
 
 
-def paint_graph(graph: ContactGraph, sheet: Figure) -> None:
-    """A row for each dimension, free space on top; a dot for each state, lines to the states on its boundary."""
-    axes = sheet.subplots()
-    counts = graph.count()
-    rank: dict[int, int] = dict.fromkeys(counts, 0)
-    places = np.zeros((len(graph.states), 2))
-    for i, state in enumerate(graph.states):
-        number = rank[state.dimension]
-        rank[state.dimension] += 1
-        places[i] = (number + 0.5) / counts[state.dimension] - 0.5, state.dimension
-    links = [(i, j) for i, sons in enumerate(graph.sons) for j in sons]
-    if len(links) <= _MANY:
-        lines = np.array([[places[i], places[j]] for i, j in links]).reshape(-1, 2, 2)
-        axes.plot(lines[:, :, 0].T, lines[:, :, 1].T, color=GREY, linewidth=0.25, zorder=1)
-    axes.plot(*places.T, "o", markersize=3.6 if len(places) < 100 else 2.4, color=BLUE, zorder=2)
-    for dimension, count in counts.items():
-        axes.annotate(f"{count}", (0.56, dimension), va="center", color=INK)
-    axes.set_xlim(-0.55, 0.62)
-    axes.set_yticks(list(counts), [f"dimension {d}" for d in counts])
-    axes.set_xticks([])
-    axes.spines[["bottom", "left"]].set_visible(False)
-    lines_said = "" if len(links) <= _MANY else f", {len(links)} borders not drawn"
-    axes.set_title(f"{len(graph.states)} contact states{lines_said}")
-
-
 def paint_errors(errors: ErrorSet, sheet: Figure) -> None:
     """Shadows of the set on three pairs of axes: of its ellipsoid, and of what is known of it altogether."""
     turn = np.linspace(0.0, 2.0 * math.pi, 181)
@@ -214,16 +165,3 @@ def _outline(directions: Array, support: Array) -> Any:
     x = (support * ahead[:, 1] - further * directions[:, 1])[kept] / det[kept]
     y = (directions[:, 0] * further - ahead[:, 0] * support)[kept] / det[kept]
     return np.column_stack([x, y])[[*range(int(kept.sum())), 0]]
-
-
-def middle(part: Part) -> float:
-    """Height of the middle of a part in its frame, m."""
-    heights = part.polyhedron.vertices[:, 2]
-    return float(0.5 * (heights.min() + heights.max()))
-
-
-def turning(part: Part) -> str:
-    """A part alone in three dimensions, as a fragment of HTML."""
-    from fmopt.report.scene import part_scene
-
-    return part_scene(stated_part(part))

@@ -1,24 +1,18 @@
-"""Where there is no plan: how far the motion came that came closest, what it lacks, and what would work.
-
-One page of HTML and one figure, as a plan has them, and the same facts as data.
-"""
+"""Where there is no plan: how far the closest motion came, what it lacks, and what would work, as data and page."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from html import escape
 from typing import Any
 
-from fmopt.plan import Contact, Part
+from fmopt.plan import Contact, Numbers, Part
 from fmopt.report.drawing import Drawing
 from fmopt.report.naming import binding_words, box_words, contact_words, degrees, pose_words, quantity
 from fmopt.report.scene import resource
-from fmopt.report.shell import bullets, chaptered, figure, page, table
-from fmopt.report.views.cut_view import End, attempt_drawing
-from fmopt.spatial.se3 import Pose
+from fmopt.report.shell import bullets, chaptered, figure, page, paragraph, table
+from fmopt.report.views.cut_view import attempt_drawing, ends_of
 
-Numbers = tuple[float, ...]
 _TITLE = "The closest attempt: both parts cut through the mating axis, at every move's end in the plane of the lean"
 
 
@@ -35,15 +29,11 @@ class Step:
 
 @dataclass(frozen=True)
 class Lack:
-    """What an attempt lacks.
+    """What an attempt lacks, in the move of a number from 1, one more than there are where none leads on.
 
-    Args:
-        move: the move that it is about, from 1; one more than there are where none leads on.
-        name: of that move's freedom.
-        words: what is wrong, as the planner says it; empty where a margin is short.
-        binding: what the margin is of, as a plan names it: a contact, or two pieces; empty where no margin is short.
-        contact: id of the contact that the move makes or that binds; empty where there is none.
-        short: by how much, m; None where that is not a length.
+    It has the name of that move's freedom, and the contact that it makes or that binds. Where a margin is short,
+    `binding` is what it is of, as a plan names it, else `words` say what is wrong. `short` is by how much, m; None
+    where that is not a length.
     """
 
     move: int
@@ -56,18 +46,22 @@ class Lack:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The nearest problem that does work: the same with a share of all start errors.
+    """The nearest problem that does work: the same with a share of all start errors, its plan's least margin in m.
 
-    Args:
-        box: half-widths (6,) of what is stated of the start error then, m and rad.
-        margin: the least certified margin of its plan, m.
-        velocity: the errors of velocity then, of translation and rotation, as fractions; None where they are as stated.
+    `box` has the half-widths (6,) of what is stated of the start error then, m and rad, `velocity` the errors of
+    velocity in translation and rotation, as fractions; None where they are as stated.
     """
 
     share: float
     box: Numbers
     margin: float
     velocity: tuple[float, float] | None = None
+
+    def record(self) -> dict[str, Any]:
+        """The facts as plain values: m, rad."""
+        velocity = None if self.velocity is None else list(self.velocity)
+        box, margin = list(self.box), self.margin
+        return {"share": round(self.share, 9), "start_box": box, "velocity_error": velocity, "margin": margin}
 
     @property
     def and_velocity(self) -> str:
@@ -142,20 +136,11 @@ class Failure:
             "message": self.message,
             "late": self.late,
             "reason": self.reason,
-            "move": None if lack is None else lack.move,
-            "contact": (lack.contact or None) if lack is not None else None,
-            "binding": (lack.binding or None) if lack is not None else None,
+            **{name: (getattr(lack, name, None) or None) for name in ("move", "contact", "binding")},
             "short": short,
             "short_angle": None if short is None else short / self.rho,
             "start_box": list(self.box),
-            "nearest": None
-            if near is None
-            else {
-                "share": round(near.share, 9),
-                "start_box": list(near.box),
-                "velocity_error": None if near.velocity is None else list(near.velocity),
-                "margin": near.margin,
-            },
+            "nearest": near and near.record(),
             "advice": list(self.advice),
             "moves": [asdict(step) for step in self.steps],
         }
@@ -165,9 +150,7 @@ class Failure:
         """The closest attempt, by name; none where no motion could begin."""
         if not self.steps:
             return {}
-        steps = enumerate(self.steps, start=1)
-        ends = [End(f"end of move {number}", Pose.from_vector(step.goal), step.made) for number, step in steps]
-        ends.insert(0, End("start", Pose.from_vector(self.steps[0].start), ()))
+        ends = ends_of(self.steps[0].start, [(step.goal, step.made) for step in self.steps])
         return {"attempt": attempt_drawing("attempt", _TITLE, self, ends)}
 
     def page(self) -> str:
@@ -178,19 +161,17 @@ class Failure:
 def failure_page(failure: Failure, svgs: Mapping[str, str]) -> str:
     """The page: what is missing first, then the closest attempt, what would work, and what was asked."""
     drawn = "".join(figure(svgs[name], d.alt, d.title, d.size) for name, d in failure.figures.items())
-    works = _paragraph(_sentence(failure.nearest_words)) + bullets(map(_sentence, failure.advice))
+    works = paragraph(_sentence(failure.nearest_words)) + bullets(map(_sentence, failure.advice))
     chapters = [
         ("attempt", "The closest attempt", drawn + _moves(failure)),
         ("works", "What does work", works),
-        ("asked", "What was asked", _paragraph(f"Start errors: {box_words(failure.box)}.")),
+        ("asked", "What was asked", paragraph(f"Start errors: {box_words(failure.box)}.")),
     ]
     limit = "The time limit ended this. " if failure.late else ""
-    lead = (
-        '<div class="verdict unproved">\n<p class="word">No plan</p>\n'
-        f"<p>{escape(_sentence(failure.reason))}</p>\n"
-        f"<p>{escape(f'Stage: {failure.stage}. {limit}{_sentence(failure.message)}')}</p>\n"
-        f"<p>That no motion was found does not prove that there is none.</p>\n</div>\n"
-    )
+    lead = '<div class="verdict unproved">\n<p class="word">No plan</p>\n'
+    stage = f"Stage: {failure.stage}. {limit}{_sentence(failure.message)}"
+    caution = "That no motion was found does not prove that there is none."
+    lead += f"{paragraph(_sentence(failure.reason), stage, caution)}</div>\n"
     title = failure.title or "insertion"
     return page(f"{title}: no plan", resource("page.css"), chaptered("No insertion plan", title, chapters, lead))
 
@@ -205,10 +186,6 @@ def _moves(failure: Failure) -> str:
     worst = -1 if failure.lack is None or failure.lack.move > len(rows) else failure.lack.move - 1
     head = ("move", "along or about", "ends at", "contacts made", "certified margin")
     return table("The moves of the closest attempt", head, rows, "n....", worst)
-
-
-def _paragraph(words: str) -> str:
-    return f"<p>{escape(words)}</p>\n"
 
 
 def _sentence(words: str) -> str:

@@ -1,11 +1,7 @@
-"""What the controller is told, as tables: freedoms and forces over time, and the hybrid strategy of every piece.
-
-How far the applied wrenches of a plan may turn before friction on the held contacts can balance them, in words.
-"""
+"""Tables of control: freedoms and forces over time, hybrid strategies, wrenches that friction cannot balance."""
 
 import math
 import re
-from html import escape
 from itertools import groupby
 
 import numpy as np
@@ -14,7 +10,7 @@ from fmopt.plan import Hybrid, JamFree, Plan, Segment
 from fmopt.plan.position_force import AXES, stretches
 from fmopt.report.moves import moves, turn_of, way_of
 from fmopt.report.naming import combination, direction, quantity, signed
-from fmopt.report.shell import table
+from fmopt.report.shell import paragraph, table
 from fmopt.report.views.trajectory_view import stops_words
 from fmopt.spatial.values import Array
 
@@ -45,10 +41,10 @@ def motion_table(plan: Plan) -> str:
         rows.append((name, time, stops_words(stretch.s), force, "; ".join(stretch.differences) or "nothing"))
     if not rows:
         return ""
-    words = (
-        "<p>An axis is stopped where a contact that the move holds has a part along it, at the goal of the move. The "
+    words = paragraph(
+        "An axis is stopped where a contact that the move holds has a part along it, at the goal of the move. The "
         "nominal trajectory goes straight in, and its S(t) says what an uncertain part could touch there; the motion "
-        "touches on purpose, tilted.</p>\n"
+        "touches on purpose, tilted."
     )
     head = ("move", "commanded", "S", "Fa", "differs from S(t) of the nominal trajectory")
     return words + table("The motion along the axes", head, rows)
@@ -61,10 +57,9 @@ def hybrid_table(plan: Plan) -> str:
         last = move.segments[-1]
         cells = [hybrid_cells(piece, piece is last, plan.rho) for piece in move.segments]
         for alike, run in groupby(enumerate(cells, start=1), key=lambda item: item[1]):
-            numbers = [number for number, _ in run]
-            several = f", pieces {numbers[0]}–{numbers[-1]}" if len(numbers) > 1 else f", piece {numbers[0]}"
-            name = str(move.number) + ("" if len(numbers) == len(cells) else several)
-            rows.append((name, *alike))
+            first, *more = (number for number, _ in run)
+            pieces = f", pieces {first}–{more[-1]}" if more else f", piece {first}"
+            rows.append((f"{move.number}{pieces if 1 + len(more) < len(cells) else ''}", *alike))
     head = ("move", "position-controlled", "force-controlled", "velocity", "bias wrench", "end")
     words = (
         "<p>Position axes are twists, force axes wrenches, both in the compliance frame; velocity and wrenches in axes "
@@ -77,21 +72,20 @@ def hybrid_table(plan: Plan) -> str:
 
 def _impact_words(plan: Plan) -> str:
     """Which moves are slowed so that their contacts are met softly, where the impact is limited."""
-    asked = plan.specification
-    if asked.impact is None:
+    if plan.specification.impact is None:
         return ""
-    force, mass, stiffness = asked.impact
+    force, mass, stiffness = plan.specification.impact
     slow = [
         f"move {move.number} to {1e3 * min(speeds):.3g} mm/s"
         for move in moves(plan)
         if (speeds := [piece.hybrid.speed for piece in move.segments if piece.hybrid.impact is not None])
-        and min(speeds) < asked.speed * (1.0 - 1e-9)
+        and min(speeds) < plan.specification.speed * (1.0 - 1e-9)
     ]
     met = max((met[1] for piece in plan.segments if (met := piece.hybrid.impact) is not None), default=0.0)
     done = f"slowed for that: {', '.join(slow)}" if slow else "no move had to be slowed for that"
-    return (
-        f"<p>Contacts are to be met with at most {force:.3g} N, by {mass:.3g} kg on {1e-3 * stiffness:.3g} "
-        f"N/mm, on top of the push; {done}. With every error they are met with at most {met:.3g} N.</p>\n"
+    return paragraph(
+        f"Contacts are to be met with at most {force:.3g} N, by {mass:.3g} kg on {1e-3 * stiffness:.3g} "
+        f"N/mm, on top of the push; {done}. With every error they are met with at most {met:.3g} N."
     )
 
 
@@ -99,7 +93,7 @@ def hybrid_cells(piece: Segment, last: bool, rho: float) -> tuple[str, ...]:
     """The strategy of a piece in words: position axes, force axes, velocity, bias wrench, end."""
     hybrid = piece.hybrid
     # Turns times ρ are lengths, torques by ρ forces: all six numbers compare, and power stays what it is.
-    twists, wrenches = np.array([1.0, 1.0, 1.0, rho, rho, rho]), np.array([1.0, 1.0, 1.0, 1 / rho, 1 / rho, 1 / rho])
+    twists, wrenches = (np.repeat([1.0, lever], 3) for lever in (rho, 1 / rho))
     velocity = direction(hybrid.velocity, twists) + f" at {1e3 * hybrid.speed:.3g} mm/s"
     rate = hybrid.speed * float(np.linalg.norm(hybrid.velocity[3:]))  # rad/s: velocity is per metre of way
     velocity += f", turning at {rate:.3g} rad/s" if rate >= _TURNS else ""
@@ -132,26 +126,25 @@ def jamming_table(plan: Plan) -> str:
     """The worst piece of every move, how many may jam, and what the numbers mean; nothing where none is stated."""
     rows = []
     for move in moves(plan):
-        ranges = [(k, piece.hybrid, piece.hybrid.jam_free) for k, piece in enumerate(move.segments, start=1)]
-        stated = [(k, hybrid, free) for k, hybrid, free in ranges if free is not None]
+        pieces = enumerate((piece.hybrid for piece in move.segments), start=1)
+        stated = [(k, hybrid, hybrid.jam_free) for k, hybrid in pieces if hybrid.jam_free is not None]
         if not stated:
             continue
         k, worst, free = min(stated, key=lambda item: _room(item[2]))
-        jamming = sum(not free.angle > 0.0 for _, _, free in stated)
-        several = len(stated) > 1
+        jamming, several = sum(not free.angle > 0.0 for _, _, free in stated), len(stated) > 1
         name = f"{move.number}, piece {k}" if several else str(move.number)
         count = f"{jamming} of {len(stated)} pieces" if jamming and several else "may jam" if jamming else "none"
         rows.append((name, *jamming_cells(worst, free, plan.rho), count))
     head = ("move", "push", "angle in any direction", "narrow ranges", "may jam")
     words = (
-        "<p>Friction on the held contacts, of the stated coefficient, cannot balance the wrench that is applied to the "
+        "Friction on the held contacts, of the stated coefficient, cannot balance the wrench that is applied to the "
         "part: it has to move. The angles say how far that wrench may turn from the bias before it could, with torques "
         "counted by ρ; each is proved by a twist in the plan. Where no angle is given, contact forces exist that leave "
         "the part where it is: it may jam there, and a servo has to push harder than the bias does. Shown is the worst "
-        "piece of each move.</p>\n"
+        "piece of each move."
     )
-    said = f"<p>Of this plan, {escape(jamming_words(plan))}.</p>\n"
-    return words + said + table("Directions in which the applied wrench cannot jam", head, rows) if rows else ""
+    said = paragraph(words, f"Of this plan, {jamming_words(plan)}.")
+    return said + table("Directions in which the applied wrench cannot jam", head, rows) if rows else ""
 
 
 def jamming_words(plan: Plan) -> str:
@@ -171,15 +164,15 @@ def jamming_words(plan: Plan) -> str:
     pairs = [(item.push, item.least_push) for _, item in jamming if item.least_push is not None]
     if pairs:
         push, least = max(pairs, key=lambda pair: pair[1] - pair[0])
-        words += f": where most is missing, the push is {_newtons(push)} and friction can take {_newtons(least)}"
+        words += f": where most is missing, the push is {push:.2f} N and friction can take {least:.2f} N"
     return words
 
 
 def jamming_cells(hybrid: Hybrid, free: JamFree, rho: float) -> tuple[str, str, str]:
     """Of a strategy: the push and what it takes, the angle in any direction, and the narrow ranges."""
     least = free.least_push
-    takes = "no push is shown to be enough" if least is None else f"friction can take {_newtons(least)}"
-    push = f"{_newtons(free.push)}, {takes}"
+    takes = "no push is shown to be enough" if least is None else f"friction can take {least:.2f} N"
+    push = f"{free.push:.2f} N, {takes}"
     if not free.twists:  # nothing opens all held contacts, so that no push is sure to move the part
         return push, "may wedge", "–"
     if not free.angle > 0.0:
@@ -196,19 +189,13 @@ def _towards(hybrid: Hybrid, name: str, rho: float) -> str:
     axes = hybrid.position_axes if positions else hybrid.force_axes
     if named is None or int(named[2]) >= len(axes):
         return name
-    turns: Array = np.array([1.0, 1.0, 1.0, *[rho if positions else 1.0 / rho] * 3])
-    return f"{named[1]} axis {direction(axes[int(named[2])], turns)}"
+    return f"{named[1]} axis {direction(axes[int(named[2])], np.repeat([1.0, rho if positions else 1.0 / rho], 3))}"
 
 
 def _degrees(angle: float) -> str:
     """An angle (rad) in degrees, two digits of it below 10°."""
     degrees = math.degrees(angle)
     return f"{degrees:.2g}°" if degrees < 10.0 else f"{degrees:.0f}°"
-
-
-def _newtons(force: float) -> str:
-    """A force to hundredths of a newton."""
-    return f"{force:.2f} N"
 
 
 def _room(free: JamFree) -> tuple[float, float]:

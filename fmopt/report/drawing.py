@@ -110,7 +110,7 @@ def drawn(paint: Callable[[Figure], None], size: tuple[float, float], form: str 
     return content.getvalue()
 
 
-def legend(owner: Axes | Figure, entries: Mapping[str, Mapping[str, Any]], **place: Any) -> None:
+def legend(owner: Axes | Figure, entries: Mapping[str, Any], **place: Any) -> None:
     """A legend of lines by their words and style, and of patches where the style has a colour of faces."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch

@@ -29,15 +29,9 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Move:
-    """A move of a plan.
+    """A move of a plan, numbered from 1, with travel, m, turn, rad, and the smallest clearance and margin, m.
 
-    Args:
-        number: counts from 1 through the plan.
-        made: id of the contact that ends it, None for a move that makes none.
-        travel: way of the moving part's reference point, m.
-        turn: angle turned, rad.
-        clearance: smallest over the pieces, m.
-        margin: smallest over the pieces, m.
+    `made` is the id of the contact that ends it, None for a move that makes none.
     """
 
     number: int
@@ -188,31 +182,25 @@ def _motion_words(plan: Plan, move: Move) -> str:
 
 def summary_rows(plan: Plan) -> list[tuple[str, ...]]:
     """Rows for the terminal, the first with the heads: number, what it does, held, travel, turn, margin, what binds."""
-    head = ("move", "what it does", "held", "travel", "turn", margin_name(plan), "what binds")
-    rows: list[tuple[str, ...]] = [
-        (
-            str(move.number),
-            move_words(plan, move),
-            ", ".join(move.state) or "none",
-            f"{1e3 * move.travel:.2f} mm",
-            f"{math.degrees(move.turn):.2f}°",
-            margin_words(move.margin),
-            binding_words(plan, move.binding),
-        )
-        for move in moves(plan)
-    ]
-    return [head, *rows]
+    head: tuple[str, ...] = ("move", "what it does", "held", "travel", "turn", margin_name(plan), "what binds")
+    rows = [head]
+    for move in moves(plan):
+        held, (way, turn) = ", ".join(move.state) or "none", (1e3 * move.travel, math.degrees(move.turn))
+        said = margin_words(move.margin), binding_words(plan, move.binding)
+        rows.append((str(move.number), move_words(plan, move), held, f"{way:.2f} mm", f"{turn:.2f}°", *said))
+    return rows
 
 
 def states(plan: Plan) -> list[tuple[tuple[str, ...], int]]:
     """The contact states along the motion, first to last, each with its dimension 6 − rank."""
     chain: list[tuple[tuple[str, ...], int]] = []
     for move in moves(plan):
+        begin = (move.state, 6 - _rank(move.segments[0], held_only=True))
         if not chain:
-            chain.append((move.state, 6 - _rank(move.segments[0], held_only=True)))
+            chain.append(begin)
         # Giving contacts up changes the state before anything moves: a link of the chain of its own.
         if move.left:
-            chain.append((move.state, 6 - _rank(move.segments[0], held_only=True)))
+            chain.append(begin)
         if move.goal_state != move.state:
             chain.append((move.goal_state, 6 - _rank(move.segments[-1], held_only=False)))
     return chain

@@ -15,6 +15,7 @@ from fmopt.spatial.values import Array
 
 _SAME = 1e-9  # m
 _SLIGHT = 0.005  # of the greatest component of a direction
+_PIECES, _EARLY = re.compile(r"(?:pieces )?(\d+)[/-](\d+)"), re.compile(r"(\S+) too early")
 _ALONG = 0.94  # cosine within which a direction is called by one axis
 
 
@@ -79,8 +80,7 @@ def spoken_axis(vector: Array, always_signed: bool = False) -> str:
 
 def contact_words(plan: Parts, contact: str) -> str:
     """A contact by id in words, the moving part's first: "side edge e0 touches rim edge e8 (x = −10.1 mm)"."""
-    record = next((c for c in plan.contacts if c.id == contact), None)
-    if record is None:
+    if (record := _record(plan, contact)) is None:
         return f"contact {contact} is made"
     own, other = (*contact.split("-", 1), "")[:2] if "-" in contact else (contact, contact)
     return meeting_words(plan, record, f" {own}", f" {other}")
@@ -95,14 +95,17 @@ def meeting_words(plan: Parts, record: Contact | UnplannedContact, own: str = ""
 
 def touched_words(plan: Plan, contact: str) -> str:
     """The fixed part's feature of a contact in words: "wall f2"."""
-    record = next((c for c in plan.contacts if c.id == contact), None)
-    if record is None:
+    if (record := _record(plan, contact)) is None:
         return f"contact {contact}"
     return f"{_fixed_words(_points(plan.fixed, record.fixed))} {contact.partition('-')[2]}"
 
 
 def _points(part: Part, vertices: Sequence[int]) -> Array:
     return np.array([part.body.vertices[i] for i in vertices], dtype=np.float64)
+
+
+def _record(plan: Parts, contact: str) -> Contact | None:
+    return next((c for c in plan.contacts if c.id == contact), None)
 
 
 def _vertices(body: Body) -> Array:
@@ -144,12 +147,10 @@ def _place(points: Array) -> str:
 
 def binding_words(plan: Parts, binding: str) -> str:
     """What a margin is of, in words: a contact, a pair of pieces "0/3", or a contact with " too early"."""
-    pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
-    if pair:
+    if pair := _PIECES.fullmatch(binding):
         sides = zip((plan.moving, plan.fixed), pair.groups(), strict=True)
         return " against ".join(_piece_words(part, int(number)) for part, number in sides)
-    early = re.fullmatch(r"(\S+) too early", binding)
-    if early:
+    if early := _EARLY.fullmatch(binding):
         return f"contact {early[1]} must not be made too early"
     if any(contact.id == binding for contact in plan.contacts):
         return f"bounds of contact {binding}"
@@ -158,10 +159,9 @@ def binding_words(plan: Parts, binding: str) -> str:
 
 def binding_label(plan: Plan, binding: str) -> str:
     """The same in two or three words, for figures."""
-    pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
-    if pair:
+    if pair := _PIECES.fullmatch(binding):
         return f"against {_side_words(plan.fixed, int(pair[2]))}"
-    early = re.fullmatch(r"(\S+) too early", binding)
+    early = _EARLY.fullmatch(binding)
     return f"{early[1]} made too early" if early else f"bounds of {binding}" if binding else "nothing"
 
 

@@ -1,7 +1,4 @@
-"""The report of a plan: one page of HTML that holds everything, opens offline and prints in black and white.
-
-What the planar sets of possible contact say of a plan, as tables: gross and fine parts, and whether S(t) agrees.
-"""
+"""The report of a plan: one page of HTML that holds everything, opens offline and prints in black and white."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -16,7 +13,7 @@ from fmopt.report.naming import degrees, quantity
 from fmopt.report.presses import press_chapters
 from fmopt.report.recovery_tables import recovery_chapter, tolerance_chapter
 from fmopt.report.scene import resource, scene
-from fmopt.report.shell import chaptered, figure, page, table
+from fmopt.report.shell import chaptered, figure, page, paragraph, table
 from fmopt.report.views.budget_view import budget_table
 
 
@@ -45,9 +42,9 @@ def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
 
 def _press_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, str, str]]:
     """Chapters of presses: what their trials came to, what they do, and the first attempt along the axes."""
-    words = (
-        "<p>The first attempt as it goes without errors, from press to press. An axis that gives way counts as stopped "
-        "in the direction in which it is pressed, in both without a force; the others are led.</p>\n"
+    words = paragraph(
+        "The first attempt as it goes without errors, from press to press. An axis that gives way counts as stopped "
+        "in the direction in which it is pressed, in both without a force; the others are led."
     )
     course = shown.get("trajectory", "") + control_tables.force_table(plan)
     return [*press_chapters(plan), ("trajectory", "Position and force over time", words + course if course else "")]
@@ -59,7 +56,7 @@ def _guarded_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, s
     states = sections.why(plan) + drawings + sections.contact_table(plan) + sections.critical_table(plan)
     # Where the start errors come from, what becomes of them on the way, and what they take of the clearance.
     sources = budget_table(plan) + shown.get("budget", "")
-    budget = sources + sections.error_table(plan) + shown.get("tube", "") + sections.taken(plan)
+    budget = sources + sections.error_table(plan) + shown.get("tube", "")
     tables = control_tables.force_table(plan) + control_tables.motion_table(plan)
     course = shown.get("diagrams", "") + shown.get("trajectory", "") + tables
     planar = possible_contacts(plan)
@@ -81,15 +78,14 @@ def _verdict_box(plan: Plan, found: Verdict) -> str:
     limits = ' Under the assumptions listed in <a href="#limits">what was not checked</a>.' if found.proved else ""
     text = f'<div class="verdict {kind}">\n<p class="word">{escape(found.word)}</p>\n'
     text += f"<p>{escape(found.sentence)}{limits}</p>\n"
-    text += "" if plan.press_plan is not None else f"<p>{escape(sections.worst_move(plan))}</p>\n"
+    text += "" if plan.press_plan is not None else paragraph(sections.worst_move(plan))
     text += f'<p>{escape(sections.asked_words(plan))} More under <a href="#asked">what was asked</a>.</p>\n'
     return text + "</div>"
 
 
 def possible_contacts(plan: Plan) -> str:
     """The chapter of a planar plan; nothing for a plan in space."""
-    found = None if plan.description.diagnostics is None else plan.description.diagnostics.planar
-    if found is None:
+    if (found := plan.diagnostics.planar) is None:
         return ""
     words = (
         "The problem is planar, in x and z. Its solids stand for the profiles: the moving one is a ridge that touches "
@@ -98,7 +94,7 @@ def possible_contacts(plan: Plan) -> str:
         "and edges (e) of the two profiles, the moving one first. At the start errors displace the moving part's "
         f"reference point by up to {quantity(found.position)} and turn it by up to {degrees(found.angle)}°."
     )
-    return f"<p>{escape(words)}</p>\n" + _motion(plan, found) + _nominal_table(found) + _carry(found)
+    return paragraph(words) + _motion(plan, found) + _nominal_table(found) + _carry(found)
 
 
 def _motion(plan: Plan, found: Planar) -> str:
@@ -133,15 +129,14 @@ def _nominal_table(found: Planar) -> str:
         f"{said.only_possible:.3f} s, only S(t) stopped for {said.only_stopped:.3f} s. {said.words}."
     )
     head = ("time", "kind", "possible contacts")
-    return table("The nominal insertion along the axis", head, rows) + f"<p>{escape(text)}</p>\n"
+    return table("The nominal insertion along the axis", head, rows) + paragraph(text)
 
 
 def _carry(found: Planar) -> str:
-    height, aside = found.height, quantity(found.aside)
-    if height is None:
-        words = f"Carried {aside} to either side the part may meet the fixed one, however high it is lifted."
-    elif height == 0.0:
-        words = f"Carried {aside} to either side at the height of its start the part meets nothing."
-    else:
-        words = f"To be carried {aside} to either side without a contact it has to be lifted by {quantity(height)}."
-    return f"<p>{escape(words)}</p>\n"
+    aside = quantity(found.aside)
+    if found.height is None:
+        return paragraph(f"Carried {aside} to either side the part may meet the fixed one, however high it is lifted.")
+    if found.height == 0.0:
+        return paragraph(f"Carried {aside} to either side at the height of its start the part meets nothing.")
+    lifted = f"it has to be lifted by {quantity(found.height)}"
+    return paragraph(f"To be carried {aside} to either side without a contact {lifted}.")

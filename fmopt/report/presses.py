@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from html import escape
 
 from fmopt.plan import Plan
 from fmopt.plan.evidence import TOUCH, Evidence, TrialOutcome
 from fmopt.plan.position_force import AXES
 from fmopt.plan.press import Attempt, Force, Level, Press, PressPlan, Standstill, Time, Travel
 from fmopt.report.naming import degrees, millimetres, pose_words
-from fmopt.report.shell import Markup, table
+from fmopt.report.shell import Markup, paragraph, table
 
 _MAX_LISTED = 40  # trials that do not seat
 OUTCOMES = "Outcomes by press and kind: draws, and vertices in brackets"
@@ -202,15 +201,15 @@ def press_chapters(plan: Plan) -> list[tuple[str, str, str]]:
         title = f"Attempt {number + 1} ({attempt.source}), from {pose_words(attempt.start)}"
         text += table(title, HEAD, press_rows(attempt))
     robot = presses.robot
-    text += (
-        f"<p>Axes of the frame of the hole, torques about the leading face's centre. Held axes: "
+    text += paragraph(
+        f"Axes of the frame of the hole, torques about the leading face's centre. Held axes: "
         f"{1e-3 * robot.stiffness[0]:g} N/mm, {robot.stiffness[1]:g} N m/rad; axes that give way: "
         f"{robot.damping[0]:.4g} N s/m, {robot.damping[1]:.3g} N m s/rad; {robot.mass:g} kg. After a failure the part "
-        "backs out along its way, is lifted, and the next attempt begins.</p>\n"
+        "backs out along its way, is lifted, and the next attempt begins."
     )
-    found = f"<p>{escape(evidence_words(plan))}</p>\n"
+    found = paragraph(evidence_words(plan))
     if evidence is not None:
-        found += f"<p>Drawn from: {escape(conditions_words(evidence))}. Force up to {evidence.peak_force:.1f} N.</p>\n"
+        found += paragraph(f"Drawn from: {conditions_words(evidence)}. Force up to {evidence.peak_force:.1f} N.")
         found += table(OUTCOMES, ENDINGS, outcome_rows(plan, evidence), "n.nnn.")
         failed = len(evidence.by_name) - evidence.seated - evidence.vertices_seated
         head = ("trial", "attempt", "last press", "what speaks against it", "s", "greatest N")

@@ -1,19 +1,14 @@
-"""What a plan says of failing: which contact an error would make first and what to do then, in words and tables.
-
-How much error a plan tolerates, and what each tolerance costs its margin, in words and as a table.
-"""
+"""What a plan says of failing and of larger errors: contacts made first, ways back, tolerated errors and their cost."""
 
 import math
 from collections.abc import Sequence
-from html import escape
 from itertools import groupby
 
 from fmopt.plan import MoveRecovery, Plan
-from fmopt.plan.diagnostics import ErrorTolerance
 from fmopt.plan.position_force import AXES
 from fmopt.report.moves import verdict
-from fmopt.report.naming import binding_words, degrees, meeting_words, millimetres, signed
-from fmopt.report.shell import bullets, table
+from fmopt.report.naming import binding_words, box_words, degrees, meeting_words, millimetres, signed
+from fmopt.report.shell import bullets, paragraph, table
 
 # One step more of each tolerance: of a length (m) or a share, and of an angle (rad).
 _ONE = {"start": (1e-4, math.radians(0.1)), "velocity": (0.01, 0.01), "clearance": (1e-5, 1e-5)}
@@ -32,11 +27,8 @@ def recovery_words(plan: Plan) -> list[str]:
     lifted = [move.move + 1 for move in found.moves if move.back_off]
     others = [move.move + 1 for move in found.moves if not move.back_off]
     words = f"When a move fails the part can be lifted straight out of the hole in {_listed('move', lifted)}"
-    if others:
-        words += (
-            f", in {_listed('move', others)} only while the part's lowest point lies above "
-            f"z = {millimetres(found.lift.above)} mm"
-        )
+    above = f"only while the part's lowest point lies above z = {millimetres(found.lift.above)} mm"
+    words += f", in {_listed('move', others)} {above}" if others else ""
     said = [f"{words}."]
     if not found.retries:
         return [*said, f"It is not to be tried again: {found.why}."]
@@ -63,7 +55,6 @@ def recovery_chapter(plan: Plan) -> str:
     found = plan.recovery
     if found is None:
         return ""
-    text = "".join(f"<p>{escape(words)}</p>\n" for words in recovery_words(plan))
     rows = [row for move in found.moves for row in _rows(plan, move)]
     note = (
         "Figures of the planner, of first order: by which factor all start errors have to grow, or one alone, for a "
@@ -71,7 +62,7 @@ def recovery_chapter(plan: Plan) -> str:
         "contact that is wanted, apart from the contacts that are held."
     )
     head = ("move", "contact", "all errors", "one alone", "angle", "felt apart")
-    text += f"<p>{note}</p>\n" + table("Contacts that errors would make first", head, rows, "n.nnn.")
+    text = paragraph(*recovery_words(plan), note) + table("Contacts that errors would make first", head, rows, "n.nnn.")
     if found.retries:
         shifts = [(str(k), *map(millimetres, shift[:2])) for k, shift in enumerate(found.retries, start=1)]
         text += table("Shifts of the start, in mm", ("number", "x", "y"), shifts, "nnn")
@@ -80,40 +71,29 @@ def recovery_chapter(plan: Plan) -> str:
             for move in found.moves
         ]
         text += table("In which order they are tried", ("move", "felt too early", "not felt"), orders, "n..")
-    return f"{text}<p>Not covered:</p>\n{bullets(found.not_covered)}"
+    return text + bullets(found.not_covered, "Not covered:")
 
 
 def _rows(plan: Plan, move: MoveRecovery) -> list[tuple[str, ...]]:
-    number = str(move.move + 1)
-    found = () if plan.description.diagnostics is None else plan.description.diagnostics.unplanned
-    mine = [one for one in found if one.move == move.move]
-    if not mine:
-        return [(number, "none found", "–", "–", "–", "–")]
-    return [
-        (
-            number,
-            meeting_words(plan, first),
-            f"{first.factor:.3g}",
-            "–" if first.axis_factor is None else f"{first.axis}: {first.axis_factor:.3g}",
-            "–" if first.angle is None else f"{math.degrees(first.angle):.1f}°",
-            "yes" if first.told else "no",
-        )
-        for first in mine
-    ]
+    rows = []
+    for one in plan.diagnostics.unplanned:
+        if one.move == move.move:
+            alone = "–" if one.axis_factor is None else f"{one.axis}: {one.axis_factor:.3g}"
+            angle = "–" if one.angle is None else f"{math.degrees(one.angle):.1f}°"
+            rows.append((meeting_words(plan, one), f"{one.factor:.3g}", alone, angle, "yes" if one.told else "no"))
+    return [(str(move.move + 1), *row) for row in rows or [("none found", "–", "–", "–", "–")]]
 
 
 def tolerated_words(plan: Plan) -> str:
     """How far all start errors may grow together, in a sentence; nothing where the plan does not say."""
-    found = _tolerated(plan)
-    if found is None:
+    if (found := plan.diagnostics.tolerated) is None:
         return ""
-    box = [(name, value) for name, value in zip(AXES, found.start_box, strict=True) if value > 0.0]
     if found.factor <= 0.0:
         words = "This motion has no positive margin, however small the start errors."
-    elif not box:
+    elif not any(found.start_box):
         return "The problem states no start error."
     else:
-        sizes = ", ".join(f"{name} ±{_size(name, value)}" for name, value in box)
+        sizes = box_words(found.start_box)
         words = f"This motion keeps a positive margin up to {found.factor:.3g} times the start errors: {sizes}."
     if (end := found.end) is not None:
         words += f" What ends it is move {end.move + 1}: {end.reason or binding_words(plan, end.binding)}."
@@ -122,13 +102,9 @@ def tolerated_words(plan: Plan) -> str:
     return words + " That is the planner's own figure, and not proved."
 
 
-def _tolerated(plan: Plan) -> ErrorTolerance | None:
-    return None if plan.description.diagnostics is None else plan.description.diagnostics.tolerated
-
-
 def rates(plan: Plan) -> list[tuple[str, str, str]]:
     """For each tolerance its name, its value and what one more step of it does to the margin, the costliest first."""
-    found = _tolerated(plan)
+    found = plan.diagnostics.tolerated
     rows = []
     for entry in () if found is None else found.sensitivities:
         kind, _, axis = entry.name.partition(".")
@@ -153,14 +129,11 @@ def tolerance_chapter(plan: Plan) -> str:
         return ""
     note = "Each is the same motion certified anew with that tolerance a fiftieth larger, the change scaled."
     head = ("tolerance", "as stated", "what more of it does to the margin")
-    return f"<p>{escape(words)}</p>\n<p>{note}</p>\n" + table("What each tolerance costs", head, rates(plan), ".n.")
-
-
-def _size(name: str, value: float) -> str:
-    return f"{degrees(value)}°" if name.startswith("r") else f"{millimetres(value)} mm"
+    return paragraph(words, note) + table("What each tolerance costs", head, rates(plan), ".n.")
 
 
 def _value(kind: str, axis: str, value: float) -> str:
     if kind == "velocity":
         return f"{100 * value:.3g} %"
-    return f"{'' if kind == 'clearance' else '±'}{_size(axis, value)}"
+    size = f"{degrees(value)}°" if axis.startswith("r") else f"{millimetres(value)} mm"
+    return size if kind == "clearance" else f"±{size}"

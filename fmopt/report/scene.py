@@ -139,11 +139,11 @@ def scene_data(plan: Plan) -> dict[str, Any]:
         **data,
         "moves": [
             {
-                "words": move_words(plan, move),
-                "held": ", ".join(move.state) or "nothing",
-                "margin": margin_claim(plan, move.margin),
+                "words": move_words(plan, m),
+                "held": ", ".join(m.state) or "nothing",
+                "margin": margin_claim(plan, m.margin),
             }
-            for move in run
+            for m in run
         ],
         "contacts": {c.id: _pair(plan, c) for c in plan.contacts},
     }
@@ -236,7 +236,7 @@ def _arrows(press: Press, most: float) -> list[dict[str, Any]]:
 def _data(moving: Part, fixed: Part, legs: Sequence[Leg]) -> dict[str, Any]:
     """What the viewer shows of two parts on a way without moves."""
     peg = faceted(body_of(moving.body))
-    skin = _skin(peg, [*map(faceted, pieces_of(moving))])
+    skin = [*map(_rounded, _covering(peg, [*map(faceted, pieces_of(moving))]))]
     data = _fixed_data(body_of(fixed.body), pieces_of(fixed), _opening(legs), legs)
     return {**data, "moving": {"polygons": skin, "lines": _rounded(_creases(peg))}}
 
@@ -248,7 +248,7 @@ def _fixed_data(
     quarter, azimuth = view
     return {
         "moving": {"polygons": [], "lines": []},
-        "fixed": {"polygons": _skin(block, stock), "lines": _rounded(_creases(block))},
+        "fixed": {"polygons": [*map(_rounded, _covering(block, stock))], "lines": _rounded(_creases(block))},
         "open": _opened(block, stock, quarter),
         "quarter": list(quarter),
         "azimuth": azimuth,
@@ -321,12 +321,8 @@ def _into(quarter: tuple[int, int]) -> float:
     return round(math.atan2(quarter[1], 0.8 * quarter[0]), 4)
 
 
-def _skin(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[list[list[float]]]:
-    """Convex polygons that cover the surface: faces of the pieces in planes of the part's faces."""
-    return [_rounded(loop) for loop in _covering(body, pieces)]
-
-
 def _covering(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[Array]:
+    """Convex polygons that cover the surface: faces of the pieces in planes of the part's faces."""
     # Faces of the part may have holes or notches; those of its pieces are convex, which is all that the viewer fills.
     normals, offsets = body.normals, body.offsets
     found = []

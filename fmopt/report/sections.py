@@ -1,33 +1,61 @@
 """The chapters of a report as fragments of HTML: what was asked, found and proved, everything escaped."""
 
-from html import escape
-
 import numpy as np
 
 from fmopt.plan import FORMAT, FRAMES, UNITS, Numbers, Part, Plan
 from fmopt.plan.position_force import AXES
-from fmopt.report.moves import margin_claim, margin_name, margin_words, move_words, moves, states, summary_rows, verdict
+from fmopt.report.control_tables import jamming_words
+from fmopt.report.moves import margin_claim, move_words, moves, states, summary_rows, verdict
 from fmopt.report.naming import binding_words, box_words, contact_words, millimetres, pose_words, quantity, signed
-from fmopt.report.shell import bullets, table
+from fmopt.report.presses import carried_words, conditions_words, evidence_words, timing_words
+from fmopt.report.recovery_tables import rates, recovery_words, tolerated_words
+from fmopt.report.shell import bullets, facts, paragraph, table
 from fmopt.report.views.tube_view import ends_words, error_sets
 
 
 def asked(plan: Plan) -> str:
     """Parts, clearances, start errors, goal."""
-    parts = [_part_row(side, part) for side, part in plan.parts.items()]
-    text = table("Parts", ("part", "name", "extent, mm", "faces", "convex pieces"), parts, "...nn")
-    found = plan.description.diagnostics
-    if found is not None and found.imported:
-        text += "<p>Of the parts that came as meshes:</p>\n" + bullets(found.imported)
-    text += table("The task", ("", ""), _task_rows(plan))
-    if found is not None and found.notes:
-        text += "<p>What the plan leaves out, on which its certificate does not rest:</p>\n" + bullets(found.notes)
-    return text
+    head = ("part", "name", "extent, mm", "faces", "convex pieces")
+    text = table("Parts", head, [_part_row(side, part) for side, part in plan.parts.items()], "...nn")
+    text += bullets(plan.diagnostics.imported, "Of the parts that came as meshes:") + facts(
+        "The task", _task_rows(plan)
+    )
+    notes = "What the plan leaves out, on which its certificate does not rest:"
+    return text + bullets(plan.diagnostics.notes, notes)
+
+
+def statements(plan: Plan) -> list[tuple[str, str]]:
+    """What there is to say of a plan beside its moves or presses, each statement behind what it is about."""
+    rows = [("clearance a side", "; ".join(_sides(plan, "measured", "declared")))]
+    if plan.press_plan is not None:
+        first, *others = plan.press_plan.attempts
+        more = f"; {len(others)} further attempts where it fails: {', '.join(one.source for one in others)}"
+        rows += [("starts at", pose_words(first.start) + more * bool(others)), (plan.verdict, evidence_words(plan))]
+        if plan.trials is not None:
+            rows += [("drawn from", conditions_words(plan.trials)), ("times", timing_words(plan.trials))]
+    else:
+        least = min(plan.segments, key=lambda segment: segment.margin)
+        margin = f"margin {1e6 * least.margin:.2f} µm ({binding_words(plan, least.binding)})"
+        proved = f"least {margin}, checked independently; {carried_words(plan)}"
+        rows += [
+            (plan.verdict, proved if plan.verdict == "CERTIFIED" else f"least computed {margin}, not proved"),
+            ("way", ends_words(plan)),
+            ("friction", jamming_words(plan)),
+            ("errors", tolerated_words(plan)),
+            ("tolerances", "; ".join(f"{name}: {change}" for name, _, change in rates(plan)[:4])),
+            ("failures", " ".join(recovery_words(plan))),
+            *(("parts", note) for note in plan.diagnostics.imported),
+        ]
+    return [(name, words) for name, words in [*rows, ("not covered", "; ".join(plan.not_covered))] if words]
+
+
+def _sides(plan: Plan, *kinds: str) -> list[str]:
+    return [f"{kind} {words}" for kind in kinds if (words := clearance_words(plan, kind))]
 
 
 def asked_words(plan: Plan) -> str:
     """Parts, clearances and start errors in two sentences."""
-    sides = [f"{kind} {text}" for kind in ("declared", "measured") if (text := clearance_words(plan, kind))]
+    sides = _sides(plan, "declared", "measured")
     words = f"Asked for: {plan.moving.name} into {plan.fixed.name}"
     words += f"; clearance on each side {', '.join(sides)}." if sides else "."
     return f"{words} Start error {box_words(plan.start_box)}."
@@ -62,8 +90,7 @@ def _task_rows(plan: Plan) -> list[tuple[str, str]]:
     rows.append(("start error, half-widths", box_words(box)))
     if max(box[:2]) > (part.measured_clearance or min(part.declared_clearance or (0.0,))):
         rows.append(("what follows", "the start error is larger than the clearance: contacts have to shrink it"))
-    reduced = None if plan.description.diagnostics is None else plan.description.diagnostics.reduced
-    if reduced is not None:
+    if (reduced := plan.diagnostics.reduced) is not None:
         stated = box_words(reduced.stated_start_box)
         rows.append(("start error that the problem states", f"{stated}: the plan is for {reduced.share:.0%} of it"))
         rows.append(("for all of it", reduced.short))
@@ -89,17 +116,16 @@ def move_table(plan: Plan) -> str:
     """One row per move."""
     run = moves(plan)
     (*first, travel, turn, margin, binds), *listed = summary_rows(plan)
-    head = (*first, f"{travel}, {turn}", "clearance", margin, binds)
+    head = (*first, f"{travel}, {turn}", "smallest clearance", "taken of it", margin, binds)
     rows = [
-        (*first, f"{travel}, {turn}", quantity(move.clearance), margin, binds)
-        for move, (*first, travel, turn, margin, binds) in zip(run, listed, strict=True)
+        (*first, f"{travel}, {turn}", quantity(m.clearance), quantity(m.clearance - m.margin), margin, binds)
+        for m, (*first, travel, turn, margin, binds) in zip(run, listed, strict=True)
     ]
     worst = min(range(len(run)), key=lambda k: run[k].margin)
     pieces = sum(len(move.segments) for move in run)
     words = f"{len(run)} moves in {pieces} pieces; a move that turns far is checked piece by piece."
-    said = f"<p>{words}</p>\n" + table("Moves, in order", head, rows, "n...nn", worst)
-    ending = unguarded_words(plan)
-    return f"{said}<p>{escape(ending)}</p>\n" if ending else said
+    words += " What is taken of a clearance goes to errors and curvature."
+    return paragraph(words) + table("Moves, in order", head, rows, "n...nnn", worst) + paragraph(unguarded_words(plan))
 
 
 def unguarded_words(plan: Plan) -> str:
@@ -108,13 +134,12 @@ def unguarded_words(plan: Plan) -> str:
     quiet = [str(move.number) for move in run if not move.new]
     if not quiet:
         return ""
-    several = len(quiet) > 1
-    name = f"Moves {', '.join(quiet[:-1])} and {quiet[-1]} make" if several else f"Move {quiet[0]} makes"
-    words = f"{name} no contact: {'each ends' if several else 'it ends'} after its travel, with nothing to feel. "
-    if verdict(plan).proved:
-        words += "With every error in the stated set nothing but what is held is touched up to there. "
-    else:
-        words += "That nothing but what is held is touched up to there is not proved. "
+    *others, last = quiet
+    name = f"Moves {', '.join(others)} and {last} make" if others else f"Move {last} makes"
+    words = f"{name} no contact: {'each ends' if others else 'it ends'} after its travel, with nothing to feel. "
+    proved = "With every error in the stated set nothing but what is held is touched up to there. "
+    unproved = "That nothing but what is held is touched up to there is not proved. "
+    words += proved if verdict(plan).proved else unproved
     if not run[-1].new:
         words += f"The last move is one of them: no contact says that the part has arrived. {ends_words(plan)} "
     return words + "A contact felt on such a move means that something is not as planned."
@@ -124,26 +149,22 @@ def why(plan: Plan) -> str:
     """What the search says of the sequence."""
     search, chain = plan.description.search, states(plan)
     ends = f"from {chain[0][1]} freedoms to {chain[-1][1]}"
-    text = f"<p>The motion goes through {len(chain)} contact states, {ends}.</p>\n"
+    text = paragraph(f"The motion goes through {len(chain)} contact states, {ends}.")
     if search is None or not search.states_expanded:
-        return text + "<p>The plan states no search: nothing is said of how this sequence compares with others.</p>\n"
+        none = "The plan states no search: nothing is said of how this sequence compares with others."
+        return text + paragraph(none)
     rows = [
         ("objective", search.objective),
-        ("cost of this sequence", _plain(search.cost)),
-        ("lower bound over all sequences", _plain(search.lower_bound)),
-        ("gap", _plain(search.gap)),
+        ("cost of this sequence", signed(search.cost, ".6g")),
+        ("lower bound over all sequences", signed(search.lower_bound, ".6g")),
+        ("gap", signed(search.gap, ".6g")),
         ("states expanded", str(search.states_expanded)),
     ]
     if search.moves:
         rows.append(("moves, by name", ", ".join(search.moves)))
-    none = search.gap <= 1e-9 * abs(search.cost)
-    best = "no sequence is cheaper" if none else f"no sequence is cheaper by more than {_plain(search.gap)}"
-    text += f"<p>By the objective of the search, {escape(best)}.</p>\n"
-    return text + table("The search", ("", ""), rows)
-
-
-def _plain(value: float) -> str:
-    return signed(value, ".6g")
+    by = "" if search.gap <= 1e-9 * abs(search.cost) else f" by more than {signed(search.gap, '.6g')}"
+    text += paragraph(f"By the objective of the search, no sequence is cheaper{by}.")
+    return text + facts("The search", rows)
 
 
 def contact_table(plan: Plan) -> str:
@@ -166,11 +187,10 @@ def critical_table(plan: Plan) -> str:
     """The critical points and what was found there."""
     rows = []
     for point in plan.description.critical_points:
-        counts = sorted(point.states_by_dimension.items(), reverse=True)
+        counts, verdicts = sorted(point.states_by_dimension.items(), reverse=True), point.states_by_verdict
         by_dimension = ", ".join(f"{n} of dimension {d}" for d, n in counts if n)
-        sure = str(point.states_by_verdict.get("confirmed", 0))
-        other = point.states_by_verdict.items()
-        sure += "".join(f"; {n} {_VERDICTS[name]}" for name, n in other if n and name in _VERDICTS)
+        others = [f"; {n} {_VERDICTS[name]}" for name, n in verdicts.items() if n and name in _VERDICTS]
+        sure = f"{verdicts.get('confirmed', 0)}{''.join(others)}"
         rows.append((point.name, pose_words(point.pose), str(len(point.contacts)), by_dimension or "–", sure))
     head = ("critical point", "pose", "primitive contacts", "contact states", "confirmed on the true surfaces")
     caption = "Contact spaces, at the critical points of the nominal trajectory and where contacts are made"
@@ -180,11 +200,11 @@ def critical_table(plan: Plan) -> str:
 def margin_words_of(plan: Plan) -> str:
     """What the figure of the margins shows, with the smallest one."""
     worst = min(moves(plan), key=lambda move: move.margin)
-    words = (
+    return paragraph(
         "The clearance is that of the nominal motion; the margin is what is left of it when every error in the set, "
         "the curvature of the contact surfaces and the drift of the velocity have taken their part. Smallest: "
+        f"{margin_claim(plan, worst.margin)}, in move {worst.number}."
     )
-    return f"<p>{words}{escape(margin_claim(plan, worst.margin))}, in move {worst.number}.</p>\n"
 
 
 def error_table(plan: Plan) -> str:
@@ -194,26 +214,16 @@ def error_table(plan: Plan) -> str:
         way, angle = errors.half_widths()[:3], errors.half_widths()[3:]
         rows.append((name, *(_fine(1e3 * v) for v in way), *(_fine(float(np.degrees(v))) for v in angle)))
     head = ("at the end of", *(f"{axis}, mm" for axis in AXES[:3]), *(f"{axis}, °" for axis in AXES[3:]))
-    return f"<p>{escape(ends_words(plan))}</p>\n" + table("Half-widths of the set of errors", head, rows, ".nnnnnn")
+    return paragraph(ends_words(plan)) + table("Half-widths of the set of errors", head, rows, ".nnnnnn")
 
 
 def _fine(value: float) -> str:
     return "< 0.0001" if 0.0 < value < 1e-4 else f"{value:.4f}"  # four digits alone would say that there is none
 
 
-def taken(plan: Plan) -> str:
-    """What the errors take of each move's clearance."""
-    rows = [
-        (str(move.number), quantity(move.clearance), quantity(move.clearance - move.margin), margin_words(move.margin))
-        for move in moves(plan)
-    ]
-    head = ("move", "smallest clearance", "difference", margin_name(plan))
-    return table("What errors and curvature take of the clearance", head, rows, "nnnn")
-
-
 def not_covered(plan: Plan) -> str:
     """What the plan says was not checked."""
-    return bullets(plan.not_covered) if plan.not_covered else "<p>The plan does not say what was not checked.</p>\n"
+    return bullets(plan.not_covered) or paragraph("The plan does not say what was not checked.")
 
 
 def provenance(plan: Plan) -> str:
@@ -228,4 +238,4 @@ def provenance(plan: Plan) -> str:
     ]
     tested = " --evidence tested" if plan.press_plan is not None else ""
     text = f"<p>Anyone can check the plan again without the planner: <code>fmopt verify plan.json{tested}</code>.</p>\n"
-    return text + table("Provenance", ("", ""), rows)
+    return text + facts("Provenance", rows)

@@ -80,9 +80,15 @@ def _section(name: str, heading: str, text: str) -> str:
     return f'<section id="{name}" aria-labelledby="{name}-head">\n{head}\n{text}\n</section>'
 
 
-def bullets(items: Iterable[str]) -> str:
-    """A list of plain texts."""
-    return "<ul>\n" + "".join(f"<li>{escape(words)}</li>\n" for words in items) + "</ul>\n"
+def paragraph(*words: str) -> str:
+    """Paragraphs of plain texts, those without words left out."""
+    return "".join(f"<p>{escape(text)}</p>\n" for text in words if text)
+
+
+def bullets(items: Iterable[str], words: str = "") -> str:
+    """A list of plain texts, with words before it; nothing when there are none."""
+    listed = "".join(f"<li>{escape(item)}</li>\n" for item in items)
+    return f"{paragraph(words)}<ul>\n{listed}</ul>\n" if listed else ""
 
 
 def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], numbers: str = "", worst: int = -1) -> str:
@@ -103,6 +109,11 @@ def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], numb
         f'<div class="wide"><table>\n<caption>{escape(caption)}</caption>\n{top}'
         f"<tbody>\n{body}\n</tbody>\n</table></div>\n"
     )
+
+
+def facts(caption: str, rows: Iterable[tuple[str, str]]) -> str:
+    """A table of plain texts behind what they are about."""
+    return table(caption, ("", ""), rows)
 
 
 def _cell(text: str) -> str:

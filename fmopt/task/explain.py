@@ -1,11 +1,9 @@
-"""A problem back in words, as `fmopt check` prints it.
-
-An assembly back in words, task by task, as `fmopt check` prints it.
-"""
+"""Problems and assemblies back in words, as `fmopt check` prints them: statements, each behind what it is about."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -26,7 +24,6 @@ _FREE = {"p_z": "free_depth", "q_z": "free_turn"}
 
 def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
     """The same as data: SI units, half-widths of errors in the order x, y, z, rx, ry, rz."""
-    play = [width if math.isfinite(width) else None for width in clearance.play]  # JSON has no infinity
     return {
         "valid": True,
         "title": problem.title,
@@ -50,7 +47,7 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
         "velocity_error": asdict(problem.velocity_error),
         "declared_clearance": None if problem.declared_clearance is None else list(problem.declared_clearance),
         "measured_clearance": clearance.per_side,
-        "play": play,
+        "play": [width if math.isfinite(width) else None for width in clearance.play],  # JSON has no infinity
         "specification": problem.specification.record(),
         "tcp": problem.tcp.tolist(),
         "cell": {side: [one.name for one in getattr(problem.cell, side)] for side in ("moving", "fixed")},
@@ -61,23 +58,37 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
 
 def explain(problem: Problem, clearance: Clearance) -> str:
     """What a problem asks for, one statement a line, lengths in mm and angles in degrees."""
-    sections = {
-        "parts": list(_parts(problem)),
-        "task": list(_task(problem)),
-        "goal": [_goal(problem)],
-        "clearance": list(_clearance(problem, clearance)),
-        "start": [*_start(problem), *_drift(problem, clearance)],
-        "motion": list(_motion(problem)),
-        "settings": list(_settings(problem)),
-    }
-    lines = [problem.title, f"{problem.path}  sha256 {problem.sha256}"]
-    for name, statements in sections.items():
-        lines += [f"{name if i == 0 else '':<10} {statement}" for i, statement in enumerate(statements)]
-    return "\n".join(lines)
+    return aligned(problem.title, f"{problem.path}  sha256 {problem.sha256}", *statements(problem, clearance))
 
 
-def _mm(length: float) -> str:
-    return f"{1e3 * length:.6g}"
+def statements(problem: Problem, clearance: Clearance) -> list[tuple[str, str]]:
+    """What a problem asks for, each statement behind what it is about, lengths in mm and angles in degrees."""
+    return listed(
+        {
+            "parts": _parts(problem),
+            "task": _task(problem),
+            "goal": [_goal(problem)],
+            "clearance": _clearance(problem, clearance),
+            "start": chain(_start(problem), _drift(problem, clearance)),
+            "motion": _motion(problem),
+            "settings": _settings(problem),
+        }
+    )
+
+
+def listed(sections: Mapping[str, Iterable[str]]) -> list[tuple[str, str]]:
+    """Statements in order, the first of each section behind its name."""
+    return [(name if i == 0 else "", said) for name, lines in sections.items() for i, said in enumerate(lines)]
+
+
+def aligned(*lines: str | tuple[str, str]) -> str:
+    """Lines of text, statements in a column of their own."""
+    return "\n".join(line if isinstance(line, str) else f"{line[0]:<10} {line[1]}" for line in lines)
+
+
+def mm(length: float) -> str:
+    """A length in mm, to six digits, without its unit."""
+    return f"{round(1e3 * length, 9) + 0.0:.6g}"
 
 
 def _deg(angle: float) -> str:
@@ -100,23 +111,19 @@ def _solid(solid: ConvexSolid) -> str:
 
 def _part(side: str, part: Part, feature: Feature) -> str:
     shape = part.polyhedron
-    extent = " x ".join(_mm(float(width)) for width in shape.widths)
+    extent = " x ".join(mm(float(width)) for width in shape.widths)
     pieces = "1 convex piece" if len(part.pieces) == 1 else f"{len(part.pieces)} convex pieces"
     if shape.balls:
         pieces += " and 1 ball" if len(shape.balls) == 1 else f" and {len(shape.balls)} balls"
     kind = "length" if feature.kind == "solid" else "open at both ends, depth" if feature.through else "blind, depth"
     words = f"{side}: {part.name}, {extent} mm, {len(shape.faces)} faces, {pieces}"
-    words += f"; mates by {feature.name} ({feature.kind}, {kind} {_mm(feature.length)} mm)"
-    words += f"; curves are off by up to {_mm(part.chord_error)} mm" if part.chord_error else ""
+    words += f"; mates by {feature.name} ({feature.kind}, {kind} {mm(feature.length)} mm)"
+    words += f"; curves are off by up to {mm(part.chord_error)} mm" if part.chord_error else ""
     return words + (f"; tolerance of form {1e6 * part.form:.3g} µm" if part.form else "")
 
 
 def _task(problem: Problem) -> Iterator[str]:
-    """The pair, what the goal leaves free and how that is settled, and who is in the hand.
-
-    Raises:
-        TaskError: the task breaks a rule of the knowledge base.
-    """
+    """The pair, what the goal leaves free and how that is settled, and who is in the hand."""
     wanted = problem.task
     found = problem_answer(problem)
     yield f"{found.task.moving} into a {wanted.attachment} pair with {found.task.fixed}"
@@ -128,24 +135,23 @@ def _task(problem: Problem) -> Iterator[str]:
     if wanted.grasp.vector().any():
         x, y, z, *r = wanted.grasp.vector().tolist()
         yield (
-            f"the grasped feature is at ({_mm(x)}, {_mm(y)}, {_mm(z)}) mm in the hand, "
+            f"the grasped feature is at ({mm(x)}, {mm(y)}, {mm(z)}) mm in the hand, "
             f"turned by ({', '.join(map(_deg, r))}) deg"
         )
 
 
 def _goal(problem: Problem) -> str:
-    depth = -float(problem.goal[2])
-    full = min(problem.peg.length, problem.hole.length)
+    depth, full = -float(problem.goal[2]), min(problem.peg.length, problem.hole.length)
     share = "full depth" if depth == full else f"{depth / full:.0%} of full depth"
-    return f"leading face {_mm(depth)} mm below the mouth ({share}), anywhere within the play"
+    return f"leading face {mm(depth)} mm below the mouth ({share}), anywhere within the play"
 
 
 def _clearance(problem: Problem, clearance: Clearance) -> Iterator[str]:
     if problem.declared_clearance is not None:
         x, y = problem.declared_clearance
-        across = "" if problem.plane is not None else f", {_mm(y)} mm along y"
-        yield f"declared on each side: {_mm(x)} mm along x{across}"
-    found = f"measured on the parts: {_mm(round(clearance.per_side, 12))} mm where it is least"
+        across = "" if problem.plane is not None else f", {mm(y)} mm along y"
+        yield f"declared on each side: {mm(x)} mm along x{across}"
+    found = f"measured on the parts: {mm(round(clearance.per_side, 12))} mm where it is least"
     error = max(float(problem.start_box[0]), float(problem.start_box[1]))
     if error > clearance.per_side:
         found += f"; the start error is {error / clearance.per_side:.3g} times that, so contacts have to shrink it"
@@ -161,19 +167,19 @@ def _warnings(problem: Problem, clearance: Clearance) -> Iterator[str]:
     rounds = sum(part.chord_error + part.form for part in (problem.moving, problem.fixed))
     if rounds >= clearance.per_side:
         yield (
-            f"warning: the curved surfaces lie up to {_mm(rounds)} mm from their facets, which is the clearance and "
+            f"warning: the curved surfaces lie up to {mm(rounds)} mm from their facets, which is the clearance and "
             "more; give finer facets"
         )
 
 
 def _far(problem: Problem) -> Iterator[str]:
     """Where the start error may put the peg beside the hole altogether, which is a wrong unit more often than not."""
-    widths = problem.moving.polyhedron.widths
-    for axis, error, width in zip("xy", problem.start_box.tolist(), widths.tolist(), strict=False):
+    widths = problem.moving.polyhedron.widths.tolist()
+    for axis, error, width in zip("xy", problem.start_box.tolist(), widths, strict=False):
         if error > 0.5 * width:
             yield (
-                f"warning: the start error along {axis}, {_mm(error)} mm, is more than half the width of the moving "
-                f"part, {_mm(width)} mm: it may begin beside the hole altogether; check the units"
+                f"warning: the start error along {axis}, {mm(error)} mm, is more than half the width of the moving "
+                f"part, {mm(width)} mm: it may begin beside the hole altogether; check the units"
             )
 
 
@@ -183,32 +189,28 @@ def _mismatch(problem: Problem, clearance: Clearance) -> Iterator[str]:
         side = 0.5 * play
         if math.isfinite(side) and abs(side - declared) > max(1e-6, 0.01 * declared):
             yield (
-                f"warning: along {axis}, {_mm(declared)} mm a side are declared, {_mm(round(side, 12))} mm measured; "
+                f"warning: along {axis}, {mm(declared)} mm a side are declared, {mm(round(side, 12))} mm measured; "
                 "the plan rests on the measured one"
             )
 
 
 def _start(problem: Problem) -> Iterator[str]:
-    yield f"lowest point {_mm(problem.approach)} mm above the mouth, tilted and beside the axis as the plan says"
+    yield f"lowest point {mm(problem.approach)} mm above the mouth, tilted and beside the axis as the plan says"
     yield f"nominal trajectory from {_pose(problem.start, ',')} of the hole's frame"
-    x, y, z, rx, ry, rz = (float(width) for width in problem.start_box)
+    (x, y, z), (rx, ry, rz) = map(mm, problem.start_box[:3]), map(_deg, problem.start_box[3:])
     origin = ("as listed below" if problem.budget else "as stated") if problem.sources is None else "from its sources"
-    if problem.plane is not None:
-        yield f"error {origin}: +-{_mm(x)}, {_mm(z)} mm along x, z; +-{_deg(ry)} deg about y, none out of the plane"
-    else:
-        yield (
-            f"error {origin}: +-{_mm(x)}, {_mm(y)}, {_mm(z)} mm along x, y, z; "
-            f"+-{_deg(rx)}, {_deg(ry)}, {_deg(rz)} deg about them"
-        )
+    box = f"{x}, {y}, {z} mm along x, y, z; +-{rx}, {ry}, {rz} deg about them"
+    planar = f"{x}, {z} mm along x, z; +-{ry} deg about y, none out of the plane"
+    yield f"error {origin}: +-{box if problem.plane is None else planar}"
     if not problem.framing.still and not problem.budget:
         where = "hole, which is askew by it" if problem.framing.hole.any() else "hand, so that it turns with the part"
         yield f"error fixed in the {where}"
     yield from _sources(problem)
     if problem.sources is not None:
-        yield f"grasped {_mm(problem.sources.grasp_height)} mm above the leading face"
+        yield f"grasped {mm(problem.sources.grasp_height)} mm above the leading face"
     if problem.trapezoid is not None:
         ball, cone = problem.trapezoid
-        yield f"S(t) for a ball of {_mm(ball)} mm and a cone of {_deg(cone)} deg, for which nothing is proved"
+        yield f"S(t) for a ball of {mm(ball)} mm and a cone of {_deg(cone)} deg, for which nothing is proved"
 
 
 def _drift(problem: Problem, clearance: Clearance) -> Iterator[str]:
@@ -216,14 +218,14 @@ def _drift(problem: Problem, clearance: Clearance) -> Iterator[str]:
     far = drift(problem, clearance)
     if far.any():
         yield (
-            f"beside that error it drifts by up to {_mm(far[0])} mm and {_deg(far[3])} deg on its way down; "
+            f"beside that error it drifts by up to {mm(far[0])} mm and {_deg(far[3])} deg on its way down; "
             "a lower start.height has less of it"
         )
 
 
 def _pose(P: Array, comma: str = "") -> str:
     turn = f"{comma} turned by ({', '.join(map(_deg, P[3:]))}) deg{comma}" if P[3:].any() else ""
-    return f"({', '.join(map(_mm, P[:3]))}) mm{turn}"
+    return f"({', '.join(map(mm, P[:3]))}) mm{turn}"
 
 
 def _sources(problem: Problem) -> Iterator[str]:
@@ -234,13 +236,13 @@ def _sources(problem: Problem) -> Iterator[str]:
         x, turn = float(share.box[0]), float(share.box[4])
         parts = f"{x / across if across else 0.0:.0%} and {turn / angle if angle else 0.0:.0%}"
         name = f"{share.source} ({share.symbol})" if share.symbol else share.source
-        yield f"{name}: {_mm(x)} mm along x, {_deg(turn)} deg ({parts}), fixed in the {share.frame}"
+        yield f"{name}: {mm(x)} mm along x, {_deg(turn)} deg ({parts}), fixed in the {share.frame}"
 
 
 def _motion(problem: Problem) -> Iterator[str]:
     wanted, error = problem.specification, problem.velocity_error
     yield (
-        f"at most {_mm(wanted.speed)} mm/s; velocity off by up to "
+        f"at most {mm(wanted.speed)} mm/s; velocity off by up to "
         f"{100.0 * error.translation:.4g} % in translation, {100.0 * error.rotation:.4g} % in rotation"
     )
     yield (
@@ -257,7 +259,7 @@ def _motion(problem: Problem) -> Iterator[str]:
 def _settings(problem: Problem) -> Iterator[str]:
     settings = problem.settings
     rho = settings.characteristic_length
-    length = "half the diagonal of the mating section" if rho is None else f"{_mm(rho)} mm"
+    length = "half the diagonal of the mating section" if rho is None else f"{mm(rho)} mm"
     yield f"uncertainty: {settings.method}; placement: {settings.placement}; characteristic length: {length}"
     about = "y" if problem.plane is not None else "each of x and y"
     yield (
@@ -311,11 +313,9 @@ def _step_facts(step: Step) -> dict[str, Any]:
 
 def explain_assembly(assembly: Assembly, steps: Sequence[Step]) -> str:
     """The workcell and what each task comes to, one statement a line, lengths in mm and angles in degrees."""
-    lines = [assembly.title, str(assembly.source.path)]
-    lines.append(f"{'objects':<10} {', '.join(tree.name for tree in assembly.workcell.objects)}")
-    for step in steps:
-        lines += [f"{step.name if i == 0 else '':<10} {words}" for i, words in enumerate(_statements(step))]
-    return "\n".join(lines)
+    found = {"objects": [", ".join(tree.name for tree in assembly.workcell.objects)]}
+    rows = listed({**found, **{step.name: _statements(step) for step in steps}})
+    return aligned(assembly.title, str(assembly.source.path), *rows)
 
 
 def _statements(step: Step) -> Iterator[str]:

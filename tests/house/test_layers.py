@@ -92,7 +92,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "manifold3d": frozenset({"geometry", "papers/lee_huang/touch.py"}),
     "OCP": frozenset({"geometry/step"}),
     "shapely": frozenset({"planning/press", "geometry", "papers/basanez_suarez", "report"}),
-    "matplotlib": frozenset({"report", "study/results/figures.py", "notebook"}),
+    "matplotlib": frozenset({"report", "study/results/figures.py"}),
     "mpl_toolkits": frozenset({"report/views/surface_view.py"}),
     "pydantic": frozenset({"task", "plan", "study/study_file.py"}),
     "pydantic_core": frozenset({"task"}),
@@ -119,7 +119,6 @@ SOLVERS = {
 }
 # Imports within functions from which a chain of imports leads back to the file. The table only gets shorter.
 CIRCLES: dict[str, set[str]] = {
-    "fmopt.notebook.drawing": {"fmopt.notebook.views"},
     "fmopt.notebook.plan": {f"fmopt.notebook.{name}" for name in ("drawing", "sheets")},
     "fmopt.notebook.sheets": {"fmopt.notebook.drawing"},
     "fmopt.notebook.views": {"fmopt.notebook.stages"},

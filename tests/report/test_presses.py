@@ -62,7 +62,7 @@ def test_terminal_and_notebook_have_the_table_of_outcomes(
     monkeypatch.setenv("COLUMNS", "140")
     print_solved(plan.stated, [], tmp_path, False)  # type: ignore[arg-type]
     out = capsys.readouterr().out
-    for words in (OUTCOMES, *ENDINGS, "0 (1) tilted", "starts at (", "towards −z"):
+    for words in (OUTCOMES, *ENDINGS, "0 (1) tilted", "starts at: (", "towards −z"):
         assert words in out
     cell = plan._repr_html_()
     assert OUTCOMES in cell

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from textwrap import wrap
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmopt.plan import Plan
+from fmopt.plan import Numbers, Plan
 from fmopt.report.bodies import CUTS, contact_place, extent, loops_of, pieces_of, section_of, upright_plane
 from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH, Axes, Drawing, Figure, fill
 from fmopt.report.moves import moves
@@ -31,6 +31,8 @@ _UPRIGHT = math.sin(math.radians(0.5))  # a lean below which the part counts as 
 _COLUMNS = 4
 _HEADS, _ROW, _GAPS = 0.8, 2.12, 2.05  # inches: for the words above a panel, for a row of panels, for the gaps below
 _PANEL = (1.43, 2.05)  # inches
+_GROUND: dict[str, Any] = {"facecolor": PALE, "edgecolor": "#999999", "hatch": "////", "linewidth": 0}
+_TINT: dict[str, Any] = {"facecolor": BLUE, "alpha": 0.15, "linewidth": 0}
 _LETTERS = 25  # in a line above a panel
 
 
@@ -74,12 +76,16 @@ class _Gap:
     def width(self) -> float:
         return self.side * (self.wall - self.flank)
 
+    @property
+    def words(self) -> str:
+        return "touching" if abs(self.width) <= _TOUCH else quantity(self.width)
+
 
 def drawing(plan: Plan) -> Drawing:
     """A section for each move's end; below them the gaps in the seated pose, magnified across."""
     seated = Pose.from_vector(plan.segments[-1].goal)
     gaps = [(plane, gap) for plane in CUTS for gap in _gaps(plan, seated, CUTS[plane])]
-    said = [f"{'left' if gap.side < 0 else 'right'} in {plane} {_width(gap)}" for plane, gap in gaps]
+    said = [f"{'left' if gap.side < 0 else 'right'} in {plane} {gap.words}" for plane, gap in gaps]
     attempt = attempt_drawing("cut", TITLE, plan, move_ends(plan))
     alt = attempt.alt + (f" Gaps in the goal pose: {', '.join(said)}." if said else "")
     size = WIDTH, attempt.size[1] + (_GAPS if gaps else 0.0)
@@ -153,9 +159,7 @@ def sections(plan: Parts, end: End) -> tuple[MultiPolygon, MultiPolygon]:
 
 
 def _section_panel(axes: Axes, plan: Parts, end: End, peg: MultiPolygon, block: MultiPolygon) -> None:
-    ground: dict[str, Any] = {"facecolor": PALE, "edgecolor": "#999999", "hatch": "////", "linewidth": 0}
-    tint: dict[str, Any] = {"facecolor": BLUE, "alpha": 0.15, "linewidth": 0}
-    for shape, inside, colour, width in ((block, ground, INK, 0.8), (peg, tint, BLUE, 1.2)):
+    for shape, inside, colour, width in ((block, _GROUND, INK, 0.8), (peg, _TINT, BLUE, 1.2)):
         loops = [1e3 * loop for loop in loops_of(shape)]
         fill(axes, loops, **inside)
         for loop in loops:
@@ -168,8 +172,13 @@ def _section_panel(axes: Axes, plan: Parts, end: End, peg: MultiPolygon, block: 
 
 def move_ends(plan: Plan) -> list[End]:
     """The start and the end of every move."""
-    ends = [End(f"end of move {m.number}", Pose.from_vector(m.segments[-1].goal), m.new) for m in moves(plan)]
-    return [End("start", Pose.from_vector(plan.segments[0].start), ()), *ends]
+    return ends_of(plan.segments[0].start, [(move.segments[-1].goal, move.new) for move in moves(plan)])
+
+
+def ends_of(start: Numbers, goals: Iterable[tuple[Numbers, tuple[str, ...]]]) -> list[End]:
+    """The start and the end of every move, by poses (6,), m and rad, and the contacts that are made there."""
+    ends = [End(f"end of move {k}", Pose.from_vector(goal), made) for k, (goal, made) in enumerate(goals, start=1)]
+    return [End("start", Pose.from_vector(start), ()), *ends]
 
 
 def _gaps(plan: Plan, pose: Pose, plane: Pose) -> list[_Gap]:
@@ -191,21 +200,17 @@ def _gaps(plan: Plan, pose: Pose, plane: Pose) -> list[_Gap]:
     return found
 
 
-def _width(gap: _Gap) -> str:
-    return "touching" if abs(gap.width) <= _TOUCH else quantity(gap.width)
-
-
 def _gap_panel(axes: Axes, plane: str, gap: _Gap) -> None:
     """One gap: wall hatched, moving part tinted; the horizontal axis from the wall, in µm."""
     reach = 1.5e6 * max(gap.width, 5e-5)
     low, high = 1e3 * gap.low, 1e3 * gap.high
     flank = -gap.side * 1e6 * gap.width
-    axes.axvspan(0.0, gap.side * reach, facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0)
-    axes.axvspan(flank, -gap.side * 2.0 * reach, facecolor=BLUE, alpha=0.15, linewidth=0)
+    axes.axvspan(0.0, gap.side * reach, **_GROUND)
+    axes.axvspan(flank, -gap.side * 2.0 * reach, **_TINT)
     axes.axvline(0.0, color=INK, linewidth=1.0)
     axes.axvline(flank, color=BLUE, linewidth=1.4)
     axes.set_xlim(*sorted((gap.side * 0.5 * reach, -gap.side * 1.5 * reach)))
     axes.set_ylim(low, high)
-    axes.set_title(f"{plane}, {'left' if gap.side < 0 else 'right'}: {_width(gap)}", fontweight="normal")
+    axes.set_title(f"{plane}, {'left' if gap.side < 0 else 'right'}: {gap.words}", fontweight="normal")
     axes.set_xlabel(f"{plane[0]} from the wall, µm")
     axes.set_ylabel("z, mm")

@@ -66,36 +66,39 @@ def paint(items: Sequence[Diagram], figure: Figure) -> None:
 
 
 def _whole(axes: Axes, item: Diagram) -> None:
-    factor = np.array([1e3, 1e3])
-    _regions(axes, item, factor)
-    _path(axes, item, factor)
-    _lines(axes, item, factor)
-    _names(axes, item, factor, _extent(item))
+    _panel(axes, item, np.array([1e3, 1e3]), _extent(item), "whole")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.05)
-    axes.set_title(f"plane {_name(item)}, whole")
-    axes.set_xlabel(f"{item.plane[0]}, mm", labelpad=1)
-    axes.set_ylabel(f"{item.plane[1]}, mm")
 
 
 def _close(axes: Axes, item: Diagram) -> None:
     """Magnified across the axis; on the plane of the mouth in both directions."""
     low, high = _window(item)
     upright = item.plane[1] == "z"
-    scale_u, unit = (1e3, "mm") if high[0] - low[0] > _COARSE else (1e6, "µm")
-    factor = np.array([scale_u, 1e3 if upright else scale_u])
-    _regions(axes, item, factor)
-    _path(axes, item, factor)
-    _zones(axes, item, factor)
-    _lines(axes, item, factor)
-    _names(axes, item, factor, high - low)
+    scale = 1e3 if high[0] - low[0] > _COARSE else 1e6
+    factor = np.array([scale, 1e3 if upright else scale])
+    _panel(axes, item, factor, high - low, f"magnified {'across' if upright else 'both ways'}")
     axes.set_xlim(factor[0] * low[0], factor[0] * high[0])
     axes.set_ylim(factor[1] * low[1], factor[1] * high[1])
     if not upright:
         axes.set_aspect("equal", adjustable="box")
-    axes.set_title(f"plane {_name(item)}, magnified {'across' if upright else 'both ways'}")
-    axes.set_xlabel(f"{item.plane[0]}, {unit}", labelpad=1)
-    axes.set_ylabel(f"{item.plane[1]}, {'mm' if upright else unit}")
+
+
+def _panel(axes: Axes, item: Diagram, factor: Array, extent: Array, words: str) -> None:
+    """A diagram by the scale of u and v and its extent (2,), m: regions, path, L at its poses, their names."""
+    _regions(axes, item, factor)
+    axes.plot(*(np.array(item.path) * factor).T, color=INK, linewidth=0.9, linestyle=":", marker="o", markersize=2.6)
+    if words != "whole":
+        _zones(axes, item, factor)
+    for pose in item.poses:
+        line = np.array(pose.line) * factor
+        axes.plot(*line.T, color=BLUE, linewidth=1.4)
+        axes.plot(*line[0], color=BLUE, marker="o", markersize=3.4)  # the nominal centre
+    _names(axes, item, factor, extent)
+    axes.set_title(f"plane {_name(item)}, {words}")
+    units = ["mm" if scale == 1e3 else "µm" for scale in factor]
+    axes.set_xlabel(f"{item.plane[0]}, {units[0]}", labelpad=1)
+    axes.set_ylabel(f"{item.plane[1]}, {units[1]}")
 
 
 def _window(item: Diagram) -> tuple[Array, Array]:
@@ -129,19 +132,6 @@ def _regions(axes: Axes, item: Diagram, factor: Array) -> None:
 
 def _closed(loops: Sequence[Polyline], factor: Array) -> list[Array]:
     return [np.array([*loop, loop[0]]) * factor for loop in loops]
-
-
-def _path(axes: Axes, item: Diagram, factor: Array) -> None:
-    points = np.array(item.path) * factor
-    axes.plot(*points.T, color=INK, linewidth=0.9, linestyle=":", marker="o", markersize=2.6)
-
-
-def _lines(axes: Axes, item: Diagram, factor: Array) -> None:
-    """L at its poses, a dot for the nominal centre."""
-    for pose in item.poses:
-        line = np.array(pose.line) * factor
-        axes.plot(*line.T, color=BLUE, linewidth=1.4)
-        axes.plot(*line[0], color=BLUE, marker="o", markersize=3.4)
 
 
 def _names(axes: Axes, item: Diagram, factor: Array, extent: Array) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -61,16 +62,19 @@ def _chain(plan: Plan) -> StateGraph:
 
 
 def drawings(plan: Plan) -> list[Drawing]:
+    """A drawing of each graph, named "states", "states-2", and so on."""
+    return [drawing("states" if k == 1 else f"states-{k}", graph) for k, graph in enumerate(graphs(plan), start=1)]
+
+
+def drawing(name: str, graph: StateGraph) -> Drawing:
     """States as dots in rows by dimension, the chosen ones numbered along a thick line; below, what they hold."""
-    found = []
-    for number, graph in enumerate(graphs(plan), start=1):
-        words = [f"{order}: {_named(graph.contacts[i])}" for order, i in enumerate(graph.chosen)]
-        among = f" among {len(graph.contacts)} states of the contact graph" if graph.name else ""
-        alt = f"The chosen sequence of contact states{among}. {'; '.join(words)}."
-        size = WIDTH, _picture_height(graph) + _LINE * (len(_legend(graph)) + 1)
-        name = "states" if number == 1 else f"states-{number}"
-        found.append(Drawing(name, TITLE, alt, size, partial(_paint, graph)))
-    return found
+    words = "; ".join(f"{order}: {_named(graph.contacts[i])}" for order, i in enumerate(graph.chosen))
+    counts = ", ".join(f"{n} of dimension {d}" for d, n in sorted(Counter(graph.dimensions).items(), reverse=True))
+    among = f"{len(graph.contacts)} states of the contact graph" if graph.name else ""
+    alt = f"The chosen sequence of contact states{' among ' * bool(among)}{among}. {words}."
+    alt = alt if graph.chosen else f"{among}: {counts}."
+    size = WIDTH, _picture_height(graph) + _LINE * (len(_legend(graph)) + 1)
+    return Drawing(name, TITLE if graph.chosen else f"Contact states: {counts}", alt, size, partial(_paint, graph))
 
 
 def _paint(graph: StateGraph, figure: Figure) -> None:

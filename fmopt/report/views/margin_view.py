@@ -35,7 +35,7 @@ def _paint(plan: Plan, figure: Figure) -> None:
         _steps(axes, move, places)
     axes.axhline(0.0, color=INK, linewidth=1.0)
     axes.set_yscale("symlog", linthresh=_LINEAR)
-    values = np.concatenate([[_LINEAR], *(part for move in run for part in (_clearances(move), _margins(move)))])
+    values = np.concatenate([[_LINEAR], *(_micrometres(move).ravel() for move in run)])
     # Room for the words above, which on a logarithmic axis is a factor.
     axes.set_ylim(min(4.0 * float(np.min(values)), -0.3 * _LINEAR), 20.0 * float(np.max(values)))
     fontsize = min(8.0, _LETTERS / len(run))
@@ -72,7 +72,7 @@ def _edges(plan: Plan, move: Move, left: int) -> Array:
 
 
 def _steps(axes: Axes, move: Move, places: Array) -> None:
-    clearance, margin = _clearances(move), _margins(move)
+    clearance, margin = _micrometres(move)
     stairs: dict[str, Any] = {"baseline": None}  # no closing lines down to zero
     axes.stairs(clearance, places, color=GREY, linestyle="--", linewidth=1.2, **stairs)
     x, low, high = np.repeat(places, 2)[1:-1], np.repeat(margin, 2), np.repeat(clearance, 2)
@@ -80,19 +80,14 @@ def _steps(axes: Axes, move: Move, places: Array) -> None:
     axes.stairs(margin, places, color=BLUE, linewidth=2.0, **stairs)
 
 
-def _clearances(move: Move) -> Array:
-    """The clearances of a move's pieces, µm."""
-    return np.array([1e6 * piece.clearance for piece in move.segments])
-
-
-def _margins(move: Move) -> Array:
-    """The margins of a move's pieces, µm."""
-    return np.array([1e6 * piece.margin for piece in move.segments])
+def _micrometres(move: Move) -> Array:
+    """Clearances and margins (2, n) of a move's pieces, µm."""
+    return 1e6 * np.array([(piece.clearance, piece.margin) for piece in move.segments]).T
 
 
 def _point_at_smallest(axes: Axes, run: tuple[Move, ...], edges: list[Array]) -> None:
     move = min(run, key=lambda m: m.margin)
-    margins = _margins(move)
+    _, margins = _micrometres(move)
     piece = int(np.argmin(margins))
     place = 0.5 * (edges[move.number - 1][piece] + edges[move.number - 1][piece + 1])
     name = "smallest: " if move.margin > 0.0 else ""

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from fmopt.geometry.convex_pieces import faceted
+from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
 from fmopt.report.bodies import creases, loops_of
-from fmopt.report.drawing import BLUE, GREY, INK, PALE, WIDTH, Axes, Figure, fill
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, WIDTH, Axes, Drawing, Figure, fill
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
@@ -27,25 +29,29 @@ _PLANES = {
 }
 
 
-def size() -> tuple[float, float]:
-    """Width and height in inches."""
-    return WIDTH, 0.8 * WIDTH
+def drawing(name: str, *parts: Part) -> Drawing:
+    """Each part seen from a corner, and cut through its axis and across it."""
+    title, alt = " and ".join(part.name for part in parts), " ".join(map(_words, parts))
+    return Drawing(name, title, alt, (WIDTH, 0.8 * WIDTH * len(parts)), partial(_paint, parts))
 
 
-def alt(name: str, body: Polyhedron) -> str:
-    """What is to be seen, for who cannot see it."""
+def _words(part: Part) -> str:
+    body = part.polyhedron
     extent = " × ".join(f"{1e3 * width:.4g}" for width in body.widths)
-    words = f"{name}, {extent} mm, {len(body.faces)} faces, {len(body.edges)} edges, {len(body.vertices)} vertices"
+    words = f"{part.name}, {extent} mm, {len(body.faces)} faces, {len(body.edges)} edges, {len(body.vertices)} vertices"
     return f"{words}: seen from a corner, and cut by the planes x–z and y–z through its axis and across it."
 
 
-def paint(name: str, body: Polyhedron, pieces: Sequence[Polyhedron], height: float, figure: Figure) -> None:
-    """Four views: from a corner, and three sections; the one across the axis at a height, m."""
-    grid = figure.subplots(2, 2)
-    corner(grid[0][0], body)
-    grid[0][0].set_title(name)
-    for axes, plane in zip((grid[0][1], grid[1][0], grid[1][1]), _PLANES, strict=True):
-        cut(axes, plane, pieces, height if plane == "x–y" else 0.0)
+def _paint(parts: Sequence[Part], figure: Figure) -> None:
+    """Four views of each part: from a corner, and three sections; the one across the axis in the middle."""
+    halves = figure.subfigures(len(parts), 1, squeeze=False).ravel() if len(parts) > 1 else [figure]
+    for half, part in zip(halves, parts, strict=True):
+        grid = half.subplots(2, 2).ravel()
+        corner(grid[0], part.polyhedron)
+        grid[0].set_title(part.name)
+        heights = part.polyhedron.vertices[:, 2]
+        for axes, plane in zip(grid[1:], _PLANES, strict=True):
+            cut(axes, plane, part.bodies, 0.5 * float(heights.min() + heights.max()) if plane == "x–y" else 0.0)
 
 
 def view() -> Array:

@@ -118,12 +118,13 @@ def _force(axes: Axes, forces: tuple[PositionForce, ...], axis: int) -> None:
     """Steps of Fa; where the sign depends on which side touches, both signs."""
     everything = []
     for item in forces:
-        value = item.fa[axis]
-        signs = (1.0, -1.0) if axis in item.either_sign and value else (1.0,)
-        for sign in signs:
-            style = ":" if len(signs) > 1 else "-"
-            axes.plot([item.start, item.end], [sign * value] * 2, color=RUST, linewidth=1.6, linestyle=style)
-            everything.append(sign * value)
+        value, style = item.fa[axis], "-"
+        steps = [value]
+        if axis in item.either_sign and value:
+            steps, style = [value, -value], ":"
+        for step in steps:
+            axes.plot([item.start, item.end], [step, step], color=RUST, linewidth=1.6, linestyle=style)
+        everything += steps
     axes.axhline(0.0, color=GREY, linewidth=0.5, zorder=1)
     _limits(axes, np.array(everything))
     axes.set_ylabel(f"F{AXES[axis]}, N" if axis < 3 else f"M{AXES[axis][1]}, N·m")
@@ -131,11 +132,9 @@ def _force(axes: Axes, forces: tuple[PositionForce, ...], axis: int) -> None:
 
 def _limits(axes: Axes, values: Array) -> None:
     low, high = float(np.min(values)), float(np.max(values))
-    room = max(0.15 * (high - low), _STILL)
-    axes.set_ylim(low - room, high + room)
     # What does not move would show its rounding, magnified to the height of the axis.
-    if high - low < _STILL:
-        axes.set_ylim(low - 1.0, high + 1.0)
+    room = 1.0 if high - low < _STILL else max(0.15 * (high - low), _STILL)
+    axes.set_ylim(low - room, high + room)
     axes.locator_params(axis="y", nbins=4)
 
 

@@ -4,8 +4,6 @@ The motion is planned for the present tolerances and then held fixed: its certif
 others, which is cheap, and the cheapest that keep its margins are found. At the answer, rounded down, the same motion
 is certified and checked independently, and the problem is planned anew. The new motion is then the one held fixed, as
 long as it leaves room for more.
-
-The report of a tolerance allocation: what each tolerance becomes, what that saves, and what was checked.
 """
 
 from __future__ import annotations
@@ -13,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from typing import Any
 
 import numpy as np
@@ -25,7 +22,7 @@ from fmopt.planning.pipeline import certified_motion, planned, proved
 from fmopt.planning.placement.sequence_program import Placed
 from fmopt.planning.posed import Stages, under_errors
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
-from fmopt.report.shell import table
+from fmopt.report.shell import facts, paragraph, table
 from fmopt.spatial.values import Array
 from fmopt.study.allocation.cheapest import Cheapest, cheapest
 from fmopt.study.allocation.tolerances import Question
@@ -41,12 +38,7 @@ _MOTIONS = 6  # that are held fixed at most, each planned for the tolerances tha
 
 @dataclass(frozen=True, eq=False)
 class Allocation:
-    """The answer.
-
-    Args:
-        margin: least margin of the fixed motion with them, m.
-        replanned_margin: its least margin, m; None when there is none.
-    """
+    """The answer, with the least margins of the fixed motion and of one planned anew, m; None where there is none."""
 
     question: Question
     found: Cheapest
@@ -80,25 +72,18 @@ class Allocation:
 
     def words(self) -> list[str]:
         """The answer for people."""
-        lines = [f"{self.question.file.title}: cost {self.before:.4g} before, {self.cost:.4g} after"]
-        if self.found.bound is not None:
-            lines[0] += f", at least {self.found.bound:.4g} for this motion"
+        answer, lines = self.record(), list[str]()
         for allowed, value in zip(self.question.tolerances, self.values, strict=True):
             before, after = (in_words(x, allowed.dimension) for x in (allowed.now, value))
             # Scaling to mm or degrees and back may cost the last digits.
             end = ", the loosest allowed" if value >= allowed.high * (1.0 - 1e-9) else ""
             lines.append(f"  {allowed.name}: {before} -> {after} ({value / allowed.now:.3g} times{end})")
-        lines.append(f"the same motion: {self.document['verdict']}, least margin {1e6 * self.margin:.2f} µm")
-        words = "" if self.replanned_margin is None else f", least margin {1e6 * self.replanned_margin:.2f} µm"
-        return [*lines, f"planned anew: {self.replanned}{words}", f"what binds: {self.found.binding}"]
+        checked = [": ".join((name, ", least margin ".join(filter(None, rest)))) for name, *rest in _checked(answer)]
+        return [f"{answer['title']}: {_outcome(answer)}", *lines, *checked, f"what binds: {self.found.binding}"]
 
 
 def allocate(question: Question, progress: Callable[[str], None] = lambda _: None) -> Allocation:
-    """Answers a question.
-
-    Raises:
-        SearchError, InfeasibleError: there is no motion for the present tolerances, or its margin is too small already.
-    """
+    """Answers a question."""
     now = [allowed.now for allowed in question.tolerances]
     answer = _with_motion(question, certified_motion(question.problem(now), Stages(progress)), 1, progress)
     while answer.replanned == "CERTIFIED" and answer.motions < _MOTIONS:
@@ -190,21 +175,29 @@ def _down(value: float, dimension: Dimension) -> float:
 def allocation_page(answer: Mapping[str, Any]) -> str:
     """The report of an answer as its file holds it; a page without any reference to something outside it."""
     words = "tolerances as multiples of what they were"
+    outcome = paragraph(f"{_outcome(answer)}.", f"What binds: {answer['binding']}.")
+    required = paragraph(f"The margin asked for is {1e6 * float(answer['margin_required']):.2f} µm.")
+    head = ("motion", "verdict", "least margin")
+    names = {
+        "motions": "motions held fixed in turn",
+        "rounds": "convex programs for the last",
+        "certificates_computed": "certificates for the last",
+    }
     chapters = [
-        ("outcome", "What came out", _outcome(answer) + picture(words, changes(answer["tolerances"]))),
+        ("outcome", "What came out", outcome + picture(words, changes(answer["tolerances"]))),
         ("tolerances", "The tolerances", _tolerances(answer["tolerances"])),
-        ("checked", "What was checked", _checked(answer)),
-        ("provenance", "How it was found", _found(answer)),
+        ("checked", "What was checked", required + table("At the new tolerances", head, _checked(answer), "ttn")),
+        ("provenance", "How it was found", facts("", [(words, str(answer[name])) for name, words in names.items()])),
     ]
     return framed("Tolerance allocation", str(answer["title"]), chapters)
 
 
 def _outcome(answer: Mapping[str, Any]) -> str:
     before, after, bound = (answer[name] for name in ("cost_before", "cost_after", "cost_bound"))
-    words = f"The cost is {after:.4g}, {100.0 * (1.0 - after / before):.3g} % less than the {before:.4g} before; "
-    words += "no bound is known" if bound is None else f"for the last motion it is at least {bound:.4g}"
-    words += ", as its margins are not concave." if bound is None else " where margins are concave."
-    return f"<p>{escape(words)}</p>\n<p>{escape('What binds: ' + str(answer['binding']))}.</p>\n"
+    words = f"cost {before:.4g} before, {after:.4g} after, {100.0 * (1.0 - after / before):.3g} % less; "
+    if bound is None:
+        return f"{words}no bound is known, as margins of the last motion are not concave"
+    return f"{words}at least {bound:.4g} for the last motion where margins are concave"
 
 
 def _tolerances(tolerances: Sequence[Mapping[str, Any]]) -> str:
@@ -217,19 +210,8 @@ def _tolerances(tolerances: Sequence[Mapping[str, Any]]) -> str:
     return table("Half-widths", head, rows, "tnnnnnn")
 
 
-def _checked(answer: Mapping[str, Any]) -> str:
-    rows = []
-    for name, words in (("same_motion", "the same motion"), ("planned_anew", "planned anew")):
-        margin = answer[name]["margin"]
-        rows.append((words, str(answer[name]["verdict"]), "" if margin is None else f"{1e6 * float(margin):.2f} µm"))
-    required = f"The margin asked for is {1e6 * float(answer['margin_required']):.2f} µm."
-    return f"<p>{required}</p>\n" + table("At the new tolerances", ("motion", "verdict", "least margin"), rows, "ttn")
-
-
-def _found(answer: Mapping[str, Any]) -> str:
-    names = {
-        "motions": "motions held fixed in turn",
-        "rounds": "convex programs for the last",
-        "certificates_computed": "certificates for the last",
-    }
-    return table("", ("", ""), [(words, str(answer[name])) for name, words in names.items()])
+def _checked(answer: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Verdict and least margin with the new tolerances: of the same motion, and of one planned anew."""
+    pairs = (("the same motion", answer["same_motion"]), ("planned anew", answer["planned_anew"]))
+    margins = ["" if found["margin"] is None else f"{1e6 * float(found['margin']):.2f} µm" for _, found in pairs]
+    return [(words, str(found["verdict"]), margin) for (words, found), margin in zip(pairs, margins, strict=True)]

@@ -36,13 +36,10 @@ _NOISE = 1e-4  # µm that margins and their differences are not exact to
 
 @dataclass(frozen=True, eq=False)
 class Cheapest(Value, u=(None,)):
-    """The cheapest tolerances found.
+    """The cheapest tolerances found, as multiples u (p,) of the present ones.
 
-    Args:
-        u: multiples (p,) of the present tolerances.
-        bound: no point that keeps the margins costs less, where margins are concave; None where they were seen not to
-            be.
-        binding: its name; or, where all margins are wide, why the motion could not be followed beyond.
+    No point that keeps the margins costs less than `bound`, None where margins were seen not to be concave. `binding`
+    names the least margin, m; where all are wide it says why the motion could not be followed beyond.
     """
 
     u: Array
@@ -121,7 +118,7 @@ def cheapest(margins: Margins, weights: Array, low: Array, high: Array, required
         best = _one_by_one(search, best, weights, high)
     cost = _cost(weights, best)
     margin, binding = search.binding(best)
-    return Cheapest(best, cost, min(bound, cost) if concave else None, margin, binding, rounds, search.count)
+    return Cheapest(best, cost, min(bound, cost) if concave else None, margin, binding, rounds, len(search.known))
 
 
 def _cost(weights: Array, u: Array) -> float:
@@ -133,20 +130,14 @@ class _Search:
 
     def __init__(self, margins: Margins, required: float) -> None:
         self._margins, self._required = margins, required
-        self._known: dict[bytes, Mapping[str, float] | str] = {}
+        self.known: dict[bytes, Mapping[str, float] | str] = {}
         self._words = ""
-
-    @property
-    def count(self) -> int:
-        """Times that margins were computed."""
-        return len(self._known)
 
     def at(self, u: Array) -> Mapping[str, float] | str:
         """Margins at u, or words."""
-        key = np.asarray(u).tobytes()
-        if key not in self._known:
-            self._known[key] = self._margins(u)
-        found = self._known[key]
+        if (key := u.tobytes()) not in self.known:
+            self.known[key] = self._margins(u)
+        found = self.known[key]
         self._words = found if isinstance(found, str) else self._words
         return found
 
@@ -177,8 +168,7 @@ class _Search:
             for name, slope in slopes.items():
                 # A move may be cut into other pieces there: a margin without a counterpart counts as level.
                 slope[i] = (here[name] - there.get(name, here[name])) / step
-        moving = {name: slope for name, slope in slopes.items() if slope.any()}
-        return [_Cut(name, u, _MICRO * here[name], _MICRO * slope) for name, slope in moving.items()]
+        return [_Cut(name, u, _MICRO * here[name], _MICRO * slope) for name, slope in slopes.items() if slope.any()]
 
 
 def _evaluable(search: _Search, good: Array, wanted: Array) -> Array:

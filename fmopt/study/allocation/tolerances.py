@@ -33,9 +33,8 @@ class Allowed:
 
     def record(self) -> dict[str, Any]:
         """As JSON, SI units."""
-        unit = UNIT_NAMES.get(self.dimension, "")
-        numbers = {"now": self.now, "low": self.low, "high": self.high, "weight": self.weight}
-        return {"name": self.name, "unit": unit, **numbers}
+        numbers = {name: getattr(self, name) for name in ("now", "low", "high", "weight")}
+        return {"name": self.name, "unit": UNIT_NAMES.get(self.dimension, ""), **numbers}
 
     def words(self) -> str:
         """For people."""
@@ -76,8 +75,8 @@ def load_allocation(path: Path) -> Question:
     load(problem)
     base = Base.read(problem)
     if not file.tolerances:
-        place = source.place(("tolerances",))
-        faults.append(place.fault("empty-axis", "there are no tolerances", "add [[tolerances]]"))
+        none = "there are no tolerances"
+        faults.append(source.place(("tolerances",)).fault("empty-axis", none, "add [[tolerances]]"))
     found = [_allowed(source, reading, base, table, n) for n, table in enumerate(file.tolerances)]
     unusable([*faults, *(one for one in found if isinstance(one, Fault))])
     return Question(file, base, tuple(one for one in found if isinstance(one, Allowed)))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import string
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from textwrap import fill
 from typing import Any
@@ -26,38 +27,37 @@ _MOST_BINDING = 10  # contacts that are told apart
 
 def figures(view: View) -> dict[str, tuple[str, str]]:
     """The figures of a study by name: what each shows, and its SVG, the same bytes for the same results."""
-    found: dict[str, tuple[str, str]] = {}
-    if not len(view.results.lines) or not view.done.any():
-        return found
-    grid = _grid(view)
+    if not view.done.any():
+        return {}
+    grid, rows = _grid(view), 2.6 * -(-len(view.free) // 2)
+    over = f"over {' and '.join(axis_label(axis) for axis in view.free)}"
+    chosen: dict[str, tuple[str, Callable[[Figure], None], float]] = {}
     for name in view.answers:
-        title = f"{answer_label(name)}, over {' and '.join(axis_label(axis) for axis in view.free)}"
+        paint, height = partial(_clouds, view, name), rows
         if grid is not None:
             paint, height = partial(_map, view, name, grid), 4.2
         elif len(view.free) == 1:
             paint, height = partial(_curve, view, name), 3.4
-        else:
-            paint, height = partial(_clouds, view, name), 2.6 * -(-len(view.free) // 2)
-        found[name] = (title, drawn(paint, (WIDTH, height)).decode())
+        chosen[name] = (f"{answer_label(name)}, {over}", paint, height)
     if len(set(view.kinds)) > 1 and (grid is not None or len(view.free) == 1):
         paint, height = (partial(_strip, view), 2.4) if grid is None else (partial(_verdicts, view, grid), 4.2)
-        words = f"what became of the runs, over {' and '.join(axis_label(axis) for axis in view.free)}"
-        found["verdict"] = (words, drawn(paint, (WIDTH, height)).decode())
+        chosen["verdict"] = (f"what became of the runs, {over}", paint, height)
     if not view.good[view.done].all():
-        height = 2.6 * -(-len(view.free) // 2)
         words = f"share of runs that are {view.goodness}, with 95 % intervals"
-        found["share"] = (words, drawn(partial(_shares, view), (WIDTH, height)).decode())
+        chosen["share"] = (words, partial(_shares, view), rows)
     if grid is not None and "binding_contact" in view.results.columns:
-        found["binding"] = ("what binds where", drawn(partial(_binding, view, grid), (WIDTH, 4.2)).decode())
-    return found
+        chosen["binding"] = ("what binds where, by the letters above the map", partial(_binding, view, grid), 4.2)
+    return {name: (words, drawn(p, (WIDTH, height)).decode()) for name, (words, p, height) in chosen.items()}
 
 
+@dataclass(frozen=True, eq=False)
 class _Grid:
     """A full grid over two axes: its values along both with the borders of the cells, and the run in each cell."""
 
-    def __init__(self, view: View, x: Array, y: Array, run: Any) -> None:
-        self.x, self.y, self.run = x, y, run
-        self.borders = _edges(x, view.free[0].log), _edges(y, view.free[1].log)
+    x: Array
+    y: Array
+    run: Any
+    borders: tuple[Array, Array]
 
     def of(self, values: Any) -> Any:
         """Values (n,) as a table over y and x."""
@@ -74,7 +74,7 @@ def _grid(view: View) -> _Grid | None:
         return None
     run = np.full((len(y), len(x)), -1)
     run[j, i] = np.arange(len(first))
-    return None if (run < 0).any() else _Grid(view, x, y, run)
+    return None if (run < 0).any() else _Grid(x, y, run, (_edges(x, view.free[0].log), _edges(y, view.free[1].log)))
 
 
 def _edges(values: Array, log: bool) -> Array:
@@ -138,8 +138,7 @@ def _labelled(view: View, axes: Axes, across: Varied, up: Varied) -> None:
 
 def _across(view: View, axes: Axes, axis: Varied) -> None:
     """Labels the axis of x."""
-    if axis.log:
-        axes.set_xscale("log")
+    axes.set_xscale("log" if axis.log else "linear")
     if axis.unit == "word":
         axes.set_xticks(range(len(view.words(axis))), view.words(axis))
     axes.set_xlabel(axis_label(axis))
@@ -182,16 +181,14 @@ def _clouds(view: View, name: str, figure: Figure) -> None:
         x = view.axis(axis)
         axes.plot(x[good], y[good], ".", color=BLUE, markersize=4)
         axes.plot(x[~good], y[~good], "x", color=RUST, markersize=4)
-        if axis.log:
-            axes.set_xscale("log")
-        axes.set_xlabel(axis_label(axis))
+        _across(view, axes, axis)
     figure.suptitle(f"{answer_label(name)}; dots: {view.goodness}, crosses: not")
 
 
 def _shares(view: View, figure: Figure) -> None:
     for axes, axis in _panels(view, view.goodness, figure):
         for group in bins(view, axis):
-            found, middle = group.share, group.middle
+            found, middle = group.share, 0.5 * (group.low + group.high)
             axes.plot([middle, middle], [found.low, found.high], color=GREY, linewidth=3.0)
             axes.plot([group.low, group.high], [found.value, found.value], color=BLUE)
             axes.plot([middle], [found.value], "o", color=BLUE)
@@ -206,19 +203,26 @@ def _verdicts(view: View, grid: _Grid, figure: Figure) -> None:
 
     axes = figure.subplots()
     kinds = sorted(set(view.kinds), key=lambda kind: (kind not in _GOOD, kind))
-    number = np.array([kinds.index(kind) for kind in view.kinds])[grid.run]
     rest = [kind for kind in kinds if kind not in _GOOD]
     shades = [_GOOD[kind] if kind in _GOOD else _REST[rest.index(kind) % len(_REST)] for kind in kinds]
     # The number of a kind is in the middle of its colour's range.
-    colours, most = ListedColormap(shades), len(kinds) - 0.5
+    number, colours, most = grid.of([*map(kinds.index, view.kinds)]), ListedColormap(shades), len(kinds) - 0.5
     axes.pcolormesh(*grid.borders, number, cmap=colours, vmin=-0.5, vmax=most, edgecolors="white")
-    letters = dict(zip(kinds, string.ascii_uppercase, strict=False))
-    for row, column in np.ndindex(number.shape):
-        letter = letters.get(kinds[number[row, column]], "…")
-        place = float(grid.x[column]), float(grid.y[row])
-        axes.text(*place, letter, ha="center", va="center", color="white", weight="bold")
+    _lettered(view, axes, grid, (view.kinds, kinds), color="white", weight="bold")
+
+
+def _lettered(
+    view: View, axes: Axes, grid: _Grid, named: tuple[Sequence[str | None], Sequence[str]], **style: Any
+) -> None:
+    """Writes a letter into every cell for its run's name, as far as that is listed, and says which is whose."""
+    names, listed = named
+    letters = dict(zip(listed, string.ascii_uppercase, strict=False))
+    for (row, column), run in np.ndenumerate(grid.run):
+        name = names[run]
+        letter = "" if name is None else letters.get(name, "…")
+        axes.text(float(grid.x[column]), float(grid.y[row]), letter, ha="center", va="center", **style)
     _labelled(view, axes, view.free[0], view.free[1])
-    axes.set_title(fill("; ".join(f"{letters.get(kind, '…')}: {kind}" for kind in kinds), _LINE))
+    axes.set_title(fill("; ".join(f"{letters.get(name, '…')}: {name}" for name in listed), _LINE))
 
 
 def _strip(view: View, figure: Figure) -> None:
@@ -242,18 +246,10 @@ def binding(view: View) -> Mapping[str, int]:
 
 def _binding(view: View, grid: _Grid, figure: Figure) -> None:
     axes = figure.subplots()
-    named = list(binding(view))[:_MOST_BINDING]
     x, y = grid.borders
     axes.pcolormesh(x, y, np.zeros(grid.run.shape), cmap="Greys", vmin=0, vmax=1, edgecolors=PALE, linewidth=0.5)
-    for row in range(len(grid.y)):
-        for column in range(len(grid.x)):
-            name = view.bindings[grid.run[row, column]]
-            letter = "" if name is None else chr(65 + named.index(name)) if name in named else "…"
-            axes.text(grid.x[column], grid.y[row], letter, ha="center", va="center")
     _border(axes, x, y, grid.of(view.good), grid.of(view.done))
-    _labelled(view, axes, view.free[0], view.free[1])
-    legend = "; ".join(f"{chr(65 + n)}: {name}" for n, name in enumerate(named))
-    axes.set_title(fill("what binds: " + legend, _LINE), fontsize=7.5)
+    _lettered(view, axes, grid, (view.bindings, [*binding(view)][:_MOST_BINDING]))
 
 
 def changes(tolerances: Sequence[Mapping[str, Any]]) -> str:

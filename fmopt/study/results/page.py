@@ -3,13 +3,12 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
-from html import escape
 
 import numpy as np
 
 from fmopt.report import shell
 from fmopt.report.scene import resource
-from fmopt.report.shell import Chapter, chaptered, figure, table
+from fmopt.report.shell import Chapter, chaptered, facts, figure, paragraph, table
 from fmopt.study.results.figures import binding
 from fmopt.study.results.shares import Bin, Estimate, bins, difference, rank_correlation, share, sobol_indices, trials
 from fmopt.study.results.table import Varied
@@ -61,7 +60,7 @@ def _outcome(view: View) -> str:
         values = view.answer(name)[np.isfinite(view.answer(name))]
         ranges.append((answer_label(name), *(f"{v:.4g}" for v in (values.min(), np.median(values), values.max()))))
     return (
-        f"<p>{escape(words)}</p>\n"
+        paragraph(words)
         + table("What became of the runs", ("verdict, or kind of failure", "runs"), rows, "tn")
         + table("Answers", ("answer", "least", "median", "greatest"), ranges, "tnnn")
     )
@@ -141,8 +140,9 @@ def _binding(view: View) -> str:
 
 def _failures(view: View) -> str:
     """Runs that have no answer, then those whose answer is that there is no motion, each by reason."""
-    failed = [n for n, line in enumerate(view.results.lines) if line["outcome"] not in ("done", None)]
-    without = [n for n, line in enumerate(view.results.lines) if line["outcome"] == "done" and line["reason"]]
+    outcomes = [(n, line["outcome"], line["reason"]) for n, line in enumerate(view.results.lines)]
+    failed = [n for n, outcome, _ in outcomes if outcome not in ("done", None)]
+    without = [n for n, outcome, reason in outcomes if outcome == "done" and reason]
     caption = "Runs without a motion, by reason; … stands for numbers that differ"
     return _reasons(view, "Runs without answers, by reason", failed) + _reasons(view, caption, without)
 
@@ -161,11 +161,10 @@ def _reasons(view: View, caption: str, numbers: Sequence[int]) -> str:
 
 
 def _provenance(view: View) -> str:
-    facts, sampling = view.results.facts, view.results.sampling
+    stated, sampling = view.results.facts, view.results.sampling
     how = str(sampling["method"])
     if how in CUBES:
         how += f", {sampling['runs']} points, seed {sampling['seed']}"
 
-    rows = [("problem", facts.get("problem", "")), ("sampling", how), ("program", facts.get("program", ""))]
-    rows += [(axis.name, f"unit {axis.unit or 'none'} in the table") for axis in view.results.axes]
-    return table("", ("", ""), rows)
+    rows = [("problem", stated.get("problem", "")), ("sampling", how), ("program", stated.get("program", ""))]
+    return facts("", [*rows, *((axis.name, f"unit {axis.unit or 'none'} in the table") for axis in view.results.axes)])

@@ -1,7 +1,4 @@
-"""How often runs come out well, and how often their trials succeed: value by value of an axis, or bin by bin.
-
-What a table of results says in numbers: shares with intervals, rank correlations, Sobol indices.
-"""
+"""What a table of results says in numbers: shares by value of an axis, rank correlations, Sobol indices."""
 
 from __future__ import annotations
 
@@ -30,11 +27,6 @@ class Bin:
     high: float
     good: int
     total: int
-
-    @property
-    def middle(self) -> float:
-        """Half way between the bounds."""
-        return 0.5 * (self.low + self.high)
 
     @property
     def share(self) -> Estimate:

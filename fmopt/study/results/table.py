@@ -49,12 +49,7 @@ class Results:
 
 
 def results(folder: Path) -> Results:
-    """The results in a folder; a study that is running may be read, too.
-
-    Raises:
-        InputError: there is no study in this folder.
-        ResourceError: the store cannot be read.
-    """
+    """The results in a folder; a study that is running may be read, too."""
     facts, records = recorded(folder)
     # From the store, as the study file may be gone, or have changed since.
     columns = tuple(json.loads(facts["columns"]))
@@ -112,11 +107,7 @@ def _typed(values: list[Scalar]) -> list[Scalar]:
 
 
 def parquet(found: Results) -> bytes:
-    """The table as a Parquet file.
-
-    Raises:
-        ResourceError: polars is not installed.
-    """
+    """The table as a Parquet file."""
     content = io.BytesIO()
     frame(found).write_parquet(content, compression="zstd")
     return content.getvalue()

@@ -71,12 +71,9 @@ class View:
         return "held" if "holds" in columns else "feasible"
 
     def _well(self, line: Mapping[str, Scalar]) -> bool:
-        match self.goodness:
-            case "held":
-                return line["holds"] is True
-            case "certified" | "tested":
-                return line["verdict"] == self.goodness.upper()
-        return line.get("verdict") is None
+        if self.goodness == "held":
+            return line["holds"] is True
+        return line.get("verdict") == (None if self.goodness == "feasible" else self.goodness.upper())
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
