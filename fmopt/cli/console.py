@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 from rich.text import Text
 
+from fmopt.cli.entry import duration
 from fmopt.runtime.escape import one_line
 
 if TYPE_CHECKING:
@@ -66,14 +67,6 @@ def trials(total: int, silent: bool) -> Iterator[Callable[[int], None]]:
     console = Console(stderr=True)
     with Progress(console=console, disable=silent or not console.is_terminal) as bar:
         yield partial(bar.advance, bar.add_task("trials", total=total))
-
-
-def duration(seconds: float) -> str:
-    """A time as people say it."""
-    for size, name in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
-        if seconds >= 2.0 * size:
-            return f"{seconds / size:.3g} {name}"
-    return f"{seconds:.3g} s"
 
 
 def print_compared(rows: list[dict[str, Any]]) -> None:

@@ -1,7 +1,4 @@
-"""Where the command line is entered and left: every error becomes one message and an exit code.
-
-The application, and what its commands share.
-"""
+"""The application, what its commands share, and its end: every error becomes one message and an exit code."""
 
 import json
 import sys
@@ -99,8 +96,8 @@ def _message(error: FmoptError) -> list[str]:
         listed = [f"  {finding}" for finding in error.findings[:_SHOWN]] + [f"  and {more} more"] * (more > 0)
         return [error.message, *listed, f"advice: {error.advice}"]
     failure = getattr(error, "failure", None)
-    more = [] if failure is None else failure.lines()
-    return [error.message, *more, *([f"advice: {error.advice}"] if error.advice else [])]
+    why = [] if failure is None else [f"stage: {failure.stage}; {failure.reason}"]
+    return [error.message, *why, *([f"advice: {error.advice}"] if error.advice else [])]
 
 
 def compile_kernels(tell: Callable[[str], None]) -> None:
@@ -130,6 +127,14 @@ def wrote(paths: Sequence[Path], as_json: bool, quiet: bool) -> None:
     """Names the files that a command has written."""
     names = [str(path) for path in paths]
     answer({"written": names}, "\n".join(f"wrote {name}" for name in names), as_json, quiet)
+
+
+def duration(seconds: float) -> str:
+    """A time as people say it."""
+    for size, name in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.3g} {name}"
+    return f"{seconds:.3g} s"
 
 
 def _version(wanted: bool) -> None:

@@ -122,30 +122,21 @@ def _write_report(found: Plan, folder: Path) -> None:
 
 
 def _summary(plan: Plan, verdict: Verdict, folder: Path) -> dict[str, Any]:
+    found = {**_findings(verdict), "verdict": plan.verdict, "plan": str(folder / "plan.json")}
     if plan.press_plan is not None:
-        counts = {"presses": plan.presses, "attempts": len(plan.press_plan.attempts)}
-        found = {**_findings(verdict), "verdict": plan.verdict, **counts}
-        return {**found, "evidence": _evidence(plan), "plan": str(folder / "plan.json")}
+        evidence = {} if plan.evidence is None else asdict(plan.evidence)
+        counts = {name: value for name, value in evidence.items() if not name.endswith(("outcomes", "seconds"))}
+        if plan.trials is not None:
+            counts |= {"cycle_times": plan.trials.cycle_times, "distance": plan.trials.distance}
+        return {**found, "presses": plan.presses, "attempts": len(plan.press_plan.attempts), "evidence": counts}
     return {
-        **_findings(verdict),
+        **found,
         **_margins(plan),
-        "verdict": plan.verdict,
         "margin" if plan.verdict == "CERTIFIED" else "computed_margin": min(s.margin for s in plan.segments),
         "segments": len(plan.segments),
         "moves": list(plan.description.search.moves) if plan.description.search is not None else [],
         "carried_out": None if plan.description.carried_out is None else asdict(plan.description.carried_out),
-        "plan": str(folder / "plan.json"),
     }
-
-
-def _evidence(plan: Plan) -> dict[str, Any]:
-    """The counts of a plan's evidence with cycle times, s, and the least distance, m; without its outcomes."""
-    if plan.evidence is None or plan.trials is None:
-        return {}
-    counts = {
-        name: value for name, value in asdict(plan.evidence).items() if not name.endswith(("outcomes", "seconds"))
-    }
-    return {**counts, "cycle_times": plan.trials.cycle_times, "distance": plan.trials.distance}
 
 
 def _findings(verdict: Verdict) -> dict[str, Any]:

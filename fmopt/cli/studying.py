@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from fmopt.cli.entry import EXIT, MOST_WORKERS, Json, Quiet, answer, app, compile_kernels
+from fmopt.cli.entry import EXIT, MOST_WORKERS, Json, Quiet, answer, app, compile_kernels, duration
 
 
 class _Study(typer.core.TyperGroup):
@@ -99,8 +99,6 @@ def study_report(
 
 
 def _foretold(file: Path, found: Any) -> str:
-    from fmopt.cli.console import duration
-
     lines = [f"{file}: {found.total} runs, {found.done} of them done", *found.listing]
     if found.seconds is None:
         return "\n".join([*lines, f"no estimate of time: {found.source}"])
@@ -110,8 +108,6 @@ def _foretold(file: Path, found: Any) -> str:
 
 
 def _told(tally: Any, folder: Path) -> str:
-    from fmopt.cli.console import duration
-
     left = tally.total - tally.done
     words = f"{tally.done} of {tally.total} runs done"
     words += f", {tally.failed} of them failed (--retry-failed does them again)" if tally.failed else ""

@@ -1,11 +1,7 @@
-"""Problems that are asked for without a problem file: two parts and how far off they start.
-
-The problem file that such a question stands for is written, so that a plan can be held against it later.
-"""
+"""Problems of two parts and a start error, whose problem file is written, so that plans can be held against it."""
 
 import json
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -26,7 +22,6 @@ from fmopt.task.toml.units import QuantityError
 if TYPE_CHECKING:
     from fmopt.geometry.mesh.mesh_import import Unit
 
-SIDES = ("moving", "fixed")
 Size: TypeAlias = str | float
 Part: TypeAlias = str | PathLike[str] | Any
 _UNITS = ("m", "cm", "mm", "um", "in")
@@ -55,36 +50,34 @@ class Asked:
             error_of(self.error)
         except QuantityError as error:
             raise wrong("--error", error.code, error.message, error.advice) from error
-        pairs = zip(SIDES, self.operands(folder), strict=True)
-        lines = [f"{side} = {_table(keys) if len(keys) > 1 else quoted(str(keys['model']))}" for side, keys in pairs]
-        return "\n".join([*lines, "[uncertainty]", f"start = {quoted(self.error)}", ""])
+        moving, fixed = self.operands(folder)
+        return "\n".join([*moving, *fixed, "[uncertainty]", f"start = {quoted(self.error)}", ""])
 
-    def operands(self, folder: Path) -> tuple[dict[str, str | int], dict[str, str | int]]:
-        """The tables [moving] and [fixed] of a problem file in a folder.
+    def operands(self, folder: Path) -> list[list[str]]:
+        """The tables [moving] and [fixed] of a problem file in a folder, line by line.
 
         Raises:
             InputError: the unit is none, or a file has a name that TOML cannot hold.
         """
         found = []
-        for file, unit, body in zip(self.files, self.units, self.bodies, strict=True):
-            keys: dict[str, str | int] = {"model": _from(file, folder)}
+        for side, file, unit, body in zip(("moving", "fixed"), self.files, self.units, self.bodies, strict=True):
+            lines = [f"[{side}]", f"model = {quoted(_from(file, folder))}"]
             if unit is not None and unit not in _UNITS:
                 advice = f"write one of {', '.join(_UNITS)}"
                 raise wrong("--unit", "unknown-unit", f"{unit!r} is no unit of a mesh", advice)
             # STEP files say their unit themselves, and model files are no meshes.
             if unit is not None and file.suffix.lower() in MESHES and file.suffix.lower() not in STEP:
-                keys["unit"] = unit
+                lines.append(f"unit = {quoted(unit)}")
             if body is not None:
-                keys["body"] = int(body) if body.isdecimal() else body
-            found.append(keys)
-        return found[0], found[1]
+                lines.append(f"body = {int(body) if body.isdecimal() else quoted(body)}")
+            found.append(lines)
+        return found
 
     def written(self, file: Path) -> Problem:
         """The problem, its file written first.
 
         Raises:
             InputError: as of `fmopt.load`; the file stays, to be mended.
-            ResourceError: it cannot be written.
         """
         for part in self.files:
             _require_file(part)
@@ -119,10 +112,6 @@ def quoted(text: str) -> str:
     """A text as TOML has it."""
     # JSON's strings are TOML's, but for U+007F; its escapes of letters beyond U+FFFF are not, hence none are written.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _table(keys: Mapping[str, Any]) -> str:
-    return f"{{ {', '.join(f'{key} = {quoted(v) if isinstance(v, str) else v}' for key, v in keys.items())} }}"
 
 
 def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, unit: str | None = None) -> Asked:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmopt.notebook.asking import SIDES, quoted
+from fmopt.notebook.asking import quoted
 from fmopt.task.explain import aligned, statements
 from fmopt.task.mesh_source import MESHES
 from fmopt.task.toml.model_file import STEP
@@ -28,11 +28,9 @@ def commented(asked: Asked, folder: Path, problem: Problem, clearance: Clearance
     # The file names first what it moves, which is the part with the hole where operands were exchanged.
     names = (problem.peg.name, problem.hole.name)[:: -1 if exchanged else 1]
     lines = [f"# {problem.title}. What stands behind # was found or is as usual: take the # away to state it.", ""]
-    for side, keys, name in zip(SIDES, asked.operands(folder), names, strict=True):
-        lines += [f"[{side}]", *(f"{key} = {quoted(v) if isinstance(v, str) else v}" for key, v in keys.items())]
-        if "unit" not in keys and Path(str(keys["model"])).suffix.lower() in UNITLESS:
-            lines.append('# unit = "mm"')
-        lines += [f"# feature = {quoted(name)}", ""]
+    for file, unit, table, name in zip(asked.files, asked.units, asked.operands(folder), names, strict=True):
+        usual = unit is None and file.suffix.lower() in UNITLESS
+        lines += [*table, *(['# unit = "mm"'] if usual else []), f"# feature = {quoted(name)}", ""]
     lines += ["[goal]", f'# depth = "{_number(-1e3 * float(problem.goal[2]))} mm" # or "full"']
     # The problem has the turn of the peg, the file that of what it moves.
     if goal.turn and not goal.free_turn:

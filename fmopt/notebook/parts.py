@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,8 +40,12 @@ def load_part(file: Path, unit: str | None = None) -> tuple[Part, ...]:
         InputError: with every fault.
         ResourceError: no library that reads STEP files.
     """
-    bodies: Sequence[str | None] = _bodies(file, unit) if holds_several(file) else (None,)
-    return tuple(_loaded(file, Bare(unit, body)) for body in bodies)
+    names: list[str | None] = [None]
+    if holds_several(file) and file.is_file():  # of no file the reader of models says what is wrong
+        with Place(str(file)).solid():
+            found = bodies_of(file, unit)
+        names = [body.name or str(body.number) for body in found] if len(found) > 1 else names
+    return tuple(_loaded(file, Bare(unit, name)) for name in names)
 
 
 def holds_several(file: Path) -> bool:
@@ -53,14 +56,6 @@ def holds_several(file: Path) -> bool:
         return file.suffix.lower() in MESHES and lie_apart(file)
     except FmoptError:
         return False
-
-
-def _bodies(file: Path, unit: str | None) -> Sequence[str | None]:
-    if not file.is_file():
-        return (None,)  # the reader of models says what is wrong
-    with Place(str(file)).solid():
-        found = bodies_of(file, unit)
-    return (None,) if len(found) == 1 else [body.name or str(body.number) for body in found]
 
 
 def _loaded(file: Path, said: Bare) -> Part:

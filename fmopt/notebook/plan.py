@@ -326,13 +326,12 @@ class Plan:
         return Path(path)
 
     def __str__(self) -> str:
+        said = f"{self.stated.title}: {self.verdict}, "
         if self.evidence is not None:
             found = self.evidence
-            rate = f"{found.seated} of {found.draws} draws seat{timing_words(found.cycle_times)}"
-            return f"{self.stated.title}: {self.verdict}, {rate}"
-        margin = f", least margin {1e6 * self.margin:.1f} µm"
-        margin = margin if self.proved else margin.replace("least", "not proved: least computed")
-        return f"{self.stated.title}: {self.verdict}, {len(self.moves)} moves{margin}"
+            return f"{said}{found.seated} of {found.draws} draws seat{timing_words(found.cycle_times)}"
+        least = "least margin" if self.proved else "not proved: least computed margin"
+        return f"{said}{len(self.moves)} moves, {least} {1e6 * self.margin:.1f} µm"
 
     def __repr__(self) -> str:
         return f"<fmopt.Plan {self}>"

@@ -20,8 +20,8 @@ from fmopt.task.explain import statements
 if TYPE_CHECKING:
     from fmopt.notebook.plan import Plan, Segment
     from fmopt.notebook.problem import Problem
+    from fmopt.verify import Verdict
 
-_SHOWN = 8  # findings of a verdict
 # Notebooks centre captions and set cells to the right; what is read as words starts on the left.
 _STYLE = (
     "<style>.fmopt-sheet td, .fmopt-sheet th, .fmopt-sheet caption { text-align: left !important; } "
@@ -89,13 +89,10 @@ def freedom_sheet(freedoms: Sequence[Any]) -> str:
     return _sheet(table("S(t): 0 free, ±1 stopped on one side, 2 on both", ("t", *AXES), rows, ".nnnnnn"))
 
 
-def verdict_sheet(verdict: Any) -> str:
-    """The outcome of the independent check, with what stands in its way."""
-    more = [f"and {len(verdict.findings) - _SHOWN} more"] * (len(verdict.findings) > _SHOWN)
-    least = "least margin" if str(verdict.verdict) == "CERTIFIED" else "least stated margin, not proved,"
-    first = "" if verdict.margin is None else f", {least} {1e6 * verdict.margin:.2f} µm"
-    listed = bullets([*map(str, verdict.findings[:_SHOWN]), *more])
-    return _sheet(f"<strong>{verdict.verdict}</strong>: {verdict.segments} segments{first}{listed}")
+def verdict_sheet(verdict: Verdict) -> str:
+    """The outcome of the independent check, with what stands in its way, as `fmopt verify` prints it."""
+    first, *lines = verdict.lines()
+    return _sheet(f"<strong>{escape(first)}</strong>{bullets(lines)}")
 
 
 def _sheet(text: str) -> str:

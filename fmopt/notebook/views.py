@@ -13,10 +13,9 @@ from fmopt.certificate.error_set import ErrorSet
 from fmopt.contact.state_graph import ContactGraph
 from fmopt.geometry.part import Part
 from fmopt.geometry.plane.region import Region
-from fmopt.plan.position_force import AXES
 from fmopt.report.bodies import stated_part
 from fmopt.report.drawing import BLUE, PALE, RUST, Drawing, Figure, fill
-from fmopt.report.naming import box_words
+from fmopt.report.naming import AXES_READ, SCALES, box_words
 from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
@@ -95,9 +94,7 @@ def _region(region: Region) -> Iterable[Drawing]:
 def _graph(graph: ContactGraph) -> Iterable[Drawing]:
     from fmopt.report.views import graph_view
 
-    states = [(state.contacts, state.dimension) for state in graph.states]
-    contacts, dimensions = zip(*states, strict=True)
-    yield graph_view.drawing("states", graph_view.StateGraph("the pose", contacts, dimensions, graph.sons, ()))
+    yield graph_view.drawing("states", graph_view.state_graph("the pose", graph.states, graph.sons, ()))
 
 
 def _errors(errors: ErrorSet) -> Iterable[Drawing]:
@@ -140,7 +137,7 @@ def paint_errors(errors: ErrorSet, sheet: Figure) -> None:
     turn = np.linspace(0.0, 2.0 * math.pi, 181)
     round_ = np.column_stack([np.cos(turn), np.sin(turn)])
     for axes, pair in zip(sheet.subplots(1, len(_PAIRS)), _PAIRS, strict=True):
-        scale = np.array([1e3 if axis < 3 else math.degrees(1.0) for axis in pair])
+        scale = SCALES[list(pair)]
         # A shadow reaches as far along a direction of its plane as the set does in space.
         rows = np.zeros((len(turn), 6))
         rows[:, list(pair)] = round_
@@ -150,9 +147,8 @@ def paint_errors(errors: ErrorSet, sheet: Figure) -> None:
         axes.plot(*(_outline(round_, size) * scale).T, color=RUST, linestyle="--", label="ellipsoid")
         axes.fill(*both.T, facecolor=PALE, edgecolor=BLUE, linewidth=1.1, label="bound in use")
         axes.set_aspect("equal", adjustable="datalim")
-        unit = "mm" if pair[0] < 3 else "°"
-        axes.set_xlabel(f"{AXES[pair[0]]}, {unit}")
-        axes.set_ylabel(f"{AXES[pair[1]]}, {unit}")
+        axes.set_xlabel(AXES_READ[pair[0]])
+        axes.set_ylabel(AXES_READ[pair[1]])
     handles, labels = axes.get_legend_handles_labels()
     sheet.legend(handles, labels, loc="outside lower center", ncols=2)
 

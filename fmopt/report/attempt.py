@@ -112,21 +112,6 @@ class Failure:
         much = f"{quantity(lack.short)} short, as a turn {angle}° at the part's characteristic length"
         return f"{where}: {what}: {much}"
 
-    def lines(self) -> list[str]:
-        """The same for a terminal, line by line."""
-        return [f"stage: {self.stage}; {self.reason}", *([] if self.nearest is None else [self.nearest_words])]
-
-    @property
-    def nearest_words(self) -> str:
-        """What would work, in words."""
-        near = self.nearest
-        if near is None:
-            return "No share of the start errors was found to have a certified plan."
-        return (
-            f"certified for {100.0 * near.share:.3g} % of the start errors{near.and_velocity} ({near.words}), "
-            f"with a least margin of {quantity(near.margin)}"
-        )
-
     def record(self) -> dict[str, Any]:
         """The facts as plain values: m, rad."""
         lack, near = self.lack, self.nearest
@@ -161,7 +146,8 @@ class Failure:
 def failure_page(failure: Failure, svgs: Mapping[str, str]) -> str:
     """The page: what is missing first, then the closest attempt, what would work, and what was asked."""
     drawn = "".join(figure(svgs[name], d.alt, d.title, d.size) for name, d in failure.figures.items())
-    works = paragraph(_sentence(failure.nearest_words)) + bullets(map(_sentence, failure.advice))
+    none = "" if failure.nearest else "No share of the start errors was found to have a certified plan."
+    works = paragraph(none) + bullets(map(_sentence, failure.advice))
     chapters = [
         ("attempt", "The closest attempt", drawn + _moves(failure)),
         ("works", "What does work", works),

@@ -25,8 +25,8 @@ def force_table(plan: Plan) -> str:
     """S(t) and Fa(t) by interval."""
     rows = []
     for item in plan.description.position_force:
-        either = [AXES[axis] for axis in item.either_sign]
-        force = combination(item.fa, "N", "N·m") + (f"; {', '.join(either)} of either sign" if either else "")
+        either = f"; {', '.join(AXES[axis] for axis in item.either_sign)} of either sign" if item.either_sign else ""
+        force = combination(item.fa, "N", "N·m") + either
         rows.append((f"{item.start:.3g} to {item.end:.3g} s", stops_words(item.s), force))
     return table("Freedoms and reaction forces by time", ("time", "S(t)", "Fa(t)"), rows)
 
@@ -115,10 +115,8 @@ def _end_words(piece: Segment, last: bool, twists: Array, wrenches: Array) -> st
     felt = any(stop.wrench)
     if not last:
         return f"goes on after {way}" + ("; a contact felt before ends the move" if felt else "")
-    ends = f"ends after {way}"
-    if felt:
-        reached = f"reaches {signed(stop.threshold, '.3g')} N"
-        ends = f"ends when reaction along {direction(stop.wrench, wrenches)} {reached}, nominally after {way}"
+    reached = f"{direction(stop.wrench, wrenches)} reaches {signed(stop.threshold, '.3g')} N"
+    ends = f"ends when reaction along {reached}, nominally after {way}" if felt else f"ends after {way}"
     return f"{ends}; a fault beyond {quantity(stop.max_travel)} or {stop.timeout:.3g} s"
 
 

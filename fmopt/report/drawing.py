@@ -139,19 +139,11 @@ class Drawing:
     fragment: Callable[[], str] | None = None
 
     def svg(self) -> str:
-        """The drawing as a text of SVG, the same for the same value.
-
-        Raises:
-            ChoiceError: it moves, and is HTML alone.
-        """
+        """The drawing as a text of SVG, the same for the same value; `ChoiceError` where it moves: HTML alone."""
         return drawn(self._painter("SVG"), self.size).decode()
 
     def png(self, dpi: float = 150.0) -> bytes:
-        """The drawing as the bytes of a PNG, at so many dots per inch.
-
-        Raises:
-            ChoiceError: it moves, and is HTML alone.
-        """
+        """The drawing as the bytes of a PNG, at so many dots per inch; `ChoiceError` as of `svg`."""
         return drawn(self._painter("PNG"), self.size, "png", dpi)
 
     def html(self) -> str:

@@ -114,23 +114,19 @@ def verdict(plan: Plan) -> Verdict:
         word = "Tested" if plan.verdict == "TESTED" else "Not tested enough"
         return Verdict(False, word, f"{evidence_words(plan)} Nothing is proved of presses.")
     margin = smallest_margin(plan)
-    if plan.verdict == "REFUTED":
-        words = "The independent check found a pose within the stated errors at which the plan fails."
-        return Verdict(False, "Refuted", words + _shortfall(margin))
     if plan.verdict == "CERTIFIED" and margin > 0.0:
         words = (
             "Every motion whose errors lie in the stated set makes the planned contacts in the planned order and ends "
             f"in the goal pose. Smallest certified margin: {quantity(margin)}. Trials: {carried_words(plan)}."
         )
         return Verdict(True, "Certified", words)
+    short = f"Smallest computed margin, not proved: {quantity(margin)}."
+    short = short if margin > 0.0 else f"Largest shortfall: {quantity(-margin)}."
+    if plan.verdict == "REFUTED":
+        words = "The independent check found a pose within the stated errors at which the plan fails."
+        return Verdict(False, "Refuted", f"{words} {short}")
     words = "The proof could not be closed: the motion may work, but nothing below is a guarantee."
-    return Verdict(False, "Not proved", words + _shortfall(margin))
-
-
-def _shortfall(margin: float) -> str:
-    if margin <= 0.0:
-        return f" Largest shortfall: {quantity(-margin)}."
-    return f" Smallest computed margin, not proved: {quantity(margin)}."
+    return Verdict(False, "Not proved", f"{words} {short}")
 
 
 def margin_name(plan: Plan) -> str:

@@ -13,6 +13,9 @@ from fmopt.plan.position_force import AXES
 from fmopt.spatial.se3 import cross
 from fmopt.spatial.values import Array
 
+# How poses and errors (6,) are read: factors from m and rad, and names with their units.
+SCALES = np.repeat([1e3, math.degrees(1.0)], 3)
+AXES_READ = tuple(f"{axis}, {'mm' if k < 3 else '°'}" for k, axis in enumerate(AXES))
 _SAME = 1e-9  # m
 _SLIGHT = 0.005  # of the greatest component of a direction
 _PIECES, _EARLY = re.compile(r"(?:pieces )?(\d+)[/-](\d+)"), re.compile(r"(\S+) too early")
@@ -108,8 +111,9 @@ def _record(plan: Parts, contact: str) -> Contact | None:
     return next((c for c in plan.contacts if c.id == contact), None)
 
 
-def _vertices(body: Body) -> Array:
-    return np.array(body.vertices, dtype=np.float64)
+def _bounds(body: Body) -> Array:
+    """The least and greatest coordinates (2, 3) of a body, m."""
+    return np.array([np.min(body.vertices, axis=0), np.max(body.vertices, axis=0)])
 
 
 def _moving_words(part: Part, points: Array) -> str:
@@ -170,8 +174,7 @@ def _side_words(part: Part, number: int) -> str:
     pieces = part.pieces
     if len(pieces) < 2 or number >= len(pieces):
         return part.name
-    points = _vertices(pieces[number])
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = _bounds(pieces[number])
     # Positive where all of the piece lies beyond the axis on that side.
     gaps = {"−x": -high[0], "+x": low[0], "−y": -high[1], "+y": low[1]}
     side = max(gaps, key=lambda name: float(gaps[name]))
@@ -185,9 +188,8 @@ def _piece_words(part: Part, number: int) -> str:
         return f"{part.name} ball" if len(part.body.balls) == 1 else f"{part.name} ball {number - len(pieces)}"
     if len(pieces) < 2 or number >= len(pieces):
         return part.name
-    whole, piece = (_vertices(body) for body in (part.body, pieces[number]))
-    low, high = piece.min(axis=0), piece.max(axis=0)
-    axis = int(np.argmin((high - low) / np.ptp(whole, axis=0)))
+    low, high = _bounds(pieces[number])
+    axis = int(np.argmin((high - low) / np.subtract(*_bounds(part.body)[::-1])))
     span = f"{AXES[axis]} {millimetres(low[axis])} to {millimetres(high[axis])} mm"
     return f"{part.name} piece {number} ({span})"
 

@@ -15,6 +15,7 @@ from fmopt.report.recovery_tables import recovery_chapter, tolerance_chapter
 from fmopt.report.scene import resource, scene
 from fmopt.report.shell import chaptered, figure, page, paragraph, table
 from fmopt.report.views.budget_view import budget_table
+from fmopt.report.views.tube_view import error_table
 
 
 def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
@@ -56,7 +57,7 @@ def _guarded_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, s
     states = sections.why(plan) + drawings + sections.contact_table(plan) + sections.critical_table(plan)
     # Where the start errors come from, what becomes of them on the way, and what they take of the clearance.
     sources = budget_table(plan) + shown.get("budget", "")
-    budget = sources + sections.error_table(plan) + shown.get("tube", "")
+    budget = sources + error_table(plan) + shown.get("tube", "")
     tables = control_tables.force_table(plan) + control_tables.motion_table(plan)
     course = shown.get("diagrams", "") + shown.get("trajectory", "") + tables
     planar = possible_contacts(plan)

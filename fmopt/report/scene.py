@@ -1,7 +1,6 @@
-"""The motion in three dimensions: a page or a fragment that shows it, turns and plays, without anything from outside.
+"""The motion in three dimensions, to be turned and played: data for `scene.js`, with nothing from outside.
 
-The fixed part is cut open by a quarter on the side that looks at the viewer, so that the hole is seen. Everything is
-data; the program that draws it is `scene.js`.
+The fixed part is cut open by a quarter on the side that looks at the viewer, so that the hole is seen.
 """
 
 import html

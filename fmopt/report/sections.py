@@ -7,10 +7,10 @@ from fmopt.plan.position_force import AXES
 from fmopt.report.control_tables import jamming_words
 from fmopt.report.moves import margin_claim, move_words, moves, states, summary_rows, verdict
 from fmopt.report.naming import binding_words, box_words, contact_words, millimetres, pose_words, quantity, signed
-from fmopt.report.presses import carried_words, conditions_words, evidence_words, timing_words
+from fmopt.report.presses import carried_words, conditions_words, evidence_words
 from fmopt.report.recovery_tables import rates, recovery_words, tolerated_words
 from fmopt.report.shell import bullets, facts, paragraph, table
-from fmopt.report.views.tube_view import ends_words, error_sets
+from fmopt.report.views.tube_view import ends_words
 
 
 def asked(plan: Plan) -> str:
@@ -32,7 +32,8 @@ def statements(plan: Plan) -> list[tuple[str, str]]:
         more = f"; {len(others)} further attempts where it fails: {', '.join(one.source for one in others)}"
         rows += [("starts at", pose_words(first.start) + more * bool(others)), (plan.verdict, evidence_words(plan))]
         if plan.trials is not None:
-            rows += [("drawn from", conditions_words(plan.trials)), ("times", timing_words(plan.trials))]
+            force = f"up to {plan.trials.peak_force:.1f} N"
+            rows += [("drawn from", conditions_words(plan.trials)), ("force", force)]
     else:
         least = min(plan.segments, key=lambda segment: segment.margin)
         margin = f"margin {1e6 * least.margin:.2f} µm ({binding_words(plan, least.binding)})"
@@ -205,20 +206,6 @@ def margin_words_of(plan: Plan) -> str:
         "the curvature of the contact surfaces and the drift of the velocity have taken their part. Smallest: "
         f"{margin_claim(plan, worst.margin)}, in move {worst.number}."
     )
-
-
-def error_table(plan: Plan) -> str:
-    """How contacts shrink the error: half-widths at the start and at every move's end."""
-    rows = []
-    for name, errors in error_sets(plan).items():
-        way, angle = errors.half_widths()[:3], errors.half_widths()[3:]
-        rows.append((name, *(_fine(1e3 * v) for v in way), *(_fine(float(np.degrees(v))) for v in angle)))
-    head = ("at the end of", *(f"{axis}, mm" for axis in AXES[:3]), *(f"{axis}, °" for axis in AXES[3:]))
-    return paragraph(ends_words(plan)) + table("Half-widths of the set of errors", head, rows, ".nnnnnn")
-
-
-def _fine(value: float) -> str:
-    return "< 0.0001" if 0.0 < value < 1e-4 else f"{value:.4f}"  # four digits alone would say that there is none
 
 
 def not_covered(plan: Plan) -> str:

@@ -1,7 +1,4 @@
-"""What all pages have in common: a head that lets nothing in from outside, chapters with links to them, figures.
-
-Tables of HTML for people and screen readers, from plain texts.
-"""
+"""Pages of HTML from plain texts: a head that lets nothing in, chapters with links, figures, tables, lists."""
 
 import re
 from base64 import b64encode

@@ -11,7 +11,7 @@ import numpy as np
 from fmopt.plan import Plan
 from fmopt.plan.position_force import AXES
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH, Drawing, Figure
-from fmopt.report.naming import degrees, millimetres
+from fmopt.report.naming import AXES_READ, degrees, millimetres
 from fmopt.report.shell import table
 from fmopt.spatial.values import Array
 
@@ -50,8 +50,8 @@ def budget_table(plan: Plan) -> str:
         return ""
     whole = np.sum([box for _, box in listed], axis=0)
     rows = [(name, *_row(box, whole)) for name, box in listed]
-    head = ("source", *(f"{axis}, mm" for axis in AXES[:3]), *(f"{axis}, °" for axis in AXES[3:]))
-    return table("Sources of the start error, half-widths", head, [*rows, ("sum", *_row(whole, None))], ".nnnnnn")
+    rows.append(("sum", *_row(whole, None)))
+    return table("Sources of the start error, half-widths", ("source", *AXES_READ), rows, ".nnnnnn")
 
 
 def _row(box: Array, whole: Array | None) -> list[str]:

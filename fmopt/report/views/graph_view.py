@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from textwrap import wrap
+from typing import Any
 
 import numpy as np
 
@@ -41,24 +42,18 @@ class StateGraph:
 
 def graphs(plan: Plan) -> tuple[StateGraph, ...]:
     """The graphs that the plan carries and that have chosen states; else the chain of its own states."""
-    found = [
-        StateGraph(
-            name=graph.critical_point,
-            contacts=tuple(state.contacts for state in graph.states),
-            dimensions=tuple(state.dimension for state in graph.states),
-            sons=graph.sons,
-            chosen=graph.chosen,
-        )
-        for graph in plan.diagnostics.graphs
-        if graph.chosen
-    ]
-    return tuple(found) or (_chain(plan),)
-
-
-def _chain(plan: Plan) -> StateGraph:
+    chosen = [graph for graph in plan.diagnostics.graphs if graph.chosen]
+    if chosen:
+        return tuple(state_graph(g.critical_point, g.states, g.sons, g.chosen) for g in chosen)
     contacts, dimensions = zip(*states(plan), strict=True)
     sons = (*((i,) for i in range(1, len(contacts))), ())
-    return StateGraph("", contacts, dimensions, sons, tuple(range(len(contacts))))
+    return (StateGraph("", contacts, dimensions, sons, tuple(range(len(contacts)))),)
+
+
+def state_graph(name: str, listed: Iterable[Any], sons: Sequence[Sequence[int]], chosen: Sequence[int]) -> StateGraph:
+    """A graph of states that have contacts and a dimension."""
+    contacts, dimensions = zip(*((state.contacts, state.dimension) for state in listed), strict=True)
+    return StateGraph(name, contacts, dimensions, tuple(map(tuple, sons)), tuple(chosen))
 
 
 def drawings(plan: Plan) -> list[Drawing]:

@@ -1,7 +1,4 @@
-"""Planar sets of possible contact: where uncertain features may be, and which configurations they may touch at.
-
-Drawn as the plan's diagnostics hold them: arcs in the colour of the circle that they lie on.
-"""
+"""Planar sets of possible contact as the plan has them: arcs in the colour of the circle that they lie on."""
 
 from __future__ import annotations
 

@@ -14,6 +14,7 @@ import numpy as np
 from fmopt.plan.description import Nominal, PositionForce
 from fmopt.plan.position_force import AXES
 from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH, Axes, Drawing, Figure, legend
+from fmopt.report.naming import AXES_READ, SCALES
 from fmopt.spatial.values import Array
 
 TITLE = "Position and force over time, without errors"
@@ -26,7 +27,6 @@ _BANDS: dict[int, dict[str, Any]] = {
 _SHORT = 0.008  # of the duration, bands shorter than this are lines
 _STILL = 1e-3  # mm, °, N or N·m: what varies by less does not move
 _NEAR = 0.12  # of the duration, labels nearer than this are one
-_SCALE = (1e3, 1e3, 1e3, math.degrees(1.0), math.degrees(1.0), math.degrees(1.0))
 
 
 @dataclass(frozen=True)
@@ -101,17 +101,17 @@ def _switches(grid: Any, nominal: Nominal) -> None:
 
 def _position(axes: Axes, course: Course, axis: int) -> None:
     nominal = course.nominal
-    values = _SCALE[axis] * np.array(nominal.nodes, dtype=np.float64)[:, axis]
+    values = SCALES[axis] * np.array(nominal.nodes, dtype=np.float64)[:, axis]
     axes.plot(nominal.times, values, color=INK, linewidth=1.2)
     everything = [values]
     for item in course.forces:
         if item.s[axis] != 0:
             continue  # Γ is 0 there, and not a position: the axis is servoed in force
-        ends = _SCALE[axis] * np.array([item.pa_start[axis], item.pa_end[axis]], dtype=np.float64)
+        ends = SCALES[axis] * np.array([item.pa_start[axis], item.pa_end[axis]], dtype=np.float64)
         axes.plot([item.start, item.end], ends, color=BLUE, linewidth=1.6, linestyle="--")
         everything.append(ends)
     _limits(axes, np.concatenate(everything))
-    axes.set_ylabel(f"{AXES[axis]}, {'mm' if axis < 3 else '°'}")
+    axes.set_ylabel(AXES_READ[axis])
 
 
 def _force(axes: Axes, forces: tuple[PositionForce, ...], axis: int) -> None:

@@ -14,12 +14,11 @@ from fmopt.plan.error_sets import ErrorSet
 from fmopt.plan.position_force import AXES
 from fmopt.report.drawing import BLUE, INK, WIDTH, Axes, Drawing, Figure, legend
 from fmopt.report.moves import moves
-from fmopt.report.naming import pose_words
+from fmopt.report.naming import AXES_READ, SCALES, pose_words
+from fmopt.report.shell import paragraph, table
 from fmopt.spatial.values import Array
 
 PLANES = ((0, 1), (1, 3), (0, 4), (2, 5))  # a turn about x swings the part along y, one about y along x
-_SCALE = (1e3, 1e3, 1e3, math.degrees(1.0), math.degrees(1.0), math.degrees(1.0))
-_UNIT = ("mm", "mm", "mm", "°", "°", "°")
 _DIRECTIONS = 60  # 6° apart, between which a circle is drawn 0.14 % short
 _PER_ROW = 8
 _NOTHING = 1e-12
@@ -43,8 +42,21 @@ def ends_words(plan: Plan) -> str:
         return words + "no error at its end follows."
     half = plan.error_sets[-1].half_widths()
     wide = [(k, axis) for k, axis in enumerate(AXES) if half[k] > _LITTLE]
-    left = [f"{axis} ±{float(_SCALE[k] * half[k]):.2g}{'°' if k > 2 else ' mm'}" for k, axis in wide]
+    left = [f"{axis} ±{float(SCALES[k] * half[k]):.2g}{'°' if k > 2 else ' mm'}" for k, axis in wide]
     return words + (f"ends with errors of up to {', '.join(left)}." if left else "ends with no error to speak of.")
+
+
+def error_table(plan: Plan) -> str:
+    """How contacts shrink the error: half-widths at the start and at every move's end."""
+    rows = []
+    for name, errors in error_sets(plan).items():
+        rows.append((name, *map(_fine, SCALES * errors.half_widths())))
+    head = ("at the end of", *AXES_READ)
+    return paragraph(ends_words(plan)) + table("Half-widths of the set of errors", head, rows, ".nnnnnn")
+
+
+def _fine(value: float) -> str:
+    return "< 0.0001" if 0.0 < value < 1e-4 else f"{value:.4f}"  # four digits alone would say that there is none
 
 
 def drawing(plan: Plan) -> Drawing:
@@ -61,7 +73,7 @@ def _paint(sets: Sequence[tuple[str, ErrorSet]], figure: Figure) -> None:
     figure.set_layout_engine("none")
     # How far the axes go on each side, mm and degrees: no outline is clipped.
     widths = [np.sqrt(np.maximum(np.diag(errors.shape), 0.0)) for _, errors in sets]
-    reach = np.maximum(1.08 * np.array(_SCALE) * np.max(widths, axis=0), _NOTHING)
+    reach = np.maximum(1.08 * SCALES * np.max(widths, axis=0), _NOTHING)
     for number, block in enumerate(blocks):
         bottom, top = (1.0 - (number + share) / len(blocks) for share in (1.0, 0.0))
         room = {"bottom": bottom + 0.12 / len(blocks), "top": top - 0.06 / len(blocks), "hspace": 0.62}
@@ -105,7 +117,7 @@ def _panel(axes: Axes, errors: ErrorSet, plane: tuple[int, int], reach: Array) -
     from matplotlib.colors import to_rgb
     from matplotlib.patches import Polygon
 
-    pick, scale = list(plane), np.array([_SCALE[axis] for axis in plane])
+    pick, scale = list(plane), SCALES[list(plane)]
     growth, shape = (matrix[np.ix_(pick, pick)] * np.outer(scale, scale) for matrix in (errors.growth, errors.shape))
     inner = _thinned(outline(errors.generators[:, pick] * scale, growth), reach[pick])
     outer = _thinned(outline(np.zeros((0, 2)), shape), reach[pick])
@@ -134,12 +146,12 @@ def _scales(axes: Axes, plane: tuple[int, int], reach: Array, first: bool) -> No
         mark = power * max(digit for digit in (1, 2, 4, 6, 8) if digit * power <= 0.8 * reach[axis])
         side.set_ticks([-mark, 0.0, mark], [f"−{mark:g}", "", f"{mark:g}"])
         (axes.set_xlim if side is axes.xaxis else axes.set_ylim)(-reach[axis], reach[axis])
-    axes.set_xlabel(f"{AXES[plane[0]]}, {_UNIT[plane[0]]}", labelpad=0)
+    axes.set_xlabel(AXES_READ[plane[0]], labelpad=0)
     axes.tick_params(labelleft=first, pad=1.5, length=2)
     if first:
-        axes.set_ylabel(f"{AXES[plane[1]]}, {_UNIT[plane[1]]}", labelpad=1)
+        axes.set_ylabel(AXES_READ[plane[1]], labelpad=1)
 
 
 def _largest(half_widths: Array) -> str:
-    way, angle = 1e3 * float(np.max(half_widths[:3])), math.degrees(float(np.max(half_widths[3:])))
+    way, angle = np.max((SCALES * half_widths).reshape(2, 3), axis=1)
     return f"{way:.3g} mm and {angle:.3g}°"
