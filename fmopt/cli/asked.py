@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmopt.cli.entry import answer, say
-from fmopt.errors import InputError
 from fmopt.notebook.asking import Asked, of_assembly, wrong
 from fmopt.notebook.parts import holds_several, is_part
 from fmopt.task.toml.source import read
@@ -24,11 +23,7 @@ Options = tuple[str | None, str | None, str | None, str | None]  # --error, --un
 
 
 def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
-    """The question that files and options ask; None for a problem file.
-
-    Raises:
-        InputError: they do not go together; with an example of what does.
-    """
+    """The question that files and options ask; None for a problem file. Where they do not go together: an example."""
     error, unit, moving, fixed = options
     if len(files) > 2:
         advice = f"name a problem file, or two parts: {_EXAMPLE}"
@@ -76,11 +71,6 @@ def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: boo
     return problem
 
 
-def refuse_problem(file: Path) -> InputError:
-    """The error of a problem file where parts are asked for."""
-    return wrong(file, "file-kind", "this is a problem file already", f"check it with fmopt check {file}")
-
-
 def told(problem: Problem) -> None:
     """Says what a user has to know of how the parts were taken, on standard error."""
     for part in (problem.moving, problem.fixed):
@@ -90,11 +80,7 @@ def told(problem: Problem) -> None:
 
 
 def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
-    """Writes the problem file of a question, what is found as comments in it, whether or not the error is `stated`.
-
-    Raises:
-        InputError: something is at fault, or the file is there already.
-    """
+    """Writes the problem file of a question, what is found as comments in it, whether or not the error is `stated`."""
     from fmopt.notebook.found import commented
     from fmopt.planning.pipeline import tried
     from fmopt.runtime import output

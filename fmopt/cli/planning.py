@@ -202,12 +202,14 @@ def init(
     quiet: Quiet = False,
 ) -> None:
     """Write the problem file for two parts, with what is found on them as comments, and a drawing of it."""
-    from fmopt.cli.asked import asked_problem, refuse_problem, written
+    from fmopt.cli.asked import asked_problem, written
+    from fmopt.notebook.asking import wrong
 
     target = out if out is not None else Path(f"{_stem(files)}.toml")
     asked = asked_problem(files, (error or "1 mm, 1 deg", unit, moving, fixed))
     if asked is None:
-        raise refuse_problem(files[0])
+        advice = f"check it with fmopt check {files[0]}"
+        raise wrong(files[0], "file-kind", "this is a problem file already", advice)
     paths = written(asked, target, stated=error is not None)
     wrote(paths, as_json, quiet)
     if not (as_json or quiet):

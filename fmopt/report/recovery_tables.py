@@ -106,7 +106,7 @@ def rates(plan: Plan) -> list[tuple[str, str, str]]:
     """For each tolerance its name, its value and what one more step of it does to the margin, the costliest first."""
     found = plan.diagnostics.tolerated
     rows = []
-    for entry in () if found is None else found.sensitivities:
+    for entry in found.sensitivities if found else ():
         kind, _, axis = entry.name.partition(".")
         turns = axis.startswith("r") and kind == "start"  # "rotation" of velocity begins with r, too
         one = _ONE[kind][turns]

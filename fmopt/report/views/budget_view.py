@@ -68,19 +68,13 @@ def _percent(part: float, whole: float) -> str:
 def _bars(listed: Shares) -> list[tuple[str, Array, list[str]]]:
     """Axes that have the same budget as one bar: their names with the sum, shares of 1, and the shares in words."""
     boxes = np.array([box for _, box in listed]).reshape(-1, 6)
-    groups: list[tuple[list[int], Array]] = []
-    for axis in range(6):
-        column = boxes[:, axis]
-        if not column.any():
-            continue
-        # Alike to the last bit, as a bar says one sum for all of its axes.
-        twin = next((g for g in groups if (g[0][0] < 3) == (axis < 3) and np.array_equal(g[1], column)), None)
-        if twin is None:
-            groups.append(([axis], column))
-        else:
-            twin[0].append(axis)
+    # Alike to the last bit, as a bar says one sum for all of its axes; lengths and angles apart.
+    groups: dict[tuple[bool, bytes], list[int]] = {}
+    for axis in np.flatnonzero(boxes.any(axis=0)).tolist():
+        groups.setdefault((axis < 3, boxes[:, axis].tobytes()), []).append(axis)
     bars = []
-    for axes, column in groups:
+    for axes in groups.values():
+        column = boxes[:, axes[0]]
         total = float(column.sum())
         reach = f"±{millimetres(total)} mm" if axes[0] < 3 else f"±{degrees(total)}°"
         parts = [f"{name} {_percent(v, total)}" for (name, _), v in zip(listed, column, strict=True) if v]

@@ -128,11 +128,10 @@ def _beside(graph: StateGraph) -> list[int]:
 
 def _legend(graph: StateGraph) -> list[tuple[str, bool]]:
     """Lines of the legend, each with whether it is printed strongly."""
-    lines = []
+    lines, count = [], len(_beside(graph))
     for number, state in enumerate(graph.chosen):
         held = wrap(_named(graph.contacts[state]), _COLUMNS) or [""]
         lines += [(f"{number if k == 0 else ' ':<3} {line}", True) for k, line in enumerate(held)]
-    count = len(_beside(graph))
     if count > _FEW:
         lines.append((f"{count} states border on the path; they are too many to be named here.", False))
     elif count:

@@ -143,8 +143,7 @@ class _Search:
 
     def margins(self, u: Array) -> Mapping[str, float]:
         """Margins at u; none where the motion cannot be followed."""
-        found = self.at(u)
-        return {} if isinstance(found, str) else found
+        return {} if isinstance(found := self.at(u), str) else found
 
     def suffices(self, u: Array) -> bool:
         """Whether all margins at u are wide enough."""
