@@ -105,7 +105,7 @@ def _parts(problem: Problem) -> Iterator[str]:
 
 
 def _solid(solid: ConvexSolid) -> str:
-    widths = map(_mm, np.ptp(np.vstack(solid.pieces), axis=0).tolist())
+    widths = map(mm, np.ptp(np.vstack(solid.pieces), axis=0).tolist())
     return f"{solid.name}, {' x '.join(widths)} mm"
 
 
