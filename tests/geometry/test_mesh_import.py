@@ -179,7 +179,7 @@ def test_a_corner_that_is_no_number_of_a_point_is_damage(tmp_path: Path, corner:
     header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     header += "element face 1\nproperty list uchar float vertex_indices\nend_header\n"
     (tmp_path / "a.ply").write_text(f"{header}0 0 0\n1 0 0\n0 1 0\n3 0 1 {corner}\n")
-    with pytest.raises(GeometryError, match=r"a\.ply, line \d+: "):
+    with pytest.raises(GeometryError, match=r"a\.ply, line 13: "):
         load_mesh(tmp_path / "a.ply", "mm")
     packed = header.replace("ascii", "binary_little_endian").encode() + struct.pack("<9f", *range(9))
     packed += struct.pack("<B3f", 3, 0.0, 1.0, math.inf if corner == "1e9999" else float(corner))

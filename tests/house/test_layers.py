@@ -91,6 +91,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "cvxpy": frozenset({"planning/optimise/cone_program.py", "notebook/placing.py"}),
     "manifold3d": frozenset({"geometry", "papers/lee_huang/touch.py"}),
     "OCP": frozenset({"geometry/step"}),
+    "plyfile": frozenset({"geometry/mesh/ply_file.py"}),
     "shapely": frozenset({"planning/press", "geometry", "papers/basanez_suarez", "report"}),
     "matplotlib": frozenset({"report", "study/results/figures.py"}),
     "mpl_toolkits": frozenset({"report/views/surface_view.py"}),
