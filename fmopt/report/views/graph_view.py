@@ -69,7 +69,8 @@ def drawing(name: str, graph: StateGraph) -> Drawing:
     alt = f"The chosen sequence of contact states{' among ' * bool(among)}{among}. {words}."
     alt = alt if graph.chosen else f"{among}: {counts}."
     size = WIDTH, _picture_height(graph) + _LINE * (len(_legend(graph)) + 1)
-    return Drawing(name, TITLE if graph.chosen else f"Contact states: {counts}", alt, size, partial(_paint, graph))
+    title = TITLE if graph.chosen else f"{len(graph.contacts)} contact states by dimension"
+    return Drawing(name, title, alt, size, partial(_paint, graph))
 
 
 def _paint(graph: StateGraph, figure: Figure) -> None:
