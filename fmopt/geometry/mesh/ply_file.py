@@ -28,7 +28,8 @@ def read_ply(data: bytes) -> Surface:
         if int(count) > most:
             message = f"the header says {int(count)} of the element {name.decode()!r}, more than {most}"
             raise Damage(message, "the header", COARSER)
-    first, stream = 1 + len(re.findall(rb"\r\n|\r|\n", head)), io.BytesIO(head + rows)
+    first = 1 + len(re.findall(rb"\r\n|\r|\n", head))
+    stream: io.BytesIO | io.StringIO = io.BytesIO(head + rows)
     if text := re.search(rb"(?m)^format[ \t]+ascii", head.replace(b"\r", b"\n")) is not None:
         # As doubles, since digits of a text say more than the type that it names.
         exact = (re.sub(rb"\bfloat(32)?\b", b"double", head) + rows).decode("latin-1")
