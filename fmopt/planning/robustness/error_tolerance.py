@@ -24,7 +24,7 @@ from fmopt.plan.diagnostics import ErrorTolerance, Sensitivity, ToleranceEnd
 from fmopt.plan.field_types import numbers
 from fmopt.plan.position_force import AXES
 from fmopt.planning.moves.moves import Care, Move, Reached, carried, claims_of_moves, in_a_row, onto_surfaces, unroll
-from fmopt.planning.optimise.bisection import Trial, largest
+from fmopt.planning.optimise.bisection import largest
 from fmopt.planning.placement.sequence_program import Placed, certified
 from fmopt.planning.search.symmetry import Searched
 from fmopt.spatial.values import IN_THE_WORLD, Array, Framing
@@ -174,12 +174,12 @@ def factors(motion: Motion) -> tuple[float, Motion | None]:
     def under(share: float) -> Motion:
         return motion if share == 1.0 else motion.under(share * motion.box)
 
-    def tried(share: float) -> Trial:
+    def holds(share: float) -> bool:
         found = under(share).begun
-        return Trial(found.margins, not found.reason and min(found.margins) > 0.0)
+        return not found.reason and min(found.margins) > 0.0
 
     # What errors ask of the pieces is seldom less than what there is room for, and takes half of the time.
-    share, beyond = largest(tried, lambda share: under(share).bears(pieces))
+    share, beyond = largest(holds, lambda share: under(share).bears(pieces))
     return share, None if beyond is None else under(beyond)
 
 
