@@ -13,13 +13,14 @@ from typing import Any
 
 import pytest
 import typer
+from markdown_it import MarkdownIt
 from py_mini_racer import MiniRacer
 from typer.testing import CliRunner
 
 from fmopt.cli import app
 from fmopt.geometry.csg import Box
 from fmopt.manual import FOLDER, PAGES, manual
-from fmopt.manual.book import anchor, blocks, inside, text_of
+from fmopt.manual.book import anchor, inside, text_of
 from tests import ROOT
 from tests.shared.files.mesh_files import write_stl
 from tests.shared.files.shipped import copied
@@ -234,6 +235,12 @@ def _hunks(text: str) -> Iterator[tuple[str, list[list[str]]]]:
     """The files of a section's diffs, with the lines of their hunks."""
     for path, body in re.findall(r"(?ms)^```diff\n--- (\S+)\n(.*?)\n```$", text):
         yield path, [hunk.split("\n") for hunk in body.split("\n@@\n")]
+
+
+def blocks(text: str) -> list[tuple[str, str, int]]:
+    """The examples in a text of Markdown: language, text, and the line that each begins in, counted from 1."""
+    tokens: Any = MarkdownIt("commonmark").parse(text)
+    return [(token.info, token.content, token.map[0] + 1) for token in tokens if token.type == "fence"]
 
 
 TEXTS = {"README": README, **{name: text_of(name) for name in PAGES}}

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fmopt.report.shell import page, svg_source
 
@@ -128,11 +128,3 @@ def inside(link: str, name: str) -> str:
     """Where a link of page `name` leads within the one page; links to elsewhere stay as they are."""
     told = re.fullmatch(r"(?:(\w+)\.md)?(?:#([\w\-]+))?", link)
     return link if told is None else f"#{told[1] or name}.{told[2] or 'top'}"
-
-
-def blocks(text: str) -> list[tuple[str, str, int]]:
-    """The examples in a text of Markdown: language, text, and the line that each begins in, counted from 1."""
-    from markdown_it import MarkdownIt
-
-    tokens: Any = MarkdownIt("commonmark").parse(text)
-    return [(token.info, token.content, token.map[0] + 1) for token in tokens if token.type == "fence"]

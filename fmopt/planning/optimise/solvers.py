@@ -210,6 +210,17 @@ def least_vertex(cost: Array, rows: Pair, equations: Pair, limits: Pair) -> Arra
     return x
 
 
+def nearest_point(point: Array, rows: Array, least: float) -> Array | None:
+    """The point (n,) nearest to one, with rows·x ≥ least; None where there is none, or daqp does not find it."""
+    import daqp
+
+    none, kinds = np.full(len(rows), _NONE), np.zeros(len(rows), dtype=np.int32)
+    found, _, flag, _ = daqp.solve(
+        np.eye(len(point)), -point, rows, none, np.full(len(rows), least), kinds, primal_tol=1e-11
+    )
+    return np.asarray(found) if flag == _OPTIMAL else None
+
+
 def _contradict(rows: Pair, equations: Pair, limits: Pair) -> bool:
     """Whether it is proved that every x breaks a row: the least s by which one does all but them is not small."""
     (A, b), (C, d) = rows, equations
