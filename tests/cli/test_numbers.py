@@ -59,7 +59,8 @@ def test_numbers_that_cannot_be_meant_are_bad_input(
 ) -> None:
     command, flag = option.rsplit(" ", 1)
     file = ROOT / "problems/studies/square_peg_clearance.toml" if command.startswith("study") else square_peg_plan_file
-    rest = {"export": ["--to", "ros2", "--base", *"000000"], "study run": ["--dry-run"]}.get(command, [])
+    to = "csv" if flag == "--rate" else "ros2"
+    rest = {"export": ["--to", to, "--base", *"000000"], "study run": ["--dry-run"]}.get(command, [])
     values = 6 if flag == "--base" else 1
     refused = [
         number for number, (meant, *_) in NUMBERS.items() if not (meant if meant is False else MEANT[option][meant])

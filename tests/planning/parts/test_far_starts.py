@@ -1,7 +1,5 @@
 """Starts far above the mouth: what the part drifts by on its way down counts among the errors to leave room for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
