@@ -115,11 +115,10 @@ class PressRig(Controller):
     def _way(self, k: int) -> tuple[TracePose, ...]:
         """The way of body k so far, to 0.1 µm."""
         begins, steps, backs = zip(*self._begins[k], strict=True)
-        count = len(self._trail)
-        shown = {*np.linspace(0, count - 1, _MAX_POSES).astype(int).tolist(), *(min(one, count - 1) for one in begins)}
-        every, found = self._keep * self.plan.robot.period, list[TracePose]()
-        for at in sorted(shown):
-            q, row = self._trail[at][k], bisect(begins, at) - 1
-            pose = np.round([*q[:3], *between(q[3:], np.array([1.0, 0.0, 0.0, 0.0]))], 7) + 0.0
-            found.append(TracePose(round(at * every, 6), steps[row], numbers(pose), backs[row]))
-        return tuple(found)
+        count, every = len(self._trail), self._keep * self.plan.robot.period
+        even = np.linspace(0, count - 1, _MAX_POSES).astype(int).tolist()
+        shown = sorted({*even, *(min(one, count - 1) for one in begins)})
+        q, rows = np.array([self._trail[at][k] for at in shown]), [bisect(begins, at) - 1 for at in shown]
+        poses = np.round(np.hstack([q[:, :3], between(q[:, 3:], np.array([1.0, 0.0, 0.0, 0.0]))]), 7) + 0.0
+        parts = zip(shown, rows, poses, strict=True)
+        return tuple(TracePose(round(at * every, 6), steps[n], numbers(pose), backs[n]) for at, n, pose in parts)

@@ -21,8 +21,8 @@ def read_ply(data: bytes) -> Surface:
     if not data.startswith(b"ply") or ending is None:
         raise Damage("the file has no header from 'ply' to 'end_header'")
     head = _NOT_ASCII.sub(b"?", data[: ending.end()])  # comments hold any bytes
-    rows = data[ending.end() :]
-    for name, count in re.findall(rb"(?m)^element[ \t]+(\w+)[ \t]+(\d{1,18})[ \t]*$", head.replace(b"\r", b"\n")):
+    rows, lines = data[ending.end() :], head.replace(b"\r", b"\n")
+    for name, count in re.findall(rb"(?m)^element[ \t]+(\w+)[ \t]+(\d{1,18})[ \t]*$", lines):
         # A row has a byte at least.
         most = min({b"vertex": MAX_POINTS, b"face": MAX_TRIANGLES}.get(name, _MAX_ROWS), len(rows) + 1)
         if int(count) > most:
@@ -30,7 +30,7 @@ def read_ply(data: bytes) -> Surface:
             raise Damage(message, "the header", COARSER)
     first = 1 + len(re.findall(rb"\r\n|\r|\n", head))
     stream: io.BytesIO | io.StringIO = io.BytesIO(head + rows)
-    if text := re.search(rb"(?m)^format[ \t]+ascii", head.replace(b"\r", b"\n")) is not None:
+    if text := re.search(rb"(?m)^format[ \t]+ascii", lines) is not None:
         # As doubles, since digits of a text say more than the type that it names.
         exact = (re.sub(rb"\bfloat(32)?\b", b"double", head) + rows).decode("latin-1")
         stream = io.StringIO(exact, newline=None)

@@ -18,6 +18,7 @@ from fmopt.errors import PlanFormatError
 from fmopt.plan import Plan
 from fmopt.plan.export.cautions import insertion_words, turning_words
 from fmopt.plan.export.frame import TaskFrame, task_frame
+from fmopt.plan.export.urscript import in_axes_of
 from fmopt.plan.guarded_moves import Move, moves
 from fmopt.plan.position_force import AXES
 from fmopt.runtime import output
@@ -155,10 +156,9 @@ def request(frame: Pose, gives: Sequence[float], wrench: Array, speed: Array, de
 
 def _stop(move: Move, base: Pose) -> dict[str, Any]:
     assert move.stop is not None
-    gain = np.concatenate([base.R @ move.stop.gain[:3], base.R @ move.stop.gain[3:]])
     return {
         "contacts": list(move.stop.contacts),
-        "gain": gain.tolist(),
+        "gain": in_axes_of(base, move.stop.gain).tolist(),
         "force": move.stop.force,
         "debounce": _DEBOUNCE,
         "max_travel": move.stop.max_travel,
@@ -168,7 +168,7 @@ def _stop(move: Move, base: Pose) -> dict[str, Any]:
 
 def _wrench(base: Pose, wrench: Array) -> dict[str, dict[str, float]]:
     """A wrench (6,), N and N·m, in the axes of the base, as `geometry_msgs/msg/Wrench`, field by field."""
-    return {"force": _xyz(base.R @ wrench[:3]), "torque": _xyz(base.R @ wrench[3:])}
+    return dict(zip(("force", "torque"), map(_xyz, np.split(in_axes_of(base, wrench), 2)), strict=True))
 
 
 def _xyz(values: Array) -> dict[str, float]:

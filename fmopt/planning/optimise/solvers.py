@@ -216,7 +216,7 @@ def nearest_point(point: Array, rows: Array, least: float) -> Array | None:
 
     none, kinds = np.full(len(rows), _NONE), np.zeros(len(rows), dtype=np.int32)
     found, _, flag, _ = daqp.solve(
-        np.eye(len(point)), -point, rows, none, np.full(len(rows), least), kinds, primal_tol=1e-11
+        np.eye(len(point)), -point, rows, none, np.full(len(rows), least), kinds, primal_tol=_SETTINGS["primal_tol"]
     )
     return np.asarray(found) if flag == _OPTIMAL else None
 
