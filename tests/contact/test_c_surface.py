@@ -15,7 +15,6 @@ from fmopt.contact.facet_bounds import BoundTable, bounds
 from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts, vertex_face
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.papers.basanez_suarez.surface import casadi_function
 from fmopt.spatial.se3 import Pose, exp
 from tests.shared.parts.contact_cases import BLOCK, CASES, LEANING, PEG
 from tests.shared.parts.square import MID_DEPTH
@@ -141,14 +140,6 @@ def test_a_formula_is_written_in_vectors() -> None:
 
 def test_the_generated_kernels_are_current() -> None:
     assert generate.FILE.read_text() == generate.written()
-
-
-def test_nodes_outside_the_table_are_refused() -> None:
-    x, y = sympy.symbols("x y")
-    with pytest.raises(TypeError, match="tan"):
-        casadi_function("f", {"x": [x]}, [sympy.tan(x)])
-    with pytest.raises(TypeError, match="Symbol y"):
-        casadi_function("f", {"x": [x]}, [x + y])
 
 
 @pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)

@@ -82,7 +82,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
         {"papers/basanez_suarez/surface.py", "papers/lee_huang/symbolic_diagram.py"}
         | {"contact/algebra.py", "contact/derive.py", "contact/generate.py"}
     ),
-    "casadi": frozenset({"papers/basanez_suarez/surface.py", "contact/algebra.py", "planning/placement/formation.py"}),
+    "casadi": frozenset({"contact/algebra.py", "planning/placement/formation.py"}),
     "mpmath": frozenset({"contact/algebra.py"}),
     "clarabel": frozenset({"planning/optimise/solvers.py"}),
     "daqp": frozenset(

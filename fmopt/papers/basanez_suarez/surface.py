@@ -1,25 +1,18 @@
 """The families of C-surfaces (13) and (14) of [BasanezSuarez] with k eliminated, and their envelopes, as expressions.
 
-A notebook shows them; `casadi_function` makes them functions. All symbols are real; lengths in m, angles
-in rad.
-
-SymPy expressions to CasADi functions, by a closed table of node types; nothing is evaluated from a string.
+All symbols are real; lengths in m, angles in rad.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, TypeAlias
 
 import sympy
 
 from fmopt.papers.basanez_suarez.contact import CU, Kind
 from fmopt.papers.basanez_suarez.reach import Reach
-
-Node: TypeAlias = Any  # a CasADi SX node; CasADi has no types
 
 
 @dataclass(frozen=True)
@@ -105,14 +98,6 @@ def boundary_rank(kind: Kind) -> sympy.Expr:
     return sympy.expand(one[0] * other[1] - one[1] * other[0])
 
 
-def envelope_function(kind: Kind) -> Any:
-    """The CasADi function (configuration, geometry, deviations) ↦ (F, k, ∂F/∂δ_φ, ∂F/∂θ_p, ∂F/∂θ_a)."""
-
-    found = family(kind)
-    inputs = {name: getattr(found, name) for name in ("configuration", "geometry", "deviations")}
-    return casadi_function(f"family_{kind.name.lower()}", inputs, [found.function, found.k, *found.envelope()])
-
-
 def _arm(h: sympy.Expr, angle: sympy.Expr) -> sympy.Matrix:
     return h * sympy.Matrix([sympy.cos(angle), sympy.sin(angle)])
 
@@ -132,39 +117,3 @@ def _length(kind: Kind, geometry: Sequence[sympy.Symbol]) -> sympy.Expr:
     return sympy.sqrt(h**2 + other**2 - 2 * h * other * sympy.cos(angle - gamma))
 
 
-def casadi_function(name: str, inputs: Mapping[str, Sequence[sympy.Symbol]], outputs: Sequence[sympy.Expr]) -> Any:
-    """The CasADi function (one column vector per input) ↦ column vector of the outputs.
-
-    Raises:
-        TypeError: an expression holds a node outside the table, or a symbol that is no input.
-    """
-    import casadi
-
-    columns = {key: casadi.SX.sym(key, len(symbols)) for key, symbols in inputs.items()}
-    known: dict[sympy.Expr, Node] = {
-        symbol: columns[key][i] for key, symbols in inputs.items() for i, symbol in enumerate(symbols)
-    }
-    values = casadi.vertcat(*(casadi.SX(_translate(expression, known)) for expression in outputs))
-    return casadi.Function(name, list(columns.values()), [values], list(columns), ["value"])
-
-
-def _translate(expression: sympy.Expr, known: dict[sympy.Expr, Node]) -> Node:
-    """The node of an expression, by a closed table: no text is ever evaluated. `known` keeps all that were built."""
-    if expression not in known:
-        if expression.is_Number or expression is sympy.pi:
-            known[expression] = float(expression)
-        elif expression.func not in _TABLE:
-            raise TypeError(f"{expression.func.__name__} {expression} is not in the table from SymPy to CasADi")
-        else:
-            arguments = [_translate(argument, known) for argument in expression.args]
-            known[expression] = _TABLE[expression.func](arguments)
-    return known[expression]
-
-
-_TABLE: dict[Any, Callable[[list[Node]], Node]] = {
-    sympy.Add: sum,
-    sympy.Mul: math.prod,
-    sympy.Pow: lambda pair: pair[0] ** pair[1],
-    sympy.sin: lambda angle: angle[0].sin(),
-    sympy.cos: lambda angle: angle[0].cos(),
-}
