@@ -22,8 +22,8 @@ from fmopt.geometry.facets import place
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron, diameter, placed, plane_basis
 from fmopt.geometry.section import section_limit, shrunk
-from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.se3 import Pose, cross
+from fmopt.spatial.values import Array, Value, remembered
 
 if TYPE_CHECKING:
     from shapely import MultiPolygon
@@ -45,21 +45,26 @@ def penetration(body: Polyhedron, other: Polyhedron) -> float:
     """
     faces = np.vstack([body.normals, -other.normals])
     if body.balls:
-        return _overlaps(body, other, np.vstack([faces, *(towards(other, centre) for centre in body.vertices)]))
-    shallow = _overlaps(body, other, faces)
+        faces = np.vstack([faces, *(towards(other, centre) for centre in body.vertices)])
+        return overlap(body.vertices, other.vertices, faces, body.radii)
+    shallow = overlap(body.vertices, other.vertices, faces)
     # Apart by a face already: axes across edges, by far the most, are asked of other pairs only.
     if shallow <= _TOUCH:
         return shallow
-    crossed = np.cross(_directions(body)[:, None], _directions(other)[None]).reshape(-1, 3)
+    return min(shallow, overlap(body.vertices, other.vertices, axes_across(directions(body), directions(other))))
+
+
+def overlap(points: Array, others: Array, axes: Array, radii: Array | float = 0.0) -> float:
+    """Smallest over the axes n (k, 3) of max n·points − min n·others, m, of balls about the points with radii, m."""
+    return float(np.min(np.max(axes @ points.T + radii, axis=1) - np.min(axes @ others.T, axis=1)))
+
+
+def axes_across(one: Array, other: Array) -> Array:
+    """Unit vectors (k, 3) across each of some directions (n, 3) and each of others (m, 3), both ways."""
+    crossed = cross(one[:, None], other[None]).reshape(-1, 3)
     length = np.linalg.norm(crossed, axis=1)
     axes = crossed[length > 1e-9] / length[length > 1e-9, None]
-    return min(shallow, _overlaps(body, other, np.vstack([axes, -axes])))
-
-
-def _overlaps(body: Polyhedron, other: Polyhedron, axes: Array) -> float:
-    """Smallest over the axes n (k, 3) of max n·body − min n·other."""
-    reach = axes @ body.vertices.T + body.radii
-    return float(np.min(np.max(reach, axis=1) - np.min(axes @ other.vertices.T, axis=1)))
+    return np.vstack([axes, -axes])
 
 
 def towards(body: Polyhedron, centre: Array) -> Array:
@@ -72,8 +77,11 @@ def towards(body: Polyhedron, centre: Array) -> Array:
     return np.asarray(way[far > 0.0] / far[far > 0.0, None])
 
 
-def _directions(body: Polyhedron) -> Array:
-    """Unit directions (k, 3) of the edges, parallel ones once."""
+@remembered(1)
+def directions(body: Polyhedron) -> Array:
+    """Unit directions (k, 3) of the edges, parallel ones once; none of a ball."""
+    if not body.edges:
+        return np.zeros((0, 3))
     start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
     along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
     # Turned so that the first component that is not 0 is positive: opposite directions are one.

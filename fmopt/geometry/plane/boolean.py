@@ -11,7 +11,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
+
+T = TypeVar("T")
 
 
 def union(regions: Sequence[Region]) -> Region:
@@ -98,7 +100,7 @@ def _region(shape: BaseGeometry, pieces: Sequence[_Piece], scale: float) -> Regi
     """The region whose chords bound a shape."""
     curved = [piece for piece in pieces if not isinstance(piece.curve, Segment)]
     rings = _with_corners(_rings(shape, CHORD * scale), pieces, ROUNDING * scale)
-    return Region(tuple(_plain(_traced(ring, curved, ROUNDING * scale)) for ring in rings))
+    return Region(tuple(joined(_traced(ring, curved, ROUNDING * scale), _join) for ring in rings))
 
 
 def _quarters(curve: Curve) -> list[Curve]:
@@ -241,21 +243,19 @@ def _traced(ring: Array, curved: Sequence[_Piece], tolerance: float) -> list[Cur
     return loop
 
 
-def _plain(loop: list[Curve]) -> tuple[Curve, ...]:
-    """The loop with collinear segments and arcs of one circle joined, beginning at a corner where there is one."""
-    joined: list[Curve] = []
-    for curve in loop:
-        merged = _join(joined[-1], curve) if joined else None
+def joined(loop: Sequence[T], join: Callable[[T, T], T | None]) -> tuple[T, ...]:
+    """A closed loop with neighbours made one that `join` makes one, beginning at a corner where there is one."""
+    made: list[T] = []
+    for part in loop:
+        merged = join(made[-1], part) if made else None
         if merged is None:
-            joined.append(curve)
+            made.append(part)
         else:
-            joined[-1] = merged
+            made[-1] = merged
     # The loop may have begun in the middle of a side.
-    if len(joined) > 1:
-        merged = _join(joined[-1], joined[0])
-        if merged is not None:
-            joined = [merged, *joined[1:-1]]
-    return tuple(joined)
+    if len(made) > 1 and (merged := join(made[-1], made[0])) is not None:
+        made = [merged, *made[1:-1]]
+    return tuple(made)
 
 
 def _join(a: Curve, b: Curve) -> Curve | None:

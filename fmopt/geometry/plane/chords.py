@@ -52,12 +52,12 @@ def winding(lines: Sequence[Array], points: Array) -> NDArray[np.intp]:
     return turns
 
 
-def enclosed(lines: Sequence[Array]) -> BaseGeometry:
-    """What closed chains of directed polylines (k, 2) wind round at least once."""
+def enclosed(lines: Sequence[Array], rounded: bool = True) -> BaseGeometry:
+    """What closed chains of directed polylines (k, 2) wind round at least once; on a grid if `rounded`."""
     import shapely
 
     corners, rows = np.vstack(lines), np.repeat(np.arange(len(lines)), [len(line) for line in lines])
-    grid = grid_of(float(np.max(np.abs(corners))))
+    grid = grid_of(float(np.max(np.abs(corners)))) if rounded else None
     noded = shapely.union_all(shapely.linestrings(corners, indices=rows), grid_size=grid)
     faces = shapely.get_parts(shapely.polygonize([*shapely.get_parts(noded)]))
     inside = winding(lines, shapely.get_coordinates(shapely.point_on_surface(faces))) >= 1

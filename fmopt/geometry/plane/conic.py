@@ -205,10 +205,6 @@ class ConicArc(Value, first=(2,), shoulder=(2,), last=(2,)):
             return np.vstack([corners, points[-1:]])
         return points
 
-    def quadratics(self) -> list[tuple[float, float, ConicArc]]:
-        """The arc as rational quadratics: itself."""
-        return [(0.0, 1.0, self)]
-
     def implicit(self) -> Array:
         """The symmetric matrix (3, 3) of the conic: (x, y, 1) M (x, y, 1)ᵀ = 0, from 4 w² τ₀ τ₂ = τ₁²."""
         inverse = np.linalg.inv(np.stack([np.append(p, 1.0) for p in (self.first, self.shoulder, self.last)]).T)

@@ -232,18 +232,6 @@ class Arc(Value):
         corners = self.centre + (self.point((np.arange(count) + 0.5) / count) - self.centre) / math.cos(half)
         return np.vstack([self.first, corners, self.last])
 
-    def quadratics(self) -> list[tuple[float, float, ConicArc]]:
-        """The arc as rational quadratics of at most 90°: (parameter of the first point, of the last, piece)."""
-        count = max(math.ceil(abs(self.sweep) / (0.5 * math.pi) - 1e-9), 1)
-        half = 0.5 * self.sweep / count
-        pieces = []
-        # At most 90° each: weights stay above 0.7, where the quadratic form is best conditioned.
-        for k in range(count):
-            arc = self.part(k / count, (k + 1) / count)
-            shoulder = self.centre + (arc.point(0.5) - self.centre) / math.cos(half)
-            pieces.append((k / count, (k + 1) / count, ConicArc(arc.first, shoulder, arc.last, math.cos(half))))
-        return pieces
-
 
 Curve: TypeAlias = Segment | Arc | ConicArc
 

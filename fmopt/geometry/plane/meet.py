@@ -139,7 +139,7 @@ def _conic(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
         return _straightened(a, b, tolerance)
     if isinstance(b, ConicArc) and _flat(b, tolerance):
         return [(s, t) for t, s in _straightened(b, a, tolerance)]
-    value = _equation(b, a.quadratics()[0][2].homogeneous)
+    value = _equation(b, a.homogeneous)
     if value is None or sum(map(abs, value)) <= tolerance:
         return []
     found = []

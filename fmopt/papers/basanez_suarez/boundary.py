@@ -13,10 +13,9 @@ from enum import StrEnum
 from itertools import combinations, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.plane.boolean import linked
+from fmopt.geometry.plane.boolean import joined, linked
 from fmopt.geometry.plane.curve import Arc, Segment
 from fmopt.geometry.plane.meet import meet
 from fmopt.spatial.values import Array
@@ -115,7 +114,7 @@ def _split(pieces: list[Piece], tolerance: float) -> list[_Part]:
     # All ends and all meetings as nodes; every curve is cut at those that it runs through.
     met = [one.point(t) for one, other in combinations(curves, 2) for t, _ in meet(one, other, tolerance)]
     points = np.array([curve.point(t) for curve in curves for t in (0.0, 1.0)] + met)
-    nodes = _clusters(points, JOIN * tolerance)
+    nodes = linked(points, JOIN * tolerance)
     parts = []
     for i, piece in enumerate(pieces):
         t, apart = _nearest(piece.curve, points)
@@ -129,11 +128,6 @@ def _split(pieces: list[Piece], tolerance: float) -> list[_Part]:
             if first != last or len(stops) == 2:
                 parts.append(_Part(Piece(piece.curve.part(a, b), piece.on), first, last))
     return parts
-
-
-def _clusters(points: Array, tolerance: float) -> NDArray[np.intp]:
-    """A number for each point, the same for points that a chain of steps within the tolerance connects."""
-    return linked(points, tolerance)
 
 
 def _chain(parts: list[_Part], tolerance: float) -> tuple[Loop, ...] | None:
@@ -155,7 +149,7 @@ def _chain(parts: list[_Part], tolerance: float) -> tuple[Loop, ...] | None:
             # The sharpest turn to the left, so that loops that share a vertex part there.
             onward = max(leaving[here], key=lambda part: _left_turn(arriving, part.piece.curve))
             run.append(_taken(leaving, here, onward))
-        loops.append(_merged([part.piece for part in run], tolerance))
+        loops.append(joined([part.piece for part in run], lambda one, other: _joined(one, other, tolerance)))
     return tuple(loops)
 
 
@@ -178,19 +172,6 @@ def _left_turn(arriving: Segment | Arc, going: Segment | Arc) -> float:
     turn = math.atan2(a[0] * b[1] - a[1] * b[0], float(a @ b))
     # Straight back counts as the sharpest turn to the right: a tip is gone round only if nothing else goes on.
     return turn if turn < math.pi - 1e-9 else -math.pi
-
-
-def _merged(run: list[Piece], tolerance: float) -> Loop:
-    """The run with neighbours on one curve joined, also across its seam."""
-    joined: list[Piece] = []
-    for piece in run:
-        if joined and (whole := _joined(joined[-1], piece, tolerance)):
-            joined[-1] = whole
-        else:
-            joined.append(piece)
-    if len(joined) > 1 and (whole := _joined(joined[-1], joined[0], tolerance)):
-        joined = [whole, *joined[1:-1]]
-    return tuple(joined)
 
 
 def _joined(one: Piece, other: Piece, tolerance: float) -> Piece | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -170,42 +171,34 @@ def basic_contacts(moving: Profile, static: Profile, deviations: Deviations) -> 
     grasped object turn with its ε_v alone. A reflex vertex counts when deviations may make it convex. The grasped one
     is in the gripper's frame, the other in that of the plane.
     """
-    own = moving.edge_turns(deviations.shape)
-    other = static.edge_turns(np.broadcast_to(deviations.static, len(static.vertices)))
-    return (*_type_1(moving, static, deviations, own, other), *_type_2(moving, static, deviations, own, other))
+    return tuple(cu for kind in Kind for cu in _contacts(kind, moving, static, deviations))
 
 
-def _type_1(moving: Profile, static: Profile, deviations: Deviations, own: Array, other: Array) -> list[CU]:
-    psi, found = moving.normals, []
-    epsilon_a = np.broadcast_to(deviations.static, len(static.vertices))
-    # The larger one of two ends: a point between them moves by no more.
-    epsilon_a = np.maximum(epsilon_a, epsilon_a[static.after])
-    for i in _corners(moving, own):
-        before, turn = moving.before[i], float(moving.turns[i])
-        for j in range(len(static.vertices)):
-            # The edge's normal against the opposite of the vertex's cone, as φ turns it.
-            high = float(static.normals[j]) + math.pi - float(psi[before])
+def _contacts(kind: Kind, moving: Profile, static: Profile, deviations: Deviations) -> Iterator[CU]:
+    """CU of each vertex of the one object with each edge of the other."""
+    first, epsilon_a = kind is Kind.TYPE_1, np.broadcast_to(deviations.static, len(static.vertices))
+    own, other = moving.edge_turns(deviations.shape), static.edge_turns(epsilon_a)
+    pointed, turned, edged, level = (moving, own, static, other) if first else (static, other, moving, own)
+    if first:
+        # The larger one of two ends: a point between them moves by no more.
+        epsilon_a = np.maximum(epsilon_a, epsilon_a[static.after])
+    for vertex in _corners(pointed, turned):
+        before, turn = pointed.before[vertex], float(pointed.turns[vertex])
+        for edge in range(len(edged.vertices)):
             # What either may be turned by beside its nominal direction.
-            spare = other[j] + deviations.angle
-            ranges = _ranges(high - turn, high, own[i] + spare, own[before] + spare)
-            edge = static.vertices[[j, static.after[j]]]
+            spare = level[edge] + deviations.angle
+            below, above = turned[vertex] + spare, turned[before] + spare
+            # The edge's normal against the opposite of the vertex's cone, as φ turns the one or the other.
+            if first:
+                high = float(edged.normals[edge]) + math.pi - float(pointed.normals[before])
+                ranges = _ranges(high - turn, high, below, above)
+            else:
+                low = float(pointed.normals[before]) - math.pi - float(edged.normals[edge])
+                ranges = _ranges(low, low + turn, above, below)
+            i, j = (vertex, edge) if first else (edge, vertex)
+            ends, point = edged.vertices[[edge, edged.after[edge]]], pointed.vertices[vertex]
             radius = deviations.position + float(epsilon_a[j])
-            found.append(CU(Kind.TYPE_1, i, j, edge, moving.vertices[i], *ranges, deviations.angle, radius))
-    return found
-
-
-def _type_2(moving: Profile, static: Profile, deviations: Deviations, own: Array, other: Array) -> list[CU]:
-    psi, epsilon_a, found = static.normals, np.broadcast_to(deviations.static, len(static.vertices)), []
-    for j in _corners(static, other):
-        before, turn = static.before[j], float(static.turns[j])
-        for i in range(len(moving.vertices)):
-            low = float(psi[before]) - math.pi - float(moving.normals[i])
-            spare = own[i] + deviations.angle
-            ranges = _ranges(low, low + turn, other[before] + spare, other[j] + spare)
-            edge = moving.vertices[[i, moving.after[i]]]
-            radius = deviations.position + float(epsilon_a[j])
-            found.append(CU(Kind.TYPE_2, i, j, edge, static.vertices[j], *ranges, deviations.angle, radius))
-    return found
+            yield CU(kind, i, j, ends, point, *ranges, deviations.angle, radius)
 
 
 def _corners(profile: Profile, edge_turns: Array) -> list[int]:

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.plane.chords import enclosed
 from fmopt.geometry.plane.curve import Side as CurveSide
 from fmopt.papers.basanez_suarez.boundary import Loop, Piece, moved, outline
-from fmopt.papers.basanez_suarez.gap import wrapped
 from fmopt.spatial.values import Array, Value
 
 if TYPE_CHECKING:
@@ -114,26 +114,16 @@ def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon
     set, or within its complement, so that every point that a thin place lets the polygon run round wrongly has winding
     number zero.
     """
-    from shapely import LinearRing, MultiPolygon, get_parts, node, polygonize, union_all
+    from shapely import MultiPolygon, get_parts
 
     rings = [ring(loop, tolerance, side) for loop in loops]
-    lines = [LinearRing(points) for points in rings if len(points) > 2]
-    if not lines:
-        return MultiPolygon()
+    closed = [np.vstack([points, points[:1]]) for points in rings if len(points) > 2]
     # Polylines may cross where curves do not: what they bound is told by winding numbers, face by face.
-    faces = get_parts(polygonize([*get_parts(node(union_all(lines)))]))
-    inside = [face for face in faces if sum(_winding(points, face.representative_point()) for points in rings) > 0]
-    return MultiPolygon([part for part in get_parts(union_all(inside)) if part.area > 0.0])
+    return MultiPolygon(
+        [part for part in get_parts(enclosed(closed, rounded=False)) if part.area > 0.0] if closed else []
+    )
 
 
 def ring(loop: Loop, tolerance: float, side: Side) -> Array:
     """The closed polyline (k, 2) in m of a loop, the first point not repeated."""
     return np.vstack([piece.curve.polyline(tolerance, SIDES[side])[:-1] for piece in loop])
-
-
-def _winding(points: Array, at: object) -> int:
-    from shapely import get_coordinates
-
-    to = points - get_coordinates(at)[0]
-    theta = np.arctan2(to[:, 1], to[:, 0])
-    return round(float(np.sum(wrapped(np.roll(theta, -1) - theta))) / (2.0 * np.pi))

@@ -115,5 +115,3 @@ def _length(kind: Kind, geometry: Sequence[sympy.Symbol]) -> sympy.Expr:
         return sympy.sqrt((geometry[2] - geometry[0]) ** 2 + (geometry[3] - geometry[1]) ** 2)
     h, gamma, other, angle = geometry[2:]
     return sympy.sqrt(h**2 + other**2 - 2 * h * other * sympy.cos(angle - gamma))
-
-

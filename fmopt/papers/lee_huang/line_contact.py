@@ -65,18 +65,17 @@ class Lines(Value):
     """n pairs of a corner and an edge that can meet from outside.
 
     Args:
-        c: (n, 2, 2), m; one of c and m holds one point twice.
-        m: (n, 2, 2), m.
+        c, m: (n, 2, 2), m; of both or one of them the two points are one.
         force: directions (n, 2) of the force on the moving section at ψ = 0.
         turns: (n, 2), the turns ψ between which the features can meet, rad.
-        shift: (n,), m, how far the contact point lies from P along the force's opposite, for circles.
+        arm: (n, 2), m, from the nominal centre to where those touch whose edge does not turn.
     """
 
     c: Array
     m: Array
     force: Array
     turns: Array
-    shift: Array
+    arm: Array
 
     @property
     def turning(self) -> Bits:
@@ -88,7 +87,8 @@ class Lines(Value):
         """Unit vectors (n, 2) across the edges at ψ = 0."""
         m, c = self.m[:, 1] - self.m[:, 0], self.c[:, 1] - self.c[:, 0]
         along = np.where(self.turning[:, None], m, c)
-        return np.asarray(along[:, ::-1] * (-1.0, 1.0) / np.linalg.norm(along, axis=1)[:, None])
+        length = np.maximum(np.linalg.norm(along, axis=1), np.finfo(np.float64).tiny)  # none of a point on an arc
+        return np.asarray(along[:, ::-1] * (-1.0, 1.0) / length[:, None])
 
     def spans(self, leg: Leg) -> tuple[Indices, Array]:
         """When contact is possible on a leg.
@@ -111,12 +111,11 @@ class Lines(Value):
 
     def arms(self, rows: Indices, points: Array) -> Array:
         """From nominal centres (k, 2), m, to where pairs, given by number (k,), touch: (k, 2), m."""
-        fixed = self.m[rows, 0] - self.shift[rows, None] * self.force[rows]
         # A corner that turns with the section touches where it is; an edge that turns touches the fixed corner.
-        return np.asarray(np.where(self.turning[rows, None], self.c[rows, 0] - points, fixed))
+        return np.asarray(np.where(self.turning[rows, None], self.c[rows, 0] - points, self.arm[rows]))
 
     def _rows(self, rows: Indices) -> Lines:
-        return Lines(self.c[rows], self.m[rows], self.force[rows], self.turns[rows], self.shift[rows])
+        return Lines(self.c[rows], self.m[rows], self.force[rows], self.turns[rows], self.arm[rows])
 
     def _near(self, leg: Leg) -> Bits:
         """Whether a leg comes within reach of each pair in both coordinates."""

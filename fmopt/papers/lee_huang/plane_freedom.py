@@ -32,7 +32,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.plane.curve import Arc
 from fmopt.papers.lee_huang.diagram import Diagram
 from fmopt.papers.lee_huang.line_contact import Leg, Lines
 from fmopt.papers.lee_huang.nominal_trajectory import Bits, NominalTrajectory, Stops, intervals, together
@@ -44,8 +43,6 @@ _BLUR = 1e-12  # of T
 _SAME = 1e-12
 
 Indices = NDArray[np.intp]
-
-_SIGNS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 _STILL = 1e-9  # force, or torque over size, below which a contact does not stop a degree
 _ROUNDING = 1e-12  # of the size
 
@@ -155,34 +152,40 @@ def spans(moving: Diagram, fixed: Diagram, leg: Leg) -> Spans:
     lines = _lines(moving, fixed, leg.half_angle)
     rows, shares = lines.spans(leg)
     halted = stops(lines.force[rows], lines.arms(rows, leg.at(shares[:, 2])), leg.size)
-    found = [Spans(shares[:, 0], shares[:, 1], halted)]
-    found += [contact.spans(leg) for arc in moving.arcs for contact in _rounds(arc, fixed)]
-    return Spans(*(np.concatenate([getattr(one, name) for one in found]) for name in ("start", "end", "stops")))
+    return Spans(shares[:, 0], shares[:, 1], halted)
 
 
 def _lines(moving: Diagram, fixed: Diagram, half_angle: float) -> Lines:
-    """Every pair of a corner and an edge, and of a circle about the nominal centre and an edge that it stays off."""
-    edge, corner, *turns = _meeting(fixed, moving, -1.0, half_angle)
-    own_edge, own_corner, *own_turns = _meeting(moving, fixed, 1.0, half_angle)
+    """Every pair of a corner and an edge, and of a circle about the nominal centre and what it stays off."""
+    edge, corner, turns = _meeting(fixed, moving, -1.0, half_angle)
+    own_edge, own_corner, own_turns = _meeting(moving, fixed, 1.0, half_angle)
     radii = np.repeat([arc.radius for arc in moving.arcs], len(fixed.ends))
     normals = np.tile(fixed.normals, (len(moving.arcs), 1))
     # A circle touches an edge where its centre lies on the edge moved out by the radius.
     pushed = np.tile(fixed.ends, (len(moving.arcs), 1, 1)) + radii[:, None, None] * normals[:, None]
-    twice = np.array([1, 1])
-    return Lines(
-        np.concatenate([fixed.ends[edge], fixed.points[own_corner[:, None] * twice], pushed]),
-        np.concatenate([moving.points[corner[:, None] * twice], moving.ends[own_edge], np.zeros_like(pushed)]),
-        np.concatenate([fixed.normals[edge], -moving.normals[own_edge], normals]),
-        np.concatenate([np.column_stack(turns), np.column_stack(own_turns), np.zeros_like(normals)]),
-        np.concatenate([np.zeros(len(edge) + len(own_edge)), radii]),
-    )
+    rounds = np.reshape([row for arc in moving.arcs for row in _rounds(arc.radius, fixed)], (-1, 7))
+    about, (reach, middle, half, own, sign) = rounds[:, :2], rounds[:, 2:].T
+    out = np.column_stack([np.cos(middle), np.sin(middle)])
+    off, still = sign[:, None] * out, np.zeros((len(own_edge), 2))
+    parts = [
+        (fixed.ends[edge], _twice(moving.points[corner]), fixed.normals[edge], turns, moving.points[corner]),
+        (_twice(fixed.points[own_corner]), moving.ends[own_edge], -moving.normals[own_edge], own_turns, still),
+        (pushed, np.zeros_like(pushed), normals, np.zeros_like(normals), -radii[:, None] * normals),
+        (_twice(about), _twice(-reach[:, None] * out), off, half[:, None] * (-1.0, 1.0), -own[:, None] * off),
+    ]
+    return Lines(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def _meeting(one: Diagram, other: Diagram, sense: float, half_angle: float) -> tuple[Indices, Indices, Array, Array]:
+def _twice(points: Array) -> Array:
+    """Points (n, 2) as lines (n, 2, 2) of no length."""
+    return np.repeat(points[:, None], 2, axis=1)
+
+
+def _meeting(one: Diagram, other: Diagram, sense: float, half_angle: float) -> tuple[Indices, Indices, Array]:
     """Edges of one and corners of the other that can meet from outside, with opposite normals, at turns of the cone.
 
     The sense is 1 when the edges turn with ψ, −1 when the corners do; half the angle of the cone is s. The answer is
-    which edges and corners (n,), and the first and the last of the turns (n,), rad.
+    which edges and corners (n,), and the first and the last of the turns (n, 2), rad.
     """
     angle = np.arctan2(-one.normals[:, 1], -one.normals[:, 0])
     away = angle[:, None] - other.fans[:, 0]
@@ -194,87 +197,33 @@ def _meeting(one: Diagram, other: Diagram, sense: float, half_angle: float) -> t
     meets = low <= high + _ROUNDING
     i, j = np.nonzero(meets.any(axis=0))
     k = np.argmax(meets, axis=0)[i, j]
-    low, high = low[k, i, j], high[k, i, j]
-    return i, j, np.minimum(low, high), np.maximum(low, high)
+    return i, j, np.sort(np.stack([low[k, i, j], high[k, i, j]], axis=1), axis=1)
 
 
-def _rounds(arc: Arc, fixed: Diagram) -> Iterator[_Round]:
-    """Contacts of a circle about the nominal centre with corners and arcs: its centre stays off them by its radius."""
-    for point, (first, opening) in zip(fixed.points, fixed.fans.tolist(), strict=True):
-        for begin, turn in _quarters(first, opening):
-            yield _Round(point, arc.radius, begin, turn, arc.radius)
-    for other in fixed.arcs:
+def _rounds(radius: float, fixed: Diagram) -> Iterator[tuple[float, ...]]:
+    """Contacts of a circle about the nominal centre with corners and arcs: its centre stays off them by its radius.
+
+    Each is the quarter of an arc on which the centre is then: x and y of the arc's centre, its radius, m, the bearing
+    of its middle and half its opening, rad, the circle's radius, m, and 1 where the force points away from the arc's
+    centre, −1 towards it.
+    """
+    for (x, y), (first, opening) in zip(fixed.points.tolist(), fixed.fans.tolist(), strict=True):
+        for middle, half in _quarters(first, opening):
+            yield x, y, radius, middle, half, radius, 1.0
+    for arc in fixed.arcs:
         # A smaller circle touches a hollow one from inside, at the difference of the radii; a larger one not at all.
-        sign = math.copysign(1.0, other.sweep)
-        reach = other.radius + sign * arc.radius
-        if reach > 0.0:
-            for begin, turn in _quarters(min(other.start, other.start + other.sweep), abs(other.sweep)):
-                yield _Round(other.centre, reach, begin, turn, arc.radius, sign)
+        sign = math.copysign(1.0, arc.sweep)
+        if (reach := arc.radius + sign * radius) > 0.0:
+            for middle, half in _quarters(min(arc.start, arc.start + arc.sweep), abs(arc.sweep)):
+                yield *arc.centre.tolist(), reach, middle, half, radius, sign
 
 
 def _quarters(first: float, opening: float) -> Iterator[tuple[float, float]]:
-    """An arc of angles cut at the multiples of a right angle."""
-    cuts = [first]
-    k = math.floor(first / (0.5 * math.pi)) + 1
-    while 0.5 * math.pi * k < first + opening - 1e-12:
-        if 0.5 * math.pi * k > first + 1e-12:
-            cuts.append(0.5 * math.pi * k)
-        k += 1
-    cuts.append(first + opening)
-    for a, b in pairwise(cuts):
-        yield a, b - a
-
-
-@dataclass(frozen=True, eq=False)
-class _Round(Value):
-    """A contact of a circle about the nominal centre: Φ on a quarter arc about `centre` with radius `reach`.
-
-    Args:
-        centre: (2,), m.
-        reach: m.
-        first, opening: angles from the centre to Φ, rad, within one quarter.
-        radius: of the moving circle, m.
-        sign: 1 when the force on the moving section points away from the centre, −1 towards it.
-    """
-
-    centre: Array
-    reach: float
-    first: float
-    opening: float
-    radius: float
-    sign: float = 1.0
-
-    def spans(self, leg: Leg) -> Spans:
-        """When the contact is possible."""
-        r, ends = leg.radius, self._points(np.array([0.0, 1.0]))
-        cuts = [leg.on_circle(self.centre + r * sign, self.reach) for sign in _SIGNS]
-        for axis in (0, 1):
-            cuts.append(leg.on_level(np.eye(2)[axis], (ends[:, axis, None] + np.array([-r, r])).ravel()))
-        inside = np.concatenate(cuts)
-        # Cuts of the leg where the answer may change; between them it is asked once, in the middle.
-        shares = np.unique(np.concatenate([[0.0, 1.0], inside[(inside > 0.0) & (inside < 1.0)]]))
-        middle = 0.5 * (shares[1:] + shares[:-1])
-        met = self._met(leg.at(middle), r + _ROUNDING * leg.size)
-        start, end = shares[:-1][met], shares[1:][met]
-        if not met[-1] and self._met(leg.at(np.ones(1)), r + 1e3 * _ROUNDING * leg.size)[0]:
-            start, end = np.append(start, 1.0), np.append(end, 1.0)
-        force = self.sign * (self._points(np.array([0.5])) - self.centre) / self.reach
-        return Spans(start, end, np.repeat(stops(force, -self.radius * force, leg.size), len(start), axis=0))
-
-    def _points(self, shares: Array) -> Array:
-        angles = self.first + shares * self.opening
-        return np.asarray(self.centre + self.reach * np.column_stack([np.cos(angles), np.sin(angles)]))
-
-    def _met(self, points: Array, reach: float) -> Bits:
-        """Whether the square about each point meets the arc, which rises or falls all along."""
-        ends = self._points(np.array([0.0, 1.0]))
-        low, high = np.sort(ends, axis=0)
-        u = np.clip(np.column_stack([points[:, 0] - reach, points[:, 0] + reach]), low[0], high[0])
-        # On a quarter arc v is a monotonic function of u, so that the square's ends bound it.
-        rising = np.sqrt(np.maximum(self.reach**2 - (u - self.centre[0]) ** 2, 0.0))
-        v = self.centre[1] + (1.0 if math.sin(self.first + 0.5 * self.opening) >= 0.0 else -1.0) * rising
-        meets = (points[:, 0] - reach <= high[0]) & (points[:, 0] + reach >= low[0])
-        return np.asarray(meets & (v.min(axis=1) <= points[:, 1] + reach) & (v.max(axis=1) >= points[:, 1] - reach))
+    """Middles and halves of an arc of angles cut at the multiples of a right angle."""
+    last, quarter = first + opening, 0.5 * math.pi
+    cuts = [quarter * k for k in range(math.floor(first / quarter) + 1, math.ceil(last / quarter))]
+    for a, b in pairwise([first, *(cut for cut in cuts if first + 1e-12 < cut < last - 1e-12), last]):
+        yield 0.5 * (a + b), 0.5 * (b - a)
 
 
 def stops(force: Array, arm: Array, size: float) -> Bits:

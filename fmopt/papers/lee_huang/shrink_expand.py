@@ -18,13 +18,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Literal, assert_never
+from typing import Literal
 
 import numpy as np
 
 from fmopt.geometry import csg, section
 from fmopt.geometry.convex_pieces import pieces
-from fmopt.geometry.csg import Difference, Placed, Solid, Union
+from fmopt.geometry.csg import Placed, Primitive, Solid
 from fmopt.geometry.plane.boolean import union
 from fmopt.geometry.plane.convolution import minkowski_sum
 from fmopt.geometry.plane.region import Region, polygon_region
@@ -115,54 +115,35 @@ def _corners(body: Polyhedron, plane: Plane) -> Array:
     return np.vstack(found) if found else np.zeros((0, 2))
 
 
-def enclosing(solid: Solid, outward: bool = True) -> Solid:
+def enclosing(solid: Solid) -> Solid:
     """The solid with polygons that contain its round instances; those that are taken away lie inside theirs.
 
     Where nothing is round, that is the solid itself, whose pieces may be known.
     """
-    match solid:
+    return csg.changed(solid, lambda instance, taken: instance if taken % 2 else _circumscribed(instance))
+
+
+def _circumscribed(instance: Primitive) -> Primitive:
+    match instance:
         case csg.Cylinder(radius, _, sides):
             # The polygon's inner radius is the true radius: what moves is enclosed.
-            return replace(solid, radius=radius / math.cos(math.pi / sides)) if outward else solid
+            return replace(instance, radius=radius / math.cos(math.pi / sides))
         case csg.Cone(bottom, top, _, sides):
             grown = 1.0 / math.cos(math.pi / sides)
-            return replace(solid, radius_bottom=bottom * grown, radius_top=top * grown) if outward else solid
+            return replace(instance, radius_bottom=bottom * grown, radius_top=top * grown)
         case csg.Sphere(radius, _):
-            inner = float(np.min(csg.convex_polyhedron(solid, Pose.identity()).offsets))
+            inner = float(np.min(csg.convex_polyhedron(instance, Pose.identity()).offsets))
             # Scaled so that the nearest facet is at the radius.
-            return replace(solid, radius=radius * radius / inner) if outward else solid
-        case csg.Box() | csg.Prism() | csg.Wedge() | csg.Hull():
-            return solid
-        case Placed(inner, pose):
-            body = enclosing(inner, outward)
-            return solid if body is inner else Placed(body, pose)
-        case Union(parts):
-            bodies = tuple(enclosing(part, outward) for part in parts)
-            return solid if _same(bodies, parts) else Union(bodies)
-        case Difference(base, tools):
-            # What is taken away has to be enclosed from within: material may only grow.
-            body, cuts = enclosing(base, outward), tuple(enclosing(tool, not outward) for tool in tools)
-            return solid if _same((body, *cuts), (base, *tools)) else Difference(body, cuts)
+            return replace(instance, radius=radius * radius / inner)
         case _:
-            assert_never(solid)
-
-
-def _same(made: Sequence[Solid], parts: Sequence[Solid]) -> bool:
-    return all(one is other for one, other in zip(made, parts, strict=True))
+            return instance
 
 
 def finer(solid: Solid, sides: int) -> Solid:
     """The solid with at least so many sides for each cylinder and cone; spheres, whose faces are many, as they are."""
-    match solid:
-        case csg.Cylinder() | csg.Cone():
-            return replace(solid, sides=max(solid.sides, sides))
-        case csg.Box() | csg.Prism() | csg.Wedge() | csg.Hull() | csg.Sphere():
-            return solid
-        case Placed(inner, pose):
-            return Placed(finer(inner, sides), pose)
-        case Union(parts):
-            return Union(tuple(finer(part, sides) for part in parts))
-        case Difference(base, tools):
-            return Difference(finer(base, sides), tuple(finer(tool, sides) for tool in tools))
-        case _:
-            assert_never(solid)
+
+    def change(instance: Primitive, _: int) -> Primitive:
+        is_swept = isinstance(instance, csg.Cylinder | csg.Cone)
+        return replace(instance, sides=max(instance.sides, sides)) if is_swept else instance
+
+    return csg.changed(solid, change)

@@ -19,14 +19,14 @@ from typing import TypeAlias
 import numpy as np
 
 from fmopt.errors import InterferenceError, SolverError
-from fmopt.geometry.clearance import penetration, towards
+from fmopt.geometry.clearance import axes_across, directions, overlap, penetration, towards
 from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.csg import Placed, Solid, Sphere, Union, exact_pose, sagitta
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory
 from fmopt.papers.lee_huang.shrink_expand import enclosing, finer
 from fmopt.runtime.clock import heed
-from fmopt.spatial.se3 import Pose, cross
+from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value
 
 Body: TypeAlias = tuple[str, Solid]
@@ -70,8 +70,8 @@ def meetings(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTraject
 
     Names and solids that move are in the moving operand's frame, all others, operand 2 and obstacles, in the B-frame.
     """
-    movers = [(name, [_Piece.of(body) for body in _bodies(solid)]) for name, solid in moving]
-    standing = [(name, [_Piece.of(piece) for piece in pieces(enclosing(solid))]) for name, solid in fixed]
+    movers = [(name, _bodies(solid)) for name, solid in moving]
+    standing = [(name, pieces(enclosing(solid))) for name, solid in fixed]
     found = []
     for mover, bodies in movers:
         for name, others in standing:
@@ -113,18 +113,18 @@ def free_until(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTraje
     The answer is the last node up to which all legs are shown to; 0 when the first leg is not. The margin, m, positive,
     is how far a point of the uncertain operand 1 strays.
     """
-    movers = [_Piece.of(body) for _, solid in moving for body in _bodies(solid)]
-    standing = [_Piece.of(piece) for _, solid in fixed for piece in pieces(enclosing(solid))]
+    movers = [body for _, solid in moving for body in _bodies(solid)]
+    standing = [piece for _, solid in fixed for piece in pieces(enclosing(solid))]
     for k, start in enumerate(path.times[:-1].tolist()):
         span = (start, float(path.times[k + 1]))
         for body in movers:
-            ends = _Stretch(body, path, span, _radius(body.body))
+            ends = _Stretch(body, path, span, _radius(body))
             if not all(_keeps(ends, other, margin) for other in standing):
                 return float(start)
     return path.duration
 
 
-def _keeps(stretch: _Stretch, other: _Piece, margin: float) -> bool:
+def _keeps(stretch: _Stretch, other: Polyhedron, margin: float) -> bool:
     """Whether a stretch is shown to keep its distance, halved until its stray is small against it."""
     stray = stretch.stray
     # Every point of the piece is within its stray of the hull of both ends.
@@ -167,29 +167,6 @@ def _radius(body: Polyhedron) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Piece(Value):
-    """A convex piece with its outward normals (m, 3) and the directions (k, 3) of its edges, parallel ones once.
-
-    One that moves may be a ball, which has neither.
-    """
-
-    body: Polyhedron
-    normals: Array
-    along: Array
-
-    @staticmethod
-    def of(body: Polyhedron) -> _Piece:
-        if body.balls:
-            return _Piece(body, body.normals, np.zeros((0, 3)))
-        start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
-        along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
-        # Edges of opposite sense are one direction: their signs are made alike.
-        along *= np.sign(along[np.arange(len(along)), np.argmax(np.abs(along) > 1e-9, axis=1)])[:, None]
-        kept = np.unique(np.round(along, 9), axis=0, return_index=True)[1]
-        return _Piece(body, body.normals, along[kept])
-
-
-@dataclass(frozen=True, eq=False)
 class _Hit(Value):
     """When two pieces first meet."""
 
@@ -198,13 +175,13 @@ class _Hit(Value):
     other: Polyhedron
 
 
-def _on_leg(bodies: Sequence[_Piece], others: Sequence[_Piece], path: NominalTrajectory, k: int) -> _Hit | None:
+def _on_leg(bodies: Sequence[Polyhedron], others: Sequence[Polyhedron], path: NominalTrajectory, k: int) -> _Hit | None:
     """The earliest meeting of any two pieces on leg k."""
     span = (float(path.times[k]), float(path.times[k + 1]))
     hits: list[_Hit | None] = []
     for body in bodies:
         heed()
-        ends = _Stretch(body, path, span, _radius(body.body))
+        ends = _Stretch(body, path, span, _radius(body))
         hits += [_first(ends, other) for other in _reached(ends, others)]
     return min(filter(None, hits), key=lambda hit: hit.time, default=None)
 
@@ -213,7 +190,7 @@ def _on_leg(bodies: Sequence[_Piece], others: Sequence[_Piece], path: NominalTra
 class _Stretch(Value):
     """A piece over a stretch of time within one leg."""
 
-    piece: _Piece
+    piece: Polyhedron
     path: NominalTrajectory
     span: tuple[float, float]
     radius: float
@@ -230,53 +207,46 @@ class _Stretch(Value):
     @property
     def hull(self) -> Array:
         """Vertices (2n, 3) of the piece at both ends; of a ball its centre."""
-        return np.vstack([self.path.pose(t).apply(self.piece.body.vertices) for t in self.span])
+        return np.vstack([self.path.pose(t).apply(self.piece.vertices) for t in self.span])
 
-    def overlap(self, other: _Piece, enough: float) -> float:
+    def overlap(self, other: Polyhedron, enough: float) -> float:
         """Bound from above of how much the hull of both ends overlaps the other piece, m; negative when they are apart.
 
         Exactly so where the two ends are not turned against one another: the axes are then those of the hull. A bound
         of −`enough` (m) or less, from the faces alone, is not made smaller.
         """
-        points, still, round_ = self.hull, other.body.vertices, float(self.piece.body.radii.max())
+        points, still, round_ = self.hull, other.vertices, float(self.piece.radii.max())
         turned = [self.path.pose(t).R.T for t in dict.fromkeys(self.span)]
         normals = np.vstack([*(self.piece.normals @ R for R in turned), -other.normals])
         if round_:
-            normals = np.vstack([normals, *(towards(other.body, centre) for centre in points)])
-        least = _least(points, still, normals) + round_
+            normals = np.vstack([normals, *(towards(other, centre) for centre in points)])
+        least = overlap(points, still, normals, round_)
         # Apart along a face's normal: no cross products needed.
         if least <= -enough:
             return least
         travel = self.path.at(self.span[1])[:3] - self.path.at(self.span[0])[:3]
         travel = travel / (np.linalg.norm(travel) or 1.0)
-        along = np.vstack([*(self.piece.along @ R for R in turned), travel])
+        along = np.vstack([*(directions(self.piece) @ R for R in turned), travel])
         # Minkowski's theorem: faces of the sum of two polytopes are faces of either, or spanned by an edge of each.
-        crossed = np.vstack([cross(along[:, None], other.along[None]).reshape(-1, 3), cross(along, travel)])
-        length = np.linalg.norm(crossed, axis=1)
-        axes = crossed[length > 1e-9] / length[length > 1e-9, None]
-        return min(least, _least(points, still, np.vstack([axes, -axes])) + round_)
+        axes = axes_across(along, np.vstack([directions(other), travel]))
+        return min(least, overlap(points, still, axes, round_))
 
     def halves(self) -> tuple[_Stretch, _Stretch]:
         middle = 0.5 * (self.span[0] + self.span[1])
         return replace(self, span=(self.span[0], middle)), replace(self, span=(middle, self.span[1]))
 
 
-def _least(points: Array, others: Array, axes: Array) -> float:
-    """Smallest over the axes n (k, 3) of max n·points − min n·others."""
-    return float(np.min(np.max(axes @ points.T, axis=1) - np.min(axes @ others.T, axis=1)))
-
-
-def _reached(stretch: _Stretch, others: Sequence[_Piece]) -> Iterator[_Piece]:
+def _reached(stretch: _Stretch, others: Sequence[Polyhedron]) -> Iterator[Polyhedron]:
     """The pieces whose boxes the box of the stretch overlaps."""
-    points, beyond = stretch.hull, stretch.stray + float(stretch.piece.body.radii.max())
+    points, beyond = stretch.hull, stretch.stray + float(stretch.piece.radii.max())
     low, high = points.min(axis=0) - beyond, points.max(axis=0) + beyond
     for other in others:
-        points = other.body.vertices
+        points = other.vertices
         if np.all(low <= points.max(axis=0)) and np.all(points.min(axis=0) <= high):
             yield other
 
 
-def _first(stretch: _Stretch, other: _Piece) -> _Hit | None:
+def _first(stretch: _Stretch, other: Polyhedron) -> _Hit | None:
     """The first meeting within a stretch, by proof or by halving; None when it is free."""
     stray = stretch.stray
     free = stray if stray > 0.0 else -_TOUCH
@@ -284,12 +254,12 @@ def _first(stretch: _Stretch, other: _Piece) -> _Hit | None:
         return None
     # Still overlapping, with nothing left to halve: it counts as a meeting.
     if stray <= _CLOSE:
-        return _Hit(_begin(stretch, other), stretch.piece.body, other.body)
+        return _Hit(_begin(stretch, other), stretch.piece, other)
     early, late = stretch.halves()
     return _first(early, other) or _first(late, other)
 
 
-def _begin(stretch: _Stretch, other: _Piece) -> float:
+def _begin(stretch: _Stretch, other: Polyhedron) -> float:
     """When the overlap begins, to 1e-9 of the leg: the sweep from the start on overlaps from then on."""
     free, met = stretch.span
     while met - free > 1e-9 * (stretch.span[1] - stretch.span[0]):
@@ -297,8 +267,7 @@ def _begin(stretch: _Stretch, other: _Piece) -> float:
         # From the start on: the swept hull grows, so that meeting is monotonic in its end.
         part = replace(stretch, span=(stretch.span[0], middle))
         enough = part.stray if part.stray > 0.0 else -_TOUCH
-        overlap = part.overlap(other, enough) > -enough
-        free, met = (free, middle) if overlap else (middle, met)
+        free, met = (free, middle) if part.overlap(other, enough) > -enough else (middle, met)
     return met
 
 

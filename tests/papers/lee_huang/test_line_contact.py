@@ -20,7 +20,7 @@ def random_lines(seed: int, count: int = 12) -> Lines:
     turns = np.sort(rng.uniform(-0.3, 0.3, (count, 2)), axis=1)
     turns[kind == 2] = 0.0
     angle = rng.uniform(0.0, 2.0 * np.pi, count)
-    return Lines(c, m, np.column_stack([np.cos(angle), np.sin(angle)]), turns, np.where(kind == 2, 0.3, 0.0))
+    return Lines(c, m, np.column_stack([np.cos(angle), np.sin(angle)]), turns, np.zeros((count, 2)))
 
 
 def random_leg(seed: int) -> Leg:
@@ -64,6 +64,6 @@ def test_a_grid_of_shares_and_turns_touches_in_the_spans_and_there_alone(seed: i
 
 def test_no_pairs_make_no_contact() -> None:
     none = np.zeros((0, 2, 2))
-    rows, shares = Lines(none, none, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)).spans(random_leg(1))
+    rows, shares = Lines(none, none, *np.zeros((3, 0, 2))).spans(random_leg(1))
     assert rows.shape == (0,)
     assert shares.shape == (0, 3)
