@@ -7,7 +7,8 @@ section 3; every primitive is convex, and is the convex hull of its corners.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import operator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from typing import NamedTuple, TypeAlias, assert_never
 
@@ -86,7 +87,7 @@ class Prism:
         polygon = tuple((float(x), float(y)) for x, y in self.polygon)
         object.__setattr__(self, "polygon", polygon)
         _require_positive(self, self.height)
-        _require_convex(self, polygon)
+        _require_convex(polygon)
 
 
 @dataclass(frozen=True)
@@ -258,6 +259,25 @@ def operands(solid: Solid, pose: Pose, taken: int = 0) -> Iterator[Operand]:
             assert_never(solid)
 
 
+def changed(solid: Solid, change: Callable[[Primitive, int], Primitive], taken: int = 0) -> Solid:
+    """A solid with `change` made of each primitive, given as in `Operand`; what does not change stays itself."""
+    match solid:
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
+            return change(solid, taken)
+        case Placed(inner, pose):
+            body = changed(inner, change, taken)
+            return solid if body is inner else Placed(body, pose)
+        case Union(parts):
+            bodies = [changed(part, change, taken) for part in parts]
+            return solid if all(map(operator.is_, bodies, parts)) else Union(tuple(bodies))
+        case Difference(base, tools):
+            body, cuts = changed(base, change, taken), [changed(tool, change, taken + 1) for tool in tools]
+            same = all(map(operator.is_, (body, *cuts), (base, *tools)))
+            return solid if same else Difference(body, tuple(cuts))
+        case _:
+            assert_never(solid)
+
+
 def sagitta(solid: Solid) -> float:
     """Largest distance in m between a curved surface of the solid and the polyhedron that stands for it."""
     return max(_sagitta(operand.primitive) for operand in operands(solid, Pose.identity()))
@@ -330,7 +350,7 @@ def _require_sides(solid: Cylinder | Cone | Sphere, sides: int) -> None:
         raise GeometryError(f"{type(solid).__name__} has {sides} sides", f"use 3 to {most}")
 
 
-def _require_convex(solid: Prism, polygon: tuple[tuple[float, float], ...]) -> None:
+def _require_convex(polygon: tuple[tuple[float, float], ...]) -> None:
     points = np.array(polygon)
     if len(polygon) < 3 or not np.isfinite(points).all():
         raise GeometryError(f"Prism has {len(polygon)} usable corners", "give at least three finite ones")

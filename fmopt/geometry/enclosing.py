@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import snapped
-from fmopt.geometry.facets import Indices, require_few
+from fmopt.geometry.facets import Indices, normals_of, require_few
 from fmopt.geometry.polyhedron import (
     Polyhedron,
     halfspace_corners,
@@ -145,11 +145,11 @@ class _Body:
         self.shape, self.size, self.gap = shape, size, gap
         self.points = np.array(mesh.vert_properties)[:, :3]
         self.triangles = np.array(mesh.tri_verts, dtype=np.int64)
-        a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
-        normals = np.cross(b - a, c - a)
+        corners = self.points[self.triangles]
+        normals = normals_of(corners)
         self.areas = np.linalg.norm(normals, axis=1)
         self.normals = normals / np.maximum(self.areas, np.finfo(np.float64).tiny)[:, None]
-        self.offsets = np.einsum("ij,ij->i", self.normals, a)
+        self.offsets = np.einsum("ij,ij->i", self.normals, corners[:, 0])
         hull = shape.hull().to_mesh64()
         ends, sides = np.array(hull.vert_properties)[:, :3], np.array(hull.tri_verts)
         self.planes = _hull_planes(ends, sides, size)
@@ -159,7 +159,7 @@ class _Body:
         outer = {*map(bytes, np.sort(sides.astype(np.int64)))}
         below = np.array([side not in outer for side in map(bytes, np.sort(own[self.triangles]))])
         below &= self.areas > 1e-9 * self.areas.max()
-        centres = ((a + b + c) / 3.0)[below]
+        centres = ((corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0)[below]
         self.below = np.zeros(len(self.points))
         self.below[own < 0] = _depth(self.planes, self.points[own < 0])
         depth = np.concatenate([self.below, _depth(self.planes, centres)])

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.runtime.clock import heed
+from fmopt.geometry.plane.boolean import linked
 from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 MAX_FACES = 2_000  # what is planned with them takes a time that grows by their square, at least
 FEW_REFLEX, MOST_REFLEX = 100, 350  # reflex edges of a part that is cut through them in no time, and in a minute
-_SLANTED = np.array([0.57, 0.52, 0.6361])  # a direction, nearly a unit vector, along which no corners of parts line up
-_SLACK = 1.01  # times the reach: how much more heights may differ for rounding
 _MOST_PAIRS = 2_000_000  # of vertices near each other: more than any honest mesh has
 _FOLD = 100.0  # slivers up to this many tolerances high may lie folded back in their face's plane
 SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
@@ -53,8 +51,7 @@ class Patchwork:
     @cached_property
     def areas(self) -> Array:
         """Normals (m, 3) of the triangles, as long as their areas, m²."""
-        a, b, c = (self.vertices[self.triangles[:, k]] for k in range(3))
-        return 0.5 * np.cross(b - a, c - a)
+        return 0.5 * normals_of(self.vertices[self.triangles])
 
     @cached_property
     def members(self) -> tuple[Indices, ...]:
@@ -131,23 +128,10 @@ def first_within(points: Array, reach: float) -> Indices:
         GeometryError: the points lie in heaps.
     """
     # Equal points count once: a corner of many triangles would be a heap of pairs by itself.
-    first, which = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
-    _refuse_heaps(points[first], reach)
-    # By their heights along a slanted direction, few lie between two that are near.
-    order = np.argsort(points[first] @ _SLANTED)
-    sorted_ = points[first[order]]
-    heights, lag, pairs = sorted_ @ _SLANTED, 1, [np.zeros((2, 0), dtype=np.int64)]
-    while len(low := np.flatnonzero(heights[lag:] - heights[:-lag] <= reach * _SLACK)):
-        heed()
-        near = np.linalg.norm(sorted_[low + lag] - sorted_[low], axis=1) <= reach
-        pairs.append(np.array([low[near], low[near] + lag]))
-        lag += 1
-    one, other = first[order][np.hstack(pairs)]
-    found = np.arange(len(points))
-    while np.any(found[one] != found[other]):
-        np.minimum.at(found, np.hstack([found[one], found[other]]), np.tile(np.minimum(found[one], found[other]), 2))
-        found = found[found]
-    return np.asarray(found[first][which.ravel()])
+    distinct, which = np.unique(points, axis=0, return_inverse=True)
+    _refuse_heaps(distinct, reach)
+    label = linked(distinct, reach)[which.ravel()]
+    return np.unique(label, return_index=True)[1][label]
 
 
 def _refuse_heaps(points: Array, reach: float) -> None:
@@ -158,6 +142,21 @@ def _refuse_heaps(points: Array, reach: float) -> None:
         if count @ count - len(points) > _MOST_PAIRS:
             message = f"too many of the {len(points)} vertices lie within {1e3 * reach:.3g} mm of each other"
             raise GeometryError(message, "export the mesh again: its points must be spread over its surface")
+
+
+def shells_of(triangles: Indices, count: int) -> Indices:
+    """The number of the shell of each triangle (m,), of those (m, 3) that share some of as many vertices as `count`."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    sides = np.vstack([triangles[:, :2], triangles[:, 1:]])
+    links = coo_array((np.ones(len(sides)), sides.T), shape=(count, count))
+    return np.asarray(connected_components(links, directed=False)[1][triangles[:, 0]], dtype=np.int64)
+
+
+def normals_of(corners: Array) -> Array:
+    """Normals (m, 3) of triangles by their corners (m, 3, 3), m, as long as twice their areas, m²."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def place(point: Sequence[float] | Array) -> str:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 _LEVEL = 1e-12  # m
+_ON_FACE = 1e-9  # of the diameter: points so near to a face of a hull are on it
 _ROWS = 256  # points whose distances from all others are taken at once
 _DECIMALS = 15  # of coordinates in m, once rounded: the normals of faces of 1 mm stay the same to 1e-12
 
@@ -178,16 +179,13 @@ def extruded(loops: Sequence[ArrayLike], low: float, high: float, axis: int = 2)
     return from_faces(np.roll(points, axis + 1, axis=1), [floor, roof, *([wall] for wall in walls)])
 
 
-def from_triangles(
-    vertices: ArrayLike, triangles: ArrayLike, tol: float = 1e-9, numbers: NDArray[np.int64] | None = None
-) -> Polyhedron:
+def from_triangles(vertices: ArrayLike, triangles: ArrayLike, tol: float = 1e-9) -> Polyhedron:
     """The polyhedron of a closed triangle mesh: coplanar triangles merged, straight-through vertices dropped.
 
     Args:
         vertices: (n, 3), m; coordinates are kept to the bit.
         triangles: (m, 3) vertex indices, counter-clockwise seen from outside.
         tol: distance from a face's plane within which triangles belong to it, m.
-        numbers: what to call each triangle (m,) in an error; its index if not given.
 
     Raises:
         GeometryError: open, disagreeing or inside-out triangles, no volume; names the triangle, the edge, the place.
@@ -198,13 +196,12 @@ def from_triangles(
         raise GeometryError("the solid is empty: no triangles", "check that the operands overlap as meant")
     volume = _volume(points, corners[:, None, :].tolist())
     if volume < 0.0:
-        name = 0 if numbers is None else numbers[0]
         raise GeometryError(
-            f"the surface is inside out: triangle {name} at {place(points[corners[0, 0]])} faces inward, volume "
+            f"the surface is inside out: triangle 0 at {place(points[corners[0, 0]])} faces inward, volume "
             f"{volume:.3g} m³",
             "reverse the corners of every triangle",
         )
-    parts = patchwork(points, corners, tol, np.arange(len(corners)) if numbers is None else numbers)
+    parts = patchwork(points, corners, tol, np.arange(len(corners)))
     return from_faces(points, faces_of(parts, parts.region)[0])
 
 
@@ -298,7 +295,7 @@ def with_vertices(polyhedron: Polyhedron, points: Array) -> Polyhedron:
     return Polyhedron(points, faces, polyhedron.edges, polyhedron.balls)
 
 
-def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
+def convex_hull_polyhedron(points: ArrayLike) -> Polyhedron:
     """The convex hull of points (n, 3), m, with merged faces; its vertices are input points to the bit, in their order.
 
     Raises:
@@ -313,7 +310,7 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
         hull = ConvexHull((cloud - cloud.mean(axis=0)) / np.max(np.abs(cloud - cloud.mean(axis=0))))
     except (QhullError, ValueError, ZeroDivisionError) as error:
         raise GeometryError(f"{len(cloud)} points span no volume", "give four or more that are not flat") from error
-    reach = tol * diameter(cloud)
+    reach = _ON_FACE * diameter(cloud)
     loops: dict[frozenset[int], Loop] = {}
     # Only directions are Qhull's: which points are on a face is settled by their own coordinates.
     for normal in np.unique(hull.equations[:, :3], axis=0):

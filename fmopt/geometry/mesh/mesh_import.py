@@ -12,7 +12,7 @@ import numpy as np
 from fmopt.errors import GeometryError
 from fmopt.geometry.body_names import chosen
 from fmopt.geometry.enclosing import enclosing, solid_of
-from fmopt.geometry.facets import Indices, merged_vertices, place
+from fmopt.geometry.facets import Indices, merged_vertices, normals_of, place, shells_of
 from fmopt.geometry.mesh.mesh_file import read_surface, read_triangles
 from fmopt.geometry.mesh.mesh_repair import Crossing, first_crossing, turned_alike, turned_outward
 from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, closes, joined, open_sides, patches, sewn
@@ -128,17 +128,12 @@ def _objects(path: Path) -> tuple[tuple[str, Array, Indices], ...]:
 @remembered(1)
 def _objects_of(surface: Surface) -> tuple[tuple[str, Array, Indices], ...]:
     """Name, points (n, 3) and triangles (m, 3) of each object of a file; of one object each body that lies apart."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     found = surface.bodies()
     if len(found) > 1:
         return found
     points, triangles, reach = _together(found)
     merged, corners, _ = merged_vertices(points, triangles, reach)
-    sides = np.vstack([corners[:, :2], corners[:, 1:]])
-    links = coo_array((np.ones(len(sides)), sides.T), shape=(len(merged), len(merged)))
-    label = connected_components(links, directed=False)[1][corners[:, 0]]
+    label = shells_of(corners, len(merged))
     shells = dict.fromkeys(label.tolist())
     # Where some touch and were united the file is one part, as its writer meant it.
     if len(shells) < 2 or (whole := united(points, triangles, reach)).count < 2 or whole.notes:
@@ -202,10 +197,7 @@ def _rounding(points: Array) -> float:
 def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0) -> Imported:
     """The polyhedron of loose triangles (m, 3) over points (n, 3) in m, merged, mended and checked as by `load_mesh`.
 
-    Args:
-        points: (n, 3), m.
-        triangles: (m, 3), counter-clockwise seen from outside.
-        rounding: by how much numbers of the file may be rounded, m.
+    Numbers of the file may be rounded by as much as `rounding`, m.
 
     Raises:
         GeometryError: open or crossing itself.
@@ -347,7 +339,7 @@ def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin
 def _heights(points: Array, triangles: Indices) -> Array:
     """The least heights (m,) of triangles, m."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area = np.linalg.norm(normals_of(points[triangles]), axis=1)
     return np.asarray(area / np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0))
 
 
@@ -369,9 +361,7 @@ def _once(triangles: Indices, numbers: Indices) -> tuple[Indices, Indices, int]:
 def _turned(points: Array, triangles: Indices, corners: Array, called: Indices) -> list[str]:
     """Which triangles of the file (m, 3) face the other way than those (k, 3, 3) that were made of them."""
     own = np.flatnonzero(called != _MENDED)
-    before, after = (
-        np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (points[triangles[called[own]]], corners[own])
-    )
+    before, after = normals_of(points[triangles[called[own]]]), normals_of(corners[own])
     turned = np.unique(called[own[np.einsum("ij,ij->i", before, after) < 0.0]])
     if not len(turned):
         return []

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.facets import Indices
+from fmopt.geometry.facets import Indices, normals_of, shells_of
 from fmopt.spatial.values import Array
 
 _MOST_SHELLS = 100  # beyond which they are no bodies
@@ -28,11 +28,8 @@ def turned_alike(points: Array, triangles: Indices) -> Indices:
     """Triangles (m, 3) turned so that neighbours run along their common side in opposite directions.
 
     Of triangles that hang together those of the smaller area are turned. Where more than two share a side nothing
-    follows from it; where triangles cannot agree, as in a band with a twist, they stay as they are.
-
-    Args:
-        points: (n, 3), m.
-        triangles: (m, 3), indices of them.
+    follows from it; where triangles cannot agree, as in a band with a twist, they stay as they are. They are indices
+    (m, 3) of points (n, 3), m.
     """
     turned = _turns(points, triangles)
     return np.where(turned[:, None], triangles[:, [0, 2, 1]], triangles) if turned.any() else triangles
@@ -53,8 +50,7 @@ def _turns(points: Array, triangles: Indices) -> NDArray[np.bool_]:
             (one, up), (other, down) = pair
             beside[one].append((other, up == down))
             beside[other].append((one, up == down))
-    corners = points[triangles]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(normals_of(points[triangles]), axis=1)
     turned, seen = np.zeros(len(triangles), dtype=bool), np.zeros(len(triangles), dtype=bool)
     for start in range(len(triangles)):
         if seen[start]:
@@ -76,18 +72,9 @@ def _turns(points: Array, triangles: Indices) -> NDArray[np.bool_]:
 def turned_outward(points: Array, triangles: Indices) -> Indices:
     """Closed shells that are inside out, and inside no other one, turned round; shells inside others are cavities.
 
-    Where there are very many, they are no bodies.
-
-    Args:
-        points: (n, 3), m.
-        triangles: (m, 3), indices of them.
+    Where there are very many, they are no bodies. Triangles are indices (m, 3) of points (n, 3), m.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    pairs = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]]])
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
-    shell = connected_components(links, directed=False)[1][triangles[:, 0]]
+    shell = shells_of(triangles, len(points))
     names = np.unique(shell)
     if len(names) > _MOST_SHELLS:
         return triangles
@@ -106,21 +93,15 @@ def turned_outward(points: Array, triangles: Indices) -> Indices:
 def first_crossing(points: Array, triangles: Indices, tol: float) -> Crossing | None:
     """The first two triangles of which one has an edge that passes through the other, and where; None if none do.
 
-    What touches, shares an edge or a corner, or overlaps in one plane does not cross.
-
-    Args:
-        points: (n, 3), m.
-        triangles: (m, 3) vertex indices.
-        tol: what passes by less than this does not cross, m.
-
-    Returns:
-        Indices of the triangle and of the one whose edge passes through it, and the place (3,) in m.
+    What touches, shares an edge or a corner, overlaps in one plane, or passes by less than `tol` (m) does not cross.
+    Triangles are indices (m, 3) of points (n, 3), m; the answer is the numbers of two, last that of the edge, and the
+    place (3,), m.
 
     Raises:
         GeometryError: the triangles lie in heaps.
     """
     corners = points[triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = normals_of(corners)
     size = np.linalg.norm(normals, axis=1)
     normals /= np.where(size > 0.0, size, 1.0)[:, None]
     one, other = _near(corners, normals, size, tol)
@@ -177,8 +158,7 @@ def _met(corners: Array, some: NDArray[np.bool_], others: NDArray[np.bool_]) -> 
 
 def _pierced(triangles: Array, start: Array, end: Array, tol: float) -> tuple[np.ndarray, Array]:
     """Whether segments (n, 3) pass through triangles (n, 3, 3), and where they meet the triangles' planes (n, 3)."""
-    a, b, c = (triangles[:, k] for k in range(3))
-    normal = np.cross(b - a, c - a)
+    (a, b, c), normal = np.moveaxis(triangles, 1, 0), normals_of(triangles)
     size = np.linalg.norm(normal, axis=1)
     normal /= np.where(size > 0.0, size, 1.0)[:, None]
     before, after = (np.einsum("ij,ij->i", normal, end_ - a) for end_ in (start, end))

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.facets import Indices, first_within
+from fmopt.geometry.facets import Indices, first_within, normals_of
 from fmopt.geometry.polyhedron import plane_basis
 from fmopt.spatial.values import Array, Value
 
@@ -74,13 +74,8 @@ def _directed(triangles: Indices) -> tuple[Indices, Indices]:
 def joined(points: Array, triangles: Indices, numbers: Indices, reach: float) -> tuple[Indices, Indices, float]:
     """Triangles with one vertex for those of open edges that lie together, and how far these were moved for it, m.
 
-    A rim that is cut differently on its two sides may have corners in the same place that noise has set apart.
-
-    Args:
-        points: (n, 3), m.
-        triangles: (m, 3).
-        numbers: what each is called (m,); those that are left keep theirs.
-        reach: how far apart they may be, m.
+    A rim that is cut differently on its two sides may have corners in the same place that noise has set apart, by no
+    more than `reach`, m. Triangles (m, 3) over points (n, 3), m, that are left keep what they are called (m,).
     """
     rim = _rim(triangles, open_sides(triangles))
     if not 0 < len(rim) <= MOST_OPEN:
@@ -96,13 +91,8 @@ def sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> t
     """Triangles with an open edge are split at the vertices that lie on it, as where a rim was subdivided on one side.
 
     Only vertices of open edges count, so that the surface stays where it is. Where there are too many to be a rim, it
-    is left as open as it is.
-
-    Args:
-        points: (n, 3), m.
-        triangles: (m, 3).
-        numbers: what each is called (m,); the parts of one keep its.
-        reach: how far from the edge they may be, m.
+    is left as open as it is. Parts of triangles (m, 3) over points (n, 3), m, keep what these are called (m,); vertices
+    within `reach` of an edge, m, lie on it.
     """
     for _ in range(_MOST_SPLITS):
         loose = open_sides(triangles)
@@ -141,10 +131,8 @@ def _between(points: Array, a: int, b: int, candidates: Indices, reach: float) -
 def patches(points: Array, triangles: Indices, tol: float) -> tuple[Patch, ...]:
     """What closes the gaps of a mesh, as far as that is plain to see; nothing where triangles disagree.
 
-    Args:
-        points: (n, 3), m.
-        triangles: (m, 3), counter-clockwise seen from outside.
-        tol: points this close to a plane lie in it, m.
+    These (m, 3), over points (n, 3), m, are counter-clockwise seen from outside; what is within `tol`, m, of a plane
+    lies in it.
     """
     gaps = _gaps(triangles)
     made = []
@@ -239,8 +227,7 @@ def _patch(points: Array, triangles: Indices, gaps: Sequence[_Gap]) -> Patch:
 def _is_flush(points: Array, triangles: Indices, patch: Patch) -> bool:
     """Whether a flat patch lies in the plane of a triangle at its rim that looks the same way."""
     corners = points[np.unique(patch.triangles)]
-    a, b, c = (points[patch.triangles[:, k]] for k in range(3))
-    area = np.cross(b - a, c - a).sum(axis=0)
+    area = normals_of(points[patch.triangles]).sum(axis=0)
     size = float(np.linalg.norm(area))
     if size == 0.0 or np.ptp(corners @ area) > MOST_OFF * size:
         return False
@@ -261,5 +248,4 @@ def _normal(loop: Array) -> Array:
 
 
 def _area(points: Array, triangles: Indices) -> float:
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    return 0.5 * float(np.sum(np.linalg.norm(np.cross(b - a, c - a), axis=1)))
+    return 0.5 * float(np.sum(np.linalg.norm(normals_of(points[triangles]), axis=1)))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.geometry.facets import SMOOTH, Indices, Loop, chords
+from fmopt.geometry.facets import SMOOTH, Indices, Loop, chords, normals_of
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.values import Array
 
@@ -166,7 +166,7 @@ def sagitta(points: Array, triangles: Indices) -> float:
     from scipy.sparse.csgraph import connected_components
 
     corners, count = points[triangles], len(triangles)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = normals_of(corners)
     starts, ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     order = np.lexsort((np.maximum(starts, ends), np.minimum(starts, ends)))
     one, other = order[::2] // 3, order[1::2] // 3  # every side is there twice

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmopt.geometry.facets import Indices, merged_vertices
+from fmopt.geometry.facets import Indices, merged_vertices, normals_of
 from fmopt.geometry.polyhedron import manifold_of
 from fmopt.spatial.values import Array
 
@@ -37,15 +37,12 @@ class United:
 def united(points: Array, triangles: Indices, reach: float) -> United:
     """Unite the closed shells of a surface where they touch or overlap; those that lie apart stay as they are.
 
-    Args:
-        points: (n, 3), m.
-        triangles: (m, 3), counter-clockwise seen from outside.
-        reach: between vertices that are one, m.
+    Triangles (m, 3) over points (n, 3), m, are counter-clockwise from outside; vertices within `reach`, m, are one.
     """
     from manifold3d import Error, Manifold, OpType
 
     as_it_is = United(points, triangles)
-    if not _normals(points, triangles).any():
+    if not normals_of(points[triangles]).any():
         return as_it_is
     R = _axes(points, triangles)
     shells = _shells(_levelled(points @ R.T, reach), triangles, reach)
@@ -96,15 +93,9 @@ def _shells(points: Array, triangles: Indices, reach: float) -> list[tuple[Array
     return [] if open_sides else found
 
 
-def _normals(points: Array, triangles: Indices) -> Array:
-    """Normals (m, 3) of triangles, twice as long as their areas, m²."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
-
-
 def _axes(points: Array, triangles: Indices) -> Array:
     """Axes (3, 3), as rows, along normals of the largest facets."""
-    normals = _normals(points, triangles)
+    normals = normals_of(points[triangles])
     areas = np.linalg.norm(normals, axis=1)
     z = normals[np.argmax(areas)] / areas.max()
     y = np.cross(z, normals)[np.argmax(np.where(np.abs(normals @ z) < _SQUARE * areas, areas, -1.0))]
@@ -129,7 +120,7 @@ def _levelled(points: Array, reach: float) -> Array:
 
 def _offset(vertices: Array, triangles: Indices, by: float) -> Array:
     """Vertices (n, 3) with every face moved outward by a distance, m."""
-    normals = _normals(vertices, triangles)
+    normals = normals_of(vertices[triangles])
     areas = np.linalg.norm(normals, axis=1)
     # Slivers, whose normals are rounding, weigh next to nothing beside the faces that they lie in.
     weights = np.sqrt(areas / areas.max())

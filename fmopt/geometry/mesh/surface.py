@@ -148,9 +148,9 @@ def _ears(corners: Array, where: str) -> Indices:
     return np.vstack([kept[found], np.zeros((count - 2 - len(found), 3), np.int64)])
 
 
-def lines_of(data: bytes, first: int = 1) -> Iterator[tuple[str, list[bytes]]]:
+def lines_of(data: bytes) -> Iterator[tuple[str, list[bytes]]]:
     """Where each line stands and its words; comments and blank lines are left out."""
-    for number, found in enumerate(_LINE.finditer(data), first):
+    for number, found in enumerate(_LINE.finditer(data), 1):
         line = found[1].lstrip()
         if not line or line.startswith((b"#", b"comment ", b"obj_info ")):
             continue
