@@ -98,7 +98,7 @@ def bounds(
     and vertex take turns, the edge's line lies in the wall either way. Two edges cross where each has its ends on both
     sides of the other. Where a face has holes, the vertex keeps beyond an edge of each that has the hole on one side.
     """
-    rows, corners = Questions([], [], []), tuple(c for c in together if c.kind is Kind.VERTEX_FACE)
+    rows, corners = Questions(), tuple(c for c in together if c.kind is Kind.VERTEX_FACE)
     judges = tuple(_judge(assembly, contact, corners if contact in own else together, rows) for contact in contacts)
     return Bounds(rows.forms(), judges)
 

@@ -16,6 +16,7 @@ All vectors may be many at once, (r, 3).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -274,44 +275,34 @@ class _Form:
         return replace(self, c=self.c + number)
 
 
-Asked = tuple[int, Array, Array, float]
-"""The number of a row with two vectors and an offset."""
-
-
-@dataclass(frozen=True, eq=False)
 class Questions:
     """Rows asked for while a table of bounds is built: of body points, of directions, and of world points."""
 
-    points: list[Asked]
-    directions: list[Asked]
-    faces: list[Asked]
+    def __init__(self) -> None:
+        self._kinds: dict[Callable[..., Forms], list[tuple[int, tuple[Array | float, ...]]]] = {}
+        self._count = 0
 
-    def _ask(self, kind: list[Asked], a: Array, b: Array, offset: float) -> int:
-        number = len(self.points) + len(self.directions) + len(self.faces)
-        kind.append((number, a, b, offset))
-        return number
+    def _ask(self, kind: Callable[..., Forms], *parameters: Array | float) -> int:
+        self._kinds.setdefault(kind, []).append((self._count, parameters))
+        self._count += 1
+        return self._count - 1
 
     def above(self, v: Array, normal: Array, offset: float) -> int:
         """The number of the row of how far a body point (3,) is above a fixed plane, m."""
-        return self._ask(self.points, v, normal, offset)
+        return self._ask(points_above, v, normal, offset)
 
     def along(self, u: Array, k: Array) -> int:
         """The number of the row of how far a body vector k (3,), m, goes along a unit direction u (3,) of the world."""
-        return self._ask(self.directions, u, k, 0.0)
+        return self._ask(directions_along, u, k)
 
     def beneath(self, normal: Array, offset: float, w: Array) -> int:
         """The number of the row of how far a fixed point (3,) is above a body plane, m."""
-        return self._ask(self.faces, w, normal, offset)
+        return self._ask(faces_above, normal, offset, w)
 
     def forms(self) -> Forms:
         """All rows by their numbers."""
-        numbers, parts = list[int](), list[Forms]()
-        for kind in (self.points, self.directions, self.faces):
-            if kind:
-                which, a, b, offsets = (np.array(column) for column in zip(*kind, strict=True))
-                numbers += which.tolist()
-                if kind is self.points:
-                    parts.append(points_above(a, b, offsets))
-                else:
-                    parts.append(directions_along(a, b) if kind is self.directions else faces_above(b, offsets, a))
+        numbers = [number for asked in self._kinds.values() for number, _ in asked]
+        parts = (
+            kind(*map(np.array, zip(*(own for _, own in asked), strict=True))) for kind, asked in self._kinds.items()
+        )
         return Forms(stacked(*parts).table[np.argsort(numbers)])

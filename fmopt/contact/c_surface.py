@@ -255,13 +255,13 @@ def contact_wrench(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhed
     return np.asarray(surface.values_and_rows(pose)[1][0])
 
 
-def friction_cone(normal: Array, arm: Array, friction: float, sides: int = _SIDES) -> Array:
-    """Generators (sides, 6) of the wrenches that a contact can put on the part: a pyramid inside its friction cone.
+def friction_cone(normal: Array, arm: Array, friction: float) -> Array:
+    """Generators (8, 6) of the wrenches that a contact can put on the part: a pyramid inside its friction cone.
 
     It pushes along a unit normal (3,), with its point at an arm (3,) from the part's reference point, m.
     """
     first, second = plane_basis(normal).T
-    turns = 2.0 * math.pi * np.arange(sides) / sides
+    turns = 2.0 * math.pi * np.arange(_SIDES) / _SIDES
     forces = normal + friction * (np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * second)
     return np.hstack([forces, cross(arm, forces)])
 
