@@ -5,27 +5,18 @@ Around a nominal pose (p, R) a real pose is p + e, exp([ε]×)R. Every distance 
     f = n·p + u·(R k) + (R b)·(σ p + a × p + s) − c,
 
 so that one gradient and one remainder formula serve them all: N = ∂f/∂(e, ε) at zero error. Rows with b are bilinear:
-|b| = 1, and σ = −1, a = 0 or σ = 0, |a| = 1. Which row a contact is follows from its definition.
-
-What a definition of a contact comes to as a row: it is called with vectors that are affine in the pose.
-
-    f = n·p + u·(R k) + (R b)·(σ p + a × p + s) − c
-
-All vectors may be many at once, (r, 3).
+|b| = 1, and σ = −1, a = 0 or σ = 0, |a| = 1. All vectors may be many at once, (r, 3).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.certificate.kernels_rows import ROW, Table, Turned, value
-from fmopt.contact import definitions
-from fmopt.contact.algebra import Definition, Role
 from fmopt.runtime.compiled import compiled
 from fmopt.spatial.kernels import vector
 from fmopt.spatial.se3 import Pose, cross, lengths
@@ -125,12 +116,12 @@ def stacked(*parts: Forms) -> Forms:
 
 def points_above(points: Array, normals: Array, offsets: Array | float) -> Forms:
     """n·(p + R v) − a: body points v (k, 3), unit normals n (k, 3) or one in axes of B, offsets a (k,) or one, m."""
-    return Forms(records(definitions.vertex_face, v=points, n=normals, c=offsets))
+    return _forms(n=normals, u=normals, k=points, c=offsets)
 
 
 def balls_above(points: Array, normals: Array, offsets: Array | float, radii: Array) -> Forms:
     """n·(p + R v) − a − r, as `points_above`, with radii r (k,), m."""
-    return Forms(records(definitions.ball_face, v=points, n=normals, c=offsets, r=radii))
+    return points_above(points, normals, offsets + radii)
 
 
 def directions_along(u: Array, k: Array) -> Forms:
@@ -138,12 +129,12 @@ def directions_along(u: Array, k: Array) -> Forms:
 
     |u||k| is the arm on which an angle counts.
     """
-    return Forms(records(definitions.hinge, k=k, u=u))
+    return _forms(u=u, k=k)
 
 
 def faces_above(normals: Array, offsets: Array | float, points: Array) -> Forms:
     """(R n)·(w − p) − a: unit normals n (k, 3) or one in body axes, offsets a (k,) or one, points w (k, 3) in B, m."""
-    return Forms(records(definitions.face_vertex, n=normals, w=points, c=offsets))
+    return _forms(b=normals, s=points, sign=-1.0, c=offsets, bilinear=1.0)
 
 
 def edges_apart(e_m: Array, e_f: Array, q: Array, points: Array) -> Forms:
@@ -157,122 +148,20 @@ def edges_apart(e_m: Array, e_f: Array, q: Array, points: Array) -> Forms:
         q: likewise, a point of the fixed edge, m.
         points: v (k, 3), body frame, m.
     """
-    return Forms(records(definitions.edges_apart, a=e_m, v=points, e=e_f, q=q))
+    # (R e_m)·(e_f × (p − q)) + e_f·R(v × e_m), the point's own part in axes of the body.
+    return _forms(b=e_m, a=e_f, s=cross(e_f, -q), u=e_f, k=cross(points, e_m), bilinear=1.0)
 
 
-def records(definition: Definition, **parameters: Array | float) -> Any:
-    """Records (r,) of rows, by their own parameters: vectors (r, 3) or one for all (3,), numbers (r,) or one.
-
-    Raises:
-        TypeError: the definition is no row of this form.
-    """
-    given = {name: np.asarray(parameters[name], dtype=np.float64) for name in definition.roles}
-    kinds: dict[Role, Any] = {Role.BODY: _Body, Role.WORLD: _Affine, Role.SCALAR: np.asarray}
-    # The definition is evaluated on symbols of this algebra, in which it comes to one row or is refused.
-    found = definition(_Affine(sign=1.0), _Rotation(), **{n: kinds[definition.roles[n]](x) for n, x in given.items()})
-    if not isinstance(found, _Form):
-        raise TypeError(f"{definition.name} is no row of this form")
-    leading = (x.shape[: x.ndim - (definition.roles[n] is not Role.SCALAR)] for n, x in given.items())
+def _forms(**columns: Array | float) -> Forms:
+    """Rows (r,) by columns of `ROW`, vectors (r, 3) or one for all (3,), numbers (r,) or one; others are zero."""
+    given = {name: np.asarray(column, dtype=np.float64) for name, column in columns.items()}
+    leading = (column.shape[: column.ndim - len(ROW[name].shape)] for name, column in given.items())
     table = np.zeros(np.broadcast_shapes((1,), *leading), ROW)
-    for name in ("n", "u", "k", "b", "a", "s", "c", "sign", "bilinear"):
-        table[name] = getattr(found, name)
+    for name, column in given.items():
+        table[name] = column
     # The length of u·(R k) at most, on which an angle counts.
     table["lever"] = lengths(table["u"]) * lengths(table["k"])
-    return table
-
-
-def _zero() -> Array:
-    return np.zeros(3)
-
-
-class _Rotation:
-    """R: it turns vectors of the moving part."""
-
-    def __matmul__(self, b: _Body) -> _Affine:
-        return _Affine(turned=b.value)
-
-
-@dataclass(frozen=True, eq=False)
-class _Body:
-    """A vector of the moving part."""
-
-    value: Array
-
-    def crossed(self, other: _Body) -> _Body:
-        """Its cross product with another one, which turns with the part, too."""
-        return _Body(cross(self.value, other.value))
-
-
-@dataclass(frozen=True, eq=False)
-class _Affine:
-    """s + σ p + a × p + R b; without b where nothing turns."""
-
-    s: Array = field(default_factory=_zero)
-    sign: float = 0.0
-    a: Array = field(default_factory=_zero)
-    turned: Array | None = None
-
-    @property
-    def _constant(self) -> bool:
-        return self.turned is None and self.sign == 0.0 and not self.a.any()
-
-    def __add__(self, other: _Affine) -> _Affine:
-        if self.turned is not None and other.turned is not None:
-            raise TypeError("a sum of two vectors that turn")
-        turned = other.turned if self.turned is None else self.turned
-        return _Affine(self.s + other.s, self.sign + other.sign, self.a + other.a, turned)
-
-    def __sub__(self, other: _Affine) -> _Affine:
-        return self + _Affine(-other.s, -other.sign, -other.a, None if other.turned is None else -other.turned)
-
-    def crossed(self, other: _Affine) -> _Affine:
-        """e × (σ p + s) of a constant e."""
-        if not self._constant or other.turned is not None or other.a.any():
-            raise TypeError("a cross product that is not affine in the position")
-        return _Affine(cross(self.s, other.s), 0.0, other.sign * self.s)
-
-    def dotted(self, other: _Affine) -> _Form:
-        """The inner product with another one, of which one is constant or both are of the form's last product."""
-        if self._constant:
-            # e·(s + σ p + a × p) = e·s + (σ e + e × a)·p.
-            inner, n = -np.vecdot(self.s, other.s), other.sign * self.s + cross(self.s, other.a)
-            if other.turned is None:
-                return _Form(n=n, c=inner)
-            return _Form(n=n, c=inner, u=self.s, k=other.turned)
-        if other._constant:
-            return other.dotted(self)
-        alone = self.sign == 0.0 and not self.a.any() and not self.s.any()
-        if self.turned is not None and alone and other.turned is None:
-            # R b against what moves: bilinear, the only product of two moving vectors that rows may have.
-            return _Form(b=self.turned, sign=other.sign, a=other.a, s=other.s, bilinear=True)
-        raise TypeError("an inner product that is not of the form")
-
-
-@dataclass(frozen=True, eq=False)
-class _Form:
-    """The row; see the module."""
-
-    n: Array = field(default_factory=_zero)
-    c: Any = 0.0
-    u: Array = field(default_factory=_zero)
-    k: Array = field(default_factory=_zero)
-    b: Array = field(default_factory=_zero)
-    sign: float = 0.0
-    a: Array = field(default_factory=_zero)
-    s: Array = field(default_factory=_zero)
-    bilinear: bool = False
-
-    def __add__(self, other: _Form) -> _Form:
-        plain = other if self.bilinear else self
-        # A row has one bilinear term and one term u·(R k); a second of either would need another kernel.
-        if plain.bilinear or (self.u.any() and other.u.any()):
-            raise TypeError("a sum that is not of the form")
-        curved = self if self.bilinear else other
-        turning = self if self.u.any() else other
-        return replace(curved, n=self.n + other.n, c=self.c + other.c, u=turning.u, k=turning.k)
-
-    def __sub__(self, number: Array | float) -> _Form:
-        return replace(self, c=self.c + number)
+    return Forms(table)
 
 
 class Questions:

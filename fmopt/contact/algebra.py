@@ -73,24 +73,18 @@ CONTACTS: Mapping[str, Definition] = MappingProxyType(_CONTACTS)
 
 def contact(function: Callable[..., Any]) -> Definition:
     """Makes a function f(p, R, …) the definition of a kind of contact; annotations tell the roles of its parameters."""
-    # The first definition of a name stays: a module that is loaded twice does not change the tables.
-    return _CONTACTS.setdefault(function.__name__, row(function))
-
-
-def row(function: Callable[..., Any]) -> Definition:
-    """Makes a function f(p, R, …) the definition of a row that certificates use beside those of contacts."""
     hints = get_type_hints(function, include_extras=True)
     roles = {name: hint.__metadata__[0] for name, hint in hints.items() if hasattr(hint, "__metadata__")}
     roles.pop("return", None)
-    return Definition(function.__name__, function, MappingProxyType(roles))
+    # The first definition of a name stays: a module that is loaded twice does not change the tables.
+    name = function.__name__
+    return _CONTACTS.setdefault(name, Definition(name, function, MappingProxyType(roles)))
 
 
 def dot(a: Vector, b: Vector) -> Any:
     """a·b."""
-    # Either operand may be of an algebra of its own: a formula on the left is asked as well as one on the right.
-    for one, other in ((a, b), (b, a)):
-        if hasattr(one, "dotted"):
-            return one.dotted(other)
+    if hasattr(a, "dotted"):
+        return a.dotted(b)
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 

@@ -7,7 +7,7 @@ fmopt.contact.generate` writes them anew), the functions of nonlinear programs a
 it. [DakinPopplestone1993] section 2 and Appendix I.
 """
 
-from fmopt.contact.algebra import CONTACTS, Body, Matrix, Scalar, Vector, World, contact, cross, dot, norm, row
+from fmopt.contact.algebra import CONTACTS, Body, Matrix, Scalar, Vector, World, contact, cross, dot, norm
 
 __all__ = ["CONTACTS"]
 
@@ -35,15 +35,3 @@ def edge_edge(p: Vector, R: Matrix, a: Body, v: Body, e: World, q: World) -> Sca
 def ball_face(p: Vector, R: Matrix, v: Body, n: World, c: Scalar, r: Scalar) -> Scalar:
     """A ball of the moving part, of radius r about its point v, over the fixed plane n·x = c."""
     return dot(n, p + R @ v) - c - r
-
-
-@row
-def edges_apart(p: Vector, R: Matrix, a: Body, v: Body, e: World, q: World) -> Scalar:
-    """The distance of edges times the sine between them, |R a × e|; of any point v over the plane along both."""
-    return dot(R @ a, cross(e, p - q)) + dot(e, R @ cross(v, a))
-
-
-@row
-def hinge(p: Vector, R: Matrix, k: Body, u: World) -> Scalar:
-    """An edge held in a wall, or a face level with a rim: only turning moves it."""
-    return dot(u, R @ k)

@@ -5,10 +5,9 @@ import pytest
 
 from fmopt.certificate.error_set import UNCOUPLED
 from fmopt.certificate.remainder import Curvature, Extent
-from fmopt.certificate.rows import Forms, Rows, edges_apart, points_above, records, stacked
+from fmopt.certificate.rows import Rows, balls_above, edges_apart, faces_above, points_above, stacked
 from fmopt.certificate.tube import left
 from fmopt.contact import definitions
-from fmopt.contact.algebra import Body, Definition, Matrix, Scalar, Vector, dot, row
 from fmopt.spatial.se3 import Pose, exp, turns
 from fmopt.spatial.values import Array
 from tests.shared.random_rows import KINDS, box, forms, moved, pose, unit
@@ -134,29 +133,14 @@ def test_errors_change_what_a_row_says_of_the_motion_by_its_power(kind: str) -> 
         np.testing.assert_allclose(power[:, axis], slope, atol=1e-8)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [definitions.vertex_face, definitions.face_vertex, definitions.edges_apart, definitions.hinge],
-    ids=lambda kind: kind.name,
-)
-def test_a_row_is_what_its_definition_says(kind: Definition) -> None:
+def test_rows_of_contacts_are_what_their_definitions_say() -> None:
     rng = np.random.default_rng(5)
-    numbers = {
-        name: rng.normal(size=role.width) if role.width > 1 else rng.normal() for name, role in kind.roles.items()
-    }
+    v, n, c, r = rng.normal(size=3), rng.normal(size=3), rng.normal(), rng.normal()
     for _ in range(10):
         X = pose(rng)
-        assert Forms(records(kind, **numbers)).at(X).f[0] == pytest.approx(kind(X.p, X.R, **numbers), abs=1e-14)
-
-
-def test_a_definition_that_is_no_row_is_refused() -> None:
-    vector, number = np.ones(3), {"a": np.ones(3), "v": np.ones(3), "e": np.ones(3), "q": np.ones(3)}
-    with pytest.raises(TypeError):
-        records(definitions.edge_edge, **number)
-
-    @row
-    def twice(p: Vector, R: Matrix, b: Body, c: Body) -> Scalar:
-        return dot(R @ b, R @ c)
-
-    with pytest.raises(TypeError):
-        records(twice, b=vector, c=vector)
+        for row, told in (
+            (points_above(v, n, c), definitions.vertex_face(X.p, X.R, v=v, n=n, c=c)),
+            (balls_above(v, n, c, np.array(r)), definitions.ball_face(X.p, X.R, v=v, n=n, c=c, r=r)),
+            (faces_above(n, c, v), definitions.face_vertex(X.p, X.R, n=n, w=v, c=c)),
+        ):
+            assert row.at(X).f[0] == pytest.approx(told, abs=1e-14)
