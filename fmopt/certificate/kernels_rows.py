@@ -215,11 +215,8 @@ def together(bending: Bending, shares: Array, off: Array, half: Array, coupling:
     At errors (d, ε) in a box a row is off its linear part by ½ε·G ε + ε·[β]× A d, G as in `_drawn`, and by a sixth of
     |ε|³ times its reach and ½|ε|²|A d|. In the sum of all first parts what rows have in common cancels.
 
-    Args:
-        shares: of each row (k,).
-        off: what each is off by besides (k,), m.
-        half: half-widths (6,) of the box, m and rad.
-        coupling: what the linear picture leaves of errors in different frames (2,), m and rad.
+    `shares` (k,) are of the rows, `off` (k,), m, what each is off by besides, `half` is the box (6,), m and rad, and
+    the coupling (2,) what the linear picture leaves of errors in different frames, m and rad.
     """
     K, X, found = np.zeros((3, 3)), np.zeros((3, 3)), 0.0
     theta, offset = size((half[3], half[4], half[5])), size((half[0], half[1], half[2]))
@@ -251,12 +248,11 @@ def together(bending: Bending, shares: Array, off: Array, half: Array, coupling:
 @part
 def products(N: Array, motions: Array) -> Array:
     """Those (2, k, m) of rows (2, k, 6) at both ends with motions (m, 6)."""
-    found = np.zeros((2, N.shape[1], len(motions)))
+    found = np.empty((2, N.shape[1], len(motions)))
     for e in range(2):
         for i in range(N.shape[1]):
             for j in range(len(motions)):
-                for x in range(6):
-                    found[e, i, j] += N[e, i, x] * motions[j, x]
+                found[e, i, j] = (N[e, i] * motions[j]).sum()
     return found
 
 

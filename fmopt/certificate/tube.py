@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmopt.certificate.kernels_ellipsoids import ball, extent, mapped, narrow, outer_sum, radius, spread
+from fmopt.certificate.kernels_ellipsoids import extent, mapped, narrow, outer_sum, radius, spread
 from fmopt.certificate.kernels_rows import Bending, end_of, power, reach, remainder, together, unsteady
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.kernels import halves, size
@@ -112,9 +112,7 @@ def left(bending: Bending, half: Array, coupling: Array) -> Array:
 def varied(bending: Bending, half: Array, motion: Array) -> Array:
     """Bounds (k,) of how much N·v may differ between poses of a piece, errors included, m.
 
-    Args:
-        half: half-widths (6,) of a box around the errors.
-        motion: v (6,).
+    The box around the errors has half-widths (6,), v is (6,).
     """
     table, turned = bending.table, bending.turned
     (move, turn), (offset, angles), (slide, spin) = halves(bending.twist), halves(half), halves(motion)
@@ -180,9 +178,7 @@ def _grown(
     """
     far, turn, rate, leaning, share, rates = way.length, way.turn, way.rate, way.leaning, way.share, way.rates
     held, residue = len(layers.f), layers.residue
-    box = np.empty(6)
-    for i in range(6):
-        box[i] = half[i] + _ALLOWANCE
+    box = half + _ALLOWANCE
     theta = size((box[3], box[4], box[5]))
     # Bounds of translation and angle with their drift, before contacts take it up.
     wide, wider = size((box[0], box[1], box[2])) + 2.0 * rates[0] * far, theta + 2.0 * rates[1] * far
@@ -227,14 +223,8 @@ def _boxes(core: Array, image: Array, slide: Array, swing: Array) -> Array:
     """
     found = np.empty((3, 6))
     for i in range(6):
-        start, goal, slid, swung = 0.0, 0.0, 0.0, 0.0
-        for k in range(len(core)):
-            start, goal = start + abs(core[k, i]), goal + abs(image[k, i])
-        for k in range(slide.shape[1]):
-            slid += slide[i, k] * slide[i, k]
-        for k in range(swing.shape[1]):
-            swung += swing[i, k] * swing[i, k]
-        width = math.sqrt(slid) + math.sqrt(swung)
+        start, goal = np.abs(core[:, i]).sum(), np.abs(image[:, i]).sum()
+        width = math.sqrt((slide[i] * slide[i]).sum()) + math.sqrt((swing[i] * swing[i]).sum())
         found[0, i], found[1, i], found[2, i] = start + width, goal, max(start, goal) + width
     return found
 
@@ -261,16 +251,13 @@ def _widths(
 @part
 def _raised(half: Array, wider: Array) -> tuple[bool, bool]:
     """Raises half-widths (6,) to those computed with them; whether any was short, and whether all are tight."""
-    short, close, tight = False, True, True
-    for i in range(6):
-        short = short or wider[i] > half[i] * (1.0 - _SETTLED)
-        close = close and wider[i] <= half[i] * (1.0 + 10.0 * _ABOVE)
-        tight = tight and half[i] <= wider[i] * (1.0 + _TIGHT)
+    short = (wider > half * (1.0 - _SETTLED)).any()
+    close, tight = (wider <= half * (1.0 + 10.0 * _ABOVE)).all(), (half <= wider * (1.0 + _TIGHT)).all()
     for i in range(6):
         if wider[i] > half[i] * (1.0 - _SETTLED):
             # Close to the fixed point a little is added, that rounding does not matter.
             half[i] = max(half[i], wider[i]) * (1.0 + _ABOVE if close else 1.0)
-    return short, tight
+    return bool(short), bool(tight)
 
 
 @compiled
@@ -285,19 +272,14 @@ def carried(
     """
     core, slide, swing, shape, moved, moved_shape, links = errors
     N, seen, projector, rates = layers.N, way.seen, way.projector, way.rates
-    image = np.zeros(core.shape)
-    for k in range(len(core)):
-        for i in range(6):
-            for j in range(6):
-                image[k, i] += projector[i, j] * moved[k, j]
+    image = mapped(projector, moved.T).T
     slide_there, swing_there = mapped(projector, slide), mapped(projector, swing)
     shape_there = mapped(projector, moved_shape)
     rest = layers.off.copy()
     for k in range(len(layers.f)):
         along = min(extent(N[k], core, slide, swing), radius(N[k], shape))
         rest[k] = max(abs(layers.f[k]) + along, rest[k])
-    for k in range(len(rest)):
-        rest[k] += layers.form[k]
+    rest += layers.form
     drifts, boxes = spread(slide_there, swing_there, projector, rho), _boxes(core, image, slide, swing)
     late = (0.0, 0.0)
     if way.rate > 0.0:
@@ -316,22 +298,19 @@ def carried(
             if not short:
                 break
             code = THICK
-            if max(half[0], half[1], half[2], half[3], half[4], half[5]) > _FAR:
+            if half.max() > _FAR:
                 break
         if code != SETTLED or tight:
             break
     generators = np.empty((len(core) + len(final), 6))
     if code != SETTLED:
         return code, half, final, beyond, generators, slide_there, swing_there, shape_there
-    slid, swung = ball(projector, 0, radii[0]), ball(projector, 3, radii[1])
+    slid, swung = radii[0] * projector[:, :3], radii[1] * projector[:, 3:]
     slide_there, swing_there = outer_sum(slide_there, slid, rho), outer_sum(swing_there, swung, rho)
     shape_there = outer_sum(outer_sum(shape_there, slid, rho), swung, rho)
-    thick = np.empty((6, len(final)))
-    for i in range(6):
-        for k in range(len(core)):
-            generators[k, i] = image[k, i]
-        for k in range(len(final)):
-            generators[len(core) + k, i] = layers.goal_dual[i, k] * final[k]
-            thick[i, k] = math.sqrt(len(final)) * generators[len(core) + k, i]
+    thick = layers.goal_dual * final
+    generators[: len(core)] = image
+    generators[len(core) :] = thick.T
+    thick *= math.sqrt(len(final))
     shape_there = outer_sum(shape_there, thick, rho)
     return code, half, final, beyond, generators, narrow(slide_there), narrow(swing_there), narrow(shape_there)

@@ -80,14 +80,14 @@ def descended(at: Functions, on: Bits, T: Array, room: float) -> tuple[Array, Ar
     slope, square, step, L, trial = np.zeros(6), np.zeros((6, 6)), np.zeros(6), np.zeros((6, 6)), np.zeros((3, 4))
     for i in range(n):
         damping, now, then = _DAMPING, np.inf, np.inf
-        _copy(T[i], trial)
+        trial[:] = T[i]
         for tried in range(_ROUNDS):
             new, count = _short(at, on[i], trial, room, work)
             better = new < now
             damping = min(max((0.1 if better else 10.0) * damping, 1e-14), 1e8)
             if better:
                 now = new
-                _copy(trial, found[i])
+                found[i] = trial
                 _pull(at, trial, count, work, slope, square)
             final[i] = now <= _NOTHING or _length(slope) <= _LEVEL * now
             if tried % _PAUSE == _PAUSE - 1:
@@ -113,19 +113,16 @@ def projected(at: Functions, on: Bits, T: Array, rank: Numbers) -> Array:
     found = np.zeros((n, 3, 4))
     rows, row, step, trial = np.zeros((6, 7)), np.zeros(7), np.zeros(6), np.zeros((3, 4))
     for i in range(n):
-        _copy(T[i], trial)
+        trial[:] = T[i]
         for tried in range(_POLISH + 1):
-            _copy(trial, found[i])
+            found[i] = trial
             worst = 0.0
-            for j in range(6):
-                for a in range(7):
-                    rows[j, a] = 0.0
+            rows[:] = 0.0
             for j in range(k):
                 if on[i, j]:
                     row[6] = _surface(at.tables, at.own[j], trial, row)
                     worst = max(worst, abs(row[6]))
-                    for a in range(6):
-                        row[a] *= at.scale[a]
+                    row[:6] *= at.scale
                     _rotate_in(rows, row)
             if tried == _POLISH or worst <= _TOUCHING * at.scale[0]:
                 break
@@ -207,38 +204,27 @@ def _exceed(limits: Array, scale: Array, T0: Array, T: Array, x: Array, beyond: 
             x[3 + i] += 0.5 * (T[o, j] * T0[n, j] - T[n, j] * T0[o, j])
     sine = min(_length(x[3:]), 1.0)
     ratio = math.asin(sine) / sine if sine > 1e-6 else 1.0
-    total = 0.0
     for i in range(3, 6):
         x[i] *= ratio / scale[i]
-    for w in range(len(beyond)):
-        beyond[w] = -limits[6, w]
+    beyond[:] = -limits[6]
     for i in range(6):
-        for w in range(len(beyond)):
-            beyond[w] += limits[i, w] * x[i]
-    for w in range(len(beyond)):
-        beyond[w] = min(beyond[w], 0.0)
-        total += beyond[w] ** 2
-    return total
+        beyond += limits[i] * x[i]
+    beyond[:] = np.minimum(beyond, 0.0)
+    return float((beyond * beyond).sum())
 
 
 @part
 def _pull(at: Functions, T: Array, count: int, work: _Work, slope: Array, square: Array) -> None:
     """Jᵀr (6,) into `slope` and the lower half of JᵀJ (6, 6) into `square`, scaled, of what `_short` found."""
     scale, asked, beyond, row = at.scale, work.asked, work.beyond, work.x
-    for a in range(6):
-        slope[a] = 0.0
-        for b in range(6):
-            square[a, b] = 0.0
+    slope[:], square[:] = 0.0, 0.0
     for n in range(count):
         _surface(at.tables, int(asked[n, 0]), T, row)
-        share = asked[n, 1] / scale[0]
-        for a in range(6):
-            row[a] *= share * scale[a]
+        row *= asked[n, 1] / scale[0] * scale
         _add(row, asked[n, 2], slope, square)
     for w in range(len(beyond)):
         if beyond[w] < 0.0:
-            for a in range(6):
-                row[a] = at.limits[a, w]
+            row[:] = at.limits[:6, w]
             _add(row, beyond[w], slope, square)
 
 
@@ -270,9 +256,7 @@ def _solve(square: Array, damping: float, slope: Array, L: Array, step: Array) -
         for j in range(i + 1, 6):
             step[i] -= L[j, i] * step[j]
         step[i] /= L[i, i]
-    share = min(1.0, _FARTHEST / max(_length(step), _FARTHEST))
-    for i in range(6):
-        step[i] *= share
+    step *= min(1.0, _FARTHEST / max(_length(step), _FARTHEST))
 
 
 @part
@@ -282,8 +266,7 @@ def _rotate_in(rows: Array, row: Array) -> None:
         size = math.sqrt(rows[j, j] ** 2 + row[j] ** 2)
         if size > 0.0:
             c, s = rows[j, j] / size, row[j] / size
-            for n in range(j, 7):
-                rows[j, n], row[n] = c * rows[j, n] + s * row[n], c * row[n] - s * rows[j, n]
+            rows[j, j:], row[j:] = c * rows[j, j:] + s * row[j:], c * row[j:] - s * rows[j, j:]
 
 
 @part
@@ -298,17 +281,15 @@ def _shortest(rows: Array, rank: int, step: Array) -> None:
         square = True
         for i in range(6):
             for j in range(i + 1, 6):
-                a, b, c = 0.0, 0.0, 0.0
-                for n in range(6):
-                    a, b, c = a + rows[i, n] ** 2, b + rows[j, n] ** 2, c + rows[i, n] * rows[j, n]
+                one, other = rows[i, :6], rows[j, :6]
+                a, b, c = (one * one).sum(), (other * other).sum(), (one * other).sum()
                 if abs(c) > _SQUARE * math.sqrt(a * b):
                     square = False
                     turn = (b - a) / (2.0 * c)
                     tangent = math.copysign(1.0, turn) / (abs(turn) + math.sqrt(1.0 + turn * turn))
                     cosine = 1.0 / math.sqrt(1.0 + tangent * tangent)
-                    for n in range(7):
-                        x, y = rows[i, n], rows[j, n]
-                        rows[i, n], rows[j, n] = cosine * (x - tangent * y), cosine * (tangent * x + y)
+                    x, y = rows[i].copy(), rows[j].copy()
+                    rows[i], rows[j] = cosine * (x - tangent * y), cosine * (tangent * x + y)
         if square:
             break
     largest = 0.0
@@ -320,8 +301,7 @@ def _shortest(rows: Array, rank: int, step: Array) -> None:
         for j in range(6):
             larger += size[j] > size[i] or (size[j] == size[i] and j < i)
         if larger < rank and size[i] > _FLAT * largest:
-            for n in range(6):
-                step[n] -= rows[i, 6] * rows[i, n] / size[i] ** 2
+            step -= rows[i, 6] * rows[i, :6] / size[i] ** 2
 
 
 @part
@@ -337,13 +317,6 @@ def _move(scale: Array, step: Array, T: Array, moved: Array) -> None:
         for i in range(3):
             moved[i, j] = (1.0 - b * square) * column[i] + a * aside[i] + b * along * w[i]
         moved[j, 3] = T[j, 3] + scale[j] * step[j]
-
-
-@part
-def _copy(T: Array, copied: Array) -> None:
-    for i in range(3):
-        for j in range(4):
-            copied[i, j] = T[i, j]
 
 
 @part
@@ -363,8 +336,7 @@ def _surface(tables: Tables, number: int, T: Array, row: Array) -> float:
     p = _position(T)
     if regularity(tables, number, p, T) > _PARALLEL:
         return wrench(tables, number, p, T, row)
-    for a in range(6):
-        row[a] = 0.0
+    row[:6] = 0.0
     return _FAR
 
 
@@ -375,7 +347,4 @@ def _position(T: Array) -> Vector:
 
 @part
 def _length(x: Array) -> float:
-    total = 0.0
-    for n in range(len(x)):
-        total += x[n] * x[n]
-    return math.sqrt(total)
+    return math.sqrt((x * x).sum())

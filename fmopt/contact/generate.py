@@ -74,12 +74,12 @@ def written() -> str:
             least = kind.regular[0] if len(kind.regular) == 1 else sympy.Min(*kind.regular)
             text.append(_function(kind, "regularity", [least]))
     told = "The distance of a contact at a pose p (3,), R (3, 3)."
-    text.append(_dispatch(kinds, "height", "", told, "return float(_{name}_height(row, p, R))"))
+    text.append(_dispatch(kinds, "height", "", told, "return float(_{name}_height({name}[i], p, R))"))
     told = "The distance of a contact at a pose p (3,), R (3, 3), and its wrench into the first six numbers of N."
-    fill = "f, N[0], N[1], N[2], N[3], N[4], N[5] = _{name}_wrench(row, p, R)\nreturn float(f)"
+    fill = "f, N[0], N[1], N[2], N[3], N[4], N[5] = _{name}_wrench({name}[i], p, R)\nreturn float(f)"
     text.append(_dispatch(kinds, "wrench", ", N: Array", told, fill))
     told = "At a pose p (3,), R (3, 3) the least of what a distance has roots of, as the squared sine of edges; else 1."
-    known = "return float(_{name}_regularity(row, p, R))"
+    known = "return float(_{name}_regularity({name}[i], p, R))"
     text.append(_dispatch(kinds, "regularity", "", told, known))
     names = [kind.name for kind in kinds]
     text.append(_COUNT.format(unpacked=_unpacked(kinds), total=" + ".join(f"len({name})" for name in names)))
@@ -142,7 +142,7 @@ def _dispatch(kinds: Sequence[Derived], name: str, more: str, told: str, body: s
     lines = [f'"""{told}"""', _unpacked(kinds)]
     for kind in kinds:
         one = body.format(name=kind.name) if name != "regularity" or kind.regular else "return 1.0"
-        inside = [f"row = {kind.name}[i]"] * ("row" in one) + one.split("\n")
+        inside = one.split("\n")
         if kind is kinds[-1]:
             lines += inside
         else:

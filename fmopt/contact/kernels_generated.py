@@ -130,19 +130,15 @@ def height(tables: Tables, i: int, p: Position, R: Array) -> float:
     """The distance of a contact at a pose p (3,), R (3, 3)."""
     vertex_face, face_vertex, edge_edge, ball_face = tables
     if i < len(vertex_face):
-        row = vertex_face[i]
-        return float(_vertex_face_height(row, p, R))
+        return float(_vertex_face_height(vertex_face[i], p, R))
     i -= len(vertex_face)
     if i < len(face_vertex):
-        row = face_vertex[i]
-        return float(_face_vertex_height(row, p, R))
+        return float(_face_vertex_height(face_vertex[i], p, R))
     i -= len(face_vertex)
     if i < len(edge_edge):
-        row = edge_edge[i]
-        return float(_edge_edge_height(row, p, R))
+        return float(_edge_edge_height(edge_edge[i], p, R))
     i -= len(edge_edge)
-    row = ball_face[i]
-    return float(_ball_face_height(row, p, R))
+    return float(_ball_face_height(ball_face[i], p, R))
 
 
 @part
@@ -150,22 +146,18 @@ def wrench(tables: Tables, i: int, p: Position, R: Array, N: Array) -> float:
     """The distance of a contact at a pose p (3,), R (3, 3), and its wrench into the first six numbers of N."""
     vertex_face, face_vertex, edge_edge, ball_face = tables
     if i < len(vertex_face):
-        row = vertex_face[i]
-        f, N[0], N[1], N[2], N[3], N[4], N[5] = _vertex_face_wrench(row, p, R)
+        f, N[0], N[1], N[2], N[3], N[4], N[5] = _vertex_face_wrench(vertex_face[i], p, R)
         return float(f)
     i -= len(vertex_face)
     if i < len(face_vertex):
-        row = face_vertex[i]
-        f, N[0], N[1], N[2], N[3], N[4], N[5] = _face_vertex_wrench(row, p, R)
+        f, N[0], N[1], N[2], N[3], N[4], N[5] = _face_vertex_wrench(face_vertex[i], p, R)
         return float(f)
     i -= len(face_vertex)
     if i < len(edge_edge):
-        row = edge_edge[i]
-        f, N[0], N[1], N[2], N[3], N[4], N[5] = _edge_edge_wrench(row, p, R)
+        f, N[0], N[1], N[2], N[3], N[4], N[5] = _edge_edge_wrench(edge_edge[i], p, R)
         return float(f)
     i -= len(edge_edge)
-    row = ball_face[i]
-    f, N[0], N[1], N[2], N[3], N[4], N[5] = _ball_face_wrench(row, p, R)
+    f, N[0], N[1], N[2], N[3], N[4], N[5] = _ball_face_wrench(ball_face[i], p, R)
     return float(f)
 
 
@@ -180,8 +172,7 @@ def regularity(tables: Tables, i: int, p: Position, R: Array) -> float:
         return 1.0
     i -= len(face_vertex)
     if i < len(edge_edge):
-        row = edge_edge[i]
-        return float(_edge_edge_regularity(row, p, R))
+        return float(_edge_edge_regularity(edge_edge[i], p, R))
     i -= len(edge_edge)
     return 1.0
 
