@@ -110,58 +110,23 @@ class ErrorSet(Value):
         return self.generators
 
     @cached_property
-    def bound(self) -> Support:
-        """The support function of the whole set."""
-        return Support.of(self.generators, self)
+    def _columns(self) -> Array:
+        return np.hstack([self.generators.T, self.slide_root, self.swing_root, self.shape_root])
 
     def support(self, rows: ArrayLike) -> Array:
-        """Bound of N·e over the set along rows N (k, 6), or one row (6,); see `Support`."""
-        return self.bound(np.asarray(rows, dtype=np.float64))
+        """Bound min(|FᵀN|, Σ|g·N| + |AᵀN| + |BᵀN|) of N·e over the set along rows N (k, 6), or one row (6,).
+
+        F is the root of the shape, A and B are those of slide and swing, g the generators.
+        """
+        cuts = np.cumsum([len(self.generators), self.slide_root.shape[1], self.swing_root.shape[1]])
+        # All from one matrix product.
+        spread, *roots = np.split(np.asarray(rows, dtype=np.float64) @ self._columns, cuts, axis=-1)
+        slide, swing, shape = map(lengths, roots)
+        return np.asarray(np.minimum(shape, np.abs(spread).sum(axis=-1) + slide + swing))
 
     def half_widths(self, generators: Array) -> Array:
         """Half-widths (6,) of the box around generators (k, 6) and both drifts, in m and rad."""
         return np.asarray(np.abs(generators).sum(axis=0) + lengths(self.slide_root) + lengths(self.swing_root))
-
-
-@dataclass(frozen=True, eq=False)
-class Support:
-    """How far errors reach along rows: min(|FᵀN|, Σ|g·N| + |AᵀN| + |BᵀN|) + Σ|s·N|, all from one matrix product.
-
-    Args:
-        columns: (6, k), generators, roots A and B of slide and swing, root F of the shape, and slack s, side by side.
-    """
-
-    columns: Array
-    cuts: tuple[int, int, int, int]
-
-    @staticmethod
-    def of(generators: Array, errors: ErrorSet, slack: Array | None = None) -> Support:
-        """The support of generators (k, 6), m and rad, with a set's ellipsoids, and of slack (6, s) on top."""
-        parts = [generators.T, errors.slide_root, errors.swing_root, errors.shape_root]
-        first = len(generators)
-        second = first + errors.slide_root.shape[1]
-        third = second + errors.swing_root.shape[1]
-        fourth = third + errors.shape_root.shape[1]
-        return Support(np.hstack(parts if slack is None else [*parts, slack]), (first, second, third, fourth))
-
-    def seen(self, X: Array) -> Array:
-        """The bound (…) from the products N·columns (…, k)."""
-        first, second, third, fourth = self.cuts
-        reach = np.add.reduce(np.abs(X[..., :first]), axis=-1)
-        for begin, end in ((first, second), (second, third)):
-            if end > begin:
-                # Each drift is bounded by itself: two ellipsoids added up reach as far as their lengths together.
-                reach += lengths(X[..., begin:end])
-        # Both bounds hold of every error: the smaller one is taken row by row.
-        reach = np.minimum(lengths(X[..., third:fourth]), reach)
-        if X.shape[-1] > fourth:
-            # Slack comes on top of either, as it is not in the set.
-            reach += np.add.reduce(np.abs(X[..., fourth:]), axis=-1)
-        return np.asarray(reach)
-
-    def __call__(self, N: Array) -> Array:
-        """The bound (k,) along rows N (k, 6)."""
-        return self.seen(N @ self.columns)
 
 
 @dataclass(frozen=True, eq=False)

@@ -184,9 +184,9 @@ def _clauses(crossings: Crossings, sides: bytes) -> tuple[tuple[Clause, ...], ..
     for contact in crossings.contacts:
         match contact.kind:
             case Kind.VERTEX_FACE | Kind.BALL_FACE:
-                found.append(_vertex_clauses(fixed, contact.moving_feature, contact.fixed_feature))
+                found.append(_face_bounds(fixed, contact.fixed_feature, contact.moving_feature, False))
             case Kind.FACE_VERTEX:
-                found.append(_face_clauses(moving, contact.moving_feature, contact.fixed_feature))
+                found.append(_face_bounds(moving, contact.moving_feature, contact.fixed_feature, True))
             case Kind.EDGE_EDGE:
                 found.append(_edge_clauses(contact, moving, fixed, next(pairs)))
             case _:
@@ -195,21 +195,14 @@ def _clauses(crossings: Crossings, sides: bytes) -> tuple[tuple[Clause, ...], ..
 
 
 @remembered(_MEMORY)
-def _vertex_clauses(fixed: Polyhedron, vertex: int, face: int) -> tuple[Clause, ...]:
-    """The bounds of a moving vertex, or of a ball's centre over where it touches, on a fixed face."""
-    return tuple(
-        tuple(tuple(Bound(vertex_face(fixed, vertex, g), 1) for g in group) for group in clause)
-        for clause in face_clauses(fixed, face)
-    )
+def _face_bounds(body: Polyhedron, face: int, vertex: int, moving: bool) -> tuple[Clause, ...]:
+    """The bounds of a vertex, or of a ball's centre over where it touches, on a face of either part."""
 
+    def contact(side: int) -> PrimitiveContact:
+        return face_vertex(body, side, vertex) if moving else vertex_face(body, vertex, side)
 
-@remembered(_MEMORY)
-def _face_clauses(moving: Polyhedron, face: int, vertex: int) -> tuple[Clause, ...]:
-    """The bounds of a moving face on a fixed vertex."""
-    return tuple(
-        tuple(tuple(Bound(face_vertex(moving, g, vertex), 1) for g in group) for group in clause)
-        for clause in face_clauses(moving, face)
-    )
+    clauses = face_clauses(body, face)
+    return tuple(tuple(tuple(Bound(contact(side), 1) for side in group) for group in clause) for clause in clauses)
 
 
 def _edge_clauses(

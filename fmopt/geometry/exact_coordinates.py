@@ -12,8 +12,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import gcd, lcm
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import place
@@ -22,11 +24,11 @@ from fmopt.geometry.polyhedron import Polyhedron
 MOST = 1e-12  # m: how far exact coordinates may be from those in floats
 _LEAST_LEAN = 1e-6  # of planes that are to fix a point
 
-Exact = tuple[Fraction, Fraction, Fraction]
+Exact: TypeAlias = NDArray[np.object_]  # fractions (3,)
 Direction = tuple[int, int, int]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Plane:
     """The plane normal·x = offset."""
 
@@ -34,7 +36,7 @@ class _Plane:
     offset: Fraction
 
     def holds(self, p: Exact) -> bool:
-        return _dot(self.normal, p) == self.offset
+        return bool(self.normal @ p == self.offset)
 
 
 def exact_vertices(
@@ -42,8 +44,7 @@ def exact_vertices(
 ) -> dict[int, Exact]:
     """The exact coordinates of those vertices whose floats are not in all planes of their faces.
 
-    Args:
-        most: how far from the floats they may be, m.
+    They may be as far from the floats as `most`, m.
 
     Raises:
         GeometryError: there are none within that.
@@ -55,7 +56,7 @@ def exact_vertices(
         return {}
     found = _Placing(body, alike, asked).vertices()
     for n, p in found.items():
-        off = max(abs(float(x - Fraction(y))) for x, y in zip(p, body.vertices[n].tolist(), strict=True))
+        off = max(abs(float(x)) for x in p - _point(body, n))
         if off > most:
             raise _refused(body, n, f"its exact place is {1e6 * off:.3g} µm from there")
     return found
@@ -109,14 +110,18 @@ def _alike(body: Polyhedron) -> list[list[int]]:
 
 def _own_plane(body: Polyhedron, faces: Sequence[int], exact: Mapping[int, Exact] | None = None) -> _Plane | None:
     """The plane of the first of some faces, through floats or exact vertices; None where not all are exactly in it."""
-    points = {v: (exact or {}).get(v) or _point(body, v) for n in faces for v in body.faces[n].vertices}
+    known = exact or {}
+    points = {v: known[v] if v in known else _point(body, v) for n in faces for v in body.faces[n].vertices}
     plane = _across(points, body.faces[faces[0]].loops)
     return plane if all(plane.holds(p) for p in points.values()) else None
 
 
 def _point(body: Polyhedron, n: int) -> Exact:
-    x, y, z = (Fraction(v) for v in body.vertices[n].tolist())
-    return (x, y, z)
+    return _fractions(body.vertices[n].tolist())
+
+
+def _fractions(numbers: Sequence[float]) -> Exact:
+    return np.array([Fraction(x) for x in numbers], dtype=object)
 
 
 def _along(plane: _Plane | None, d: Direction) -> bool:
@@ -126,12 +131,12 @@ def _along(plane: _Plane | None, d: Direction) -> bool:
 def _across(points: Mapping[int, Exact], loops: Sequence[Sequence[int]]) -> _Plane:
     """The plane across the area of loops, through their first point."""
     base = points[loops[0][0]]
-    normal = (Fraction(0), Fraction(0), Fraction(0))
+    normal = _fractions((0, 0, 0))
     for loop in loops:
-        arms = [_sub(points[n], base) for n in loop]
+        arms = [points[n] - base for n in loop]
         for k, arm in enumerate(arms):
-            normal = _add(normal, _cross(arms[k - 1], arm))
-    return _Plane(normal, _dot(normal, base))
+            normal = normal + np.cross(arms[k - 1], arm)
+    return _Plane(normal, normal @ base)
 
 
 class _Placing:
@@ -160,7 +165,7 @@ class _Placing:
             for vertex in corners:
                 if not self.planes[n].holds(self.placed[vertex]):
                     raise _refused(self.body, vertex, "its faces have no point in common there")
-        return {n: p for n, p in self.placed.items() if p != _point(self.body, n)}
+        return {n: p for n, p in self.placed.items() if (p != _point(self.body, n)).any()}
 
     def _order(self) -> list[tuple[str, int]]:
         """Elements so that each has three at most of those after it to be incident with; all that can go, in rounds."""
@@ -189,27 +194,24 @@ class _Placing:
         face = self.body.faces[n]
         on = [self.placed[v] for v in sorted(self.corners[n]) if v in self.placed]
         if n in self.directions:
-            x, y, z = self.directions[n]
-            asked = (Fraction(x), Fraction(y), Fraction(z))
-            return _Plane(asked, _dot(asked, on[0] if on else _point(self.body, face.vertices[0])))
+            asked = _fractions(self.directions[n])
+            return _Plane(asked, asked @ (on[0] if on else _point(self.body, face.vertices[0])))
         own = _own_plane(self.body, self.groups[n])
         if own is not None and all(own.holds(p) for p in on):
             return own
-        a, b, c = (Fraction(v) for v in face.normal.tolist())
-        normal = (a, b, c)
+        normal = _fractions(face.normal.tolist())
         if not on:
             return _Plane(normal, Fraction(face.offset))
-        first, arms = on[0], [_sub(p, on[0]) for p in on[1:]]
+        first, arms = on[0], [p - on[0] for p in on[1:]]
         # Of all pairs the one that spans most: how far off the points are turns it least.
-        spanned = _longest([_cross(a, b) for k, a in enumerate(arms) for b in arms[:k]])
+        spanned = _longest([np.cross(a, b) for k, a in enumerate(arms) for b in arms[:k]])
         if any(spanned):
-            return _Plane(spanned, _dot(spanned, first))
+            return _Plane(spanned, spanned @ first)
         if arms:
             along = _longest(arms)
             # Across the one line that they are on, multiplied by the square of its length to spare a division.
-            square, off = _dot(along, along), _dot(normal, along)
-            normal = (square * a - off * along[0], square * b - off * along[1], square * c - off * along[2])
-        return _Plane(normal, _dot(normal, first))
+            normal = (along @ along) * normal - (normal @ along) * along
+        return _Plane(normal, normal @ first)
 
     def _vertex(self, n: int) -> Exact:
         """The point of a vertex in those of its planes that are placed, with as many floats kept as they leave."""
@@ -221,7 +223,7 @@ class _Placing:
         for plane in planes:
             if _lean([*chosen, plane]) > _LEAST_LEAN:
                 chosen.append(plane)
-        axes = [_Plane((Fraction(k == 0), Fraction(k == 1), Fraction(k == 2)), stated[k]) for k in range(3)]
+        axes = [_Plane(_fractions(axis), at) for axis, at in zip(np.eye(3).tolist(), stated, strict=True)]
         while len(chosen) < 3:
             chosen.append(max(axes, key=lambda axis: _lean([*chosen, axis])))
         return _common(chosen)
@@ -239,14 +241,12 @@ def _lean(planes: Sequence[_Plane]) -> float:
 def _common(planes: Sequence[_Plane]) -> Exact:
     """The point of three planes."""
     (a, b, c), (d, e, f) = (p.normal for p in planes), (p.offset for p in planes)
-    rows = _cross(b, c), _cross(c, a), _cross(a, b)
-    volume = _dot(a, rows[0])
-    x, y, z = ((d * rows[0][k] + e * rows[1][k] + f * rows[2][k]) / volume for k in range(3))
-    return (x, y, z)
+    across = np.cross(b, c)
+    return np.asarray((d * across + e * np.cross(c, a) + f * np.cross(a, b)) / (a @ across))
 
 
 def _longest(vectors: Sequence[Exact]) -> Exact:
-    return max(vectors, key=lambda v: _dot(v, v), default=(Fraction(0), Fraction(0), Fraction(0)))
+    return max(vectors, key=lambda v: v @ v, default=_fractions((0, 0, 0)))
 
 
 def _refused(body: Polyhedron, n: int, why: str) -> GeometryError:
@@ -254,19 +254,3 @@ def _refused(body: Polyhedron, n: int, why: str) -> GeometryError:
         f"vertex {n} at {place(body.vertices[n])} cannot be given exact coordinates: {why}",
         "give the part faces that are plane, with at most three at a corner",
     )
-
-
-def _dot(u: Exact, v: Exact) -> Fraction:
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-def _add(u: Exact, v: Exact) -> Exact:
-    return (u[0] + v[0], u[1] + v[1], u[2] + v[2])
-
-
-def _sub(u: Exact, v: Exact) -> Exact:
-    return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
-
-
-def _cross(u: Exact, v: Exact) -> Exact:
-    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])

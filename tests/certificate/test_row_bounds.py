@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from fmopt.certificate.error_set import Support
 from fmopt.certificate.remainder import Course, Curvature
 from fmopt.certificate.row_bounds import Motion, Witnesses, best, over
 from fmopt.certificate.rows import Forms, points_above, stacked
 from fmopt.certificate.tube import left
 from fmopt.planning.moves.plane_arcs import SHARES
 from fmopt.planning.moves.separating_planes import fans
+from fmopt.spatial.se3 import lengths
 from fmopt.spatial.values import Array
 from tests.shared.parts.peg_pieces import claims, peg
 from tests.shared.random_rows import KINDS, box, forms, moved, pose
@@ -35,12 +35,14 @@ def plain(rows: Forms, pieces: Motion) -> tuple[Array, Array, Array, Array]:
     """What `over` finds, from each formula's own place."""
     p, R, columns, cuts, twist, half, coupling, form = pieces
     start, goal = rows.ends(p, R)
-    supports = Support(np.swapaxes(columns, -1, -2), (int(cuts[0]), int(cuts[1]), int(cuts[2]), int(cuts[3])))
     N = np.array([start.N, goal.N])
+    spread, slide, swing, shape, slack = np.split(N @ np.swapaxes(columns, -1, -2), cuts, axis=-1)
+    inside = np.abs(spread).sum(axis=-1) + lengths(slide) + lengths(swing)
+    reach = np.minimum(lengths(shape), inside) + np.abs(slack).sum(axis=-1)
     bends = [Curvature.of(start.end(n), goal.end(n), twist[n]) for n in range(PIECES)]
     lost = form * (1.0 + rows.directed)
     rest = [left(bent.bending, half[n], coupling[n]) + lost for n, bent in enumerate(bends)]
-    return np.array([start.f, goal.f]), N, supports(N), np.array(rest)
+    return np.array([start.f, goal.f]), N, reach, np.array(rest)
 
 
 @pytest.mark.parametrize("seed", range(4))

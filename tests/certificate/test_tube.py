@@ -1,14 +1,14 @@
 """The tube of the planner's own step contains every sampled execution; the published recipe in its place is caught."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from fmopt.certificate.assembly import contact_rows
-from fmopt.certificate.error_set import ErrorSet, Support
+from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.propagation import advance
 from fmopt.certificate.segment_linearisation import Piece, Tolerance
 from fmopt.certificate.tube import Numbers, carried
@@ -110,8 +110,8 @@ def leaves(made: Segment, pool: Pool, goal: Goal = sound) -> bool:
     between = executions(made, start[:, some], drift[:, some], share)
     step = made.outcome.ends
     assert step.core is not None
-    begun = Support.of(step.core, step.start_set, step.slack)(rows)[:, None]
-    return bool((rows @ between > (1.0 - share) * begun + share * reach[:, None] + ROUNDING).any())
+    begun = replace(step.start_set, generators=step.core).support(rows) + np.abs(rows @ step.slack).sum(axis=1)
+    return bool((rows @ between > (1.0 - share) * begun[:, None] + share * reach[:, None] + ROUNDING).any())
 
 
 @pytest.mark.parametrize("part", range(4))

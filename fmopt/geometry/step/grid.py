@@ -9,6 +9,7 @@ from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
 
 from fmopt.geometry.step.step_file import Same
 from fmopt.geometry.step.surfaces import REACH, Curve, OtherSurfaceError, Surface
@@ -49,19 +50,19 @@ class Grid:
         self.surfaces, self.curves = surfaces, curves
         self._deviation = deviation
         self.faces = _faces(surfaces)
-        self._parent: dict[Hashable, Hashable] = {}
+        self._alike = DisjointSet()
         for number, surface in enumerate(surfaces):
             if surface.kind != "Plane":
                 self._join(number, surface)
         self._classes: dict[Hashable, list[Hashable]] = {}
-        for member in self._parent:
-            self._classes.setdefault(self._root(member), []).append(member)
+        for member in self._alike:
+            self._classes.setdefault(self._alike[member], []).append(member)
         self._seams = self._idle_ends()
         self._cuts = {root: self._cut(members) for root, members in self._classes.items()}
 
     def cuts(self, member: Hashable) -> Cuts | None:
         """The cuts of an edge, or of ("u", face) or ("v", face); None of straight edges."""
-        return self._cuts[self._root(member)] if member in self._parent else None
+        return self._cuts[self._alike[member]] if member in self._alike else None
 
     def idle(self, point: Array) -> bool:
         """Whether a vertex (3,), mm, is there for the sake of a seam only."""
@@ -73,9 +74,9 @@ class Grid:
 
     def _join(self, number: int, surface: Surface) -> None:
         profile = surface.kind in ("Sphere", "Torus")
-        self._root(("u", number))
+        self._alike.add(("u", number))
         if profile:
-            self._root(("v", number))
+            self._alike.add(("v", number))
         for edge in surface.edges:
             curve = self.curves[edge]
             if curve.point_like or self.seam(edge, number):
@@ -90,14 +91,9 @@ class Grid:
             else:
                 self._unite(edge, ("u", number))
 
-    def _root(self, member: Hashable) -> Hashable:
-        self._parent.setdefault(member, member)
-        while self._parent[member] != member:
-            member = self._parent[member]
-        return member
-
-    def _unite(self, one: Hashable, other: Hashable) -> None:
-        self._parent[self._root(one)] = self._root(other)
+    def _unite(self, edge: Same, node: Hashable) -> None:
+        self._alike.add(edge)
+        self._alike.merge(edge, node)
 
     def _idle_ends(self) -> list[Array]:
         """Ends of seams at which nothing else happens: the edges there run on in the same circle, or are closed."""
