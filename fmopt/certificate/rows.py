@@ -142,11 +142,8 @@ def edges_apart(e_m: Array, e_f: Array, q: Array, points: Array) -> Forms:
 
     The plane runs through the fixed edge and along the moving edge.
 
-    Args:
-        e_m: (3,) or (k, 3), unit vector, body axes.
-        e_f: likewise, axes of B.
-        q: likewise, a point of the fixed edge, m.
-        points: v (k, 3), body frame, m.
+    Unit vectors e_m, body axes, and e_f, axes of B, and a point q of the fixed edge, m, are (3,) or (k, 3); points v of
+    the body are (k, 3), m.
     """
     # (R e_m)·(e_f × (p − q)) + e_f·R(v × e_m), the point's own part in axes of the body.
     return _forms(b=e_m, a=e_f, s=cross(e_f, -q), u=e_f, k=cross(points, e_m), bilinear=1.0)

@@ -72,11 +72,8 @@ class Ridges(NamedTuple):
 def vertices_at_faces(corners: Corners, walls: Walls, T: Array, reach: float, angle: float, lever: bool) -> Bits:
     """Which vertices (n) of one part can meet which faces (m) of another: (n, m).
 
-    Args:
-        T: (3, 4), rotation and position that carry the vertices into the frame of the faces, m.
-        reach: largest shift, m.
-        angle: largest turn, rad.
-        lever: whether it is about the origin of the vertices' part, or else about that of the faces' part.
+    T (3, 4), m, carries the vertices into the frame of the faces, `reach` is the largest shift, m, `angle` the largest
+    turn, rad: about the origin of the vertices' part if `lever`, else about that of the faces' part.
     """
     near = np.zeros((len(corners.points), len(walls.normals)), dtype=np.bool_)
     for i in range(near.shape[0]):

@@ -17,10 +17,8 @@ def convex_regions(ends: Array, inward: Array, offsets: Array) -> tuple[tuple[in
     They are taken around a point beside each corner and each edge, with the nearest edges and the farthest ones first.
     A part that is before some edges has nothing of the outline inside it if each edge is behind one of them.
 
-    Args:
-        ends: of its edges (2, n, 3), m, one after the other around it.
-        inward: unit normals of these in its plane (n, 3).
-        offsets: of the lines of the edges along them (n,), m.
+    Ends (2, n, 3), m, are of its edges, one after the other around it, with unit normals (n, 3) in its plane and
+    offsets (n,), m, of their lines along these.
     """
     heights = inward @ np.swapaxes(ends, 1, 2) - offsets[:, None]  # (2, n, n), over the first of the last two
     behind = np.asarray((heights <= _NEAR).all(axis=0))
@@ -55,8 +53,7 @@ def _inside(point: Array, ends: Array, inward: Array) -> bool:
 def along_edge(i: int, chosen: Sequence[int], ends: Array, inward: Array, offsets: Array) -> bool:
     """Whether a convex part before some edges goes along the line of one of them no farther than the edge does.
 
-    Args:
-        ends, inward, offsets: as for `convex_regions`, (2, n, 3), (n, 3) and (n,), m.
+    Ends (2, n, 3), normals (n, 3) and offsets (n,), m, are as for `convex_regions`.
     """
     way = ends[1, i] - ends[0, i]
     low, high = -np.inf, np.inf

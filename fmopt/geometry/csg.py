@@ -169,9 +169,7 @@ Solid: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Wedge | Hull | Place
 def chamfered_box(size: tuple[float, float, float], chamfer: float) -> Prism:
     """A box whose four upright edges are cut at 45°.
 
-    Args:
-        size: full widths along x, y and z, m.
-        chamfer: what it takes from each of the two sides that it cuts, m.
+    The size is full widths, the chamfer what it takes from each of the two sides that it cuts, m.
 
     Raises:
         GeometryError: the chamfer is not positive, or takes half a side and more.

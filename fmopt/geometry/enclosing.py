@@ -67,10 +67,7 @@ class Enclosure(Value, where=(3,), labels={"where": "place"}):
 def enclosing(points: Array, triangles: Indices, noise: float = 0.0) -> Enclosure:
     """Enclose the solid of a closed surface in convex bodies.
 
-    Args:
-        points: (n, 3), m.
-        triangles: (m, 3), counter-clockwise seen from outside.
-        noise: by how much points may be off, m.
+    Triangles (m, 3) are counter-clockwise seen from outside; points (n, 3), m, may be off by as much as the noise, m.
 
     Raises:
         GeometryError: the surface does not close, or what it bounds is too thin.
@@ -299,11 +296,7 @@ class _Bounds:
 
 
 def _bounds(body: _Body, few: int) -> _Bounds:
-    """Few half-spaces of a body's hull: those that the others exceed the most, added one after the other.
-
-    Args:
-        few: so many are taken where the hull has more.
-    """
+    """Few half-spaces of a body's hull: those that the others exceed the most, added one after the other."""
     middle, size = body.points.mean(axis=0), body.size
     # About the middle and in sizes, so that what is equal but for rounding counts as equal.
     planes = np.column_stack([body.planes[:, :3], (body.planes[:, 3] + body.planes[:, :3] @ middle) / size])

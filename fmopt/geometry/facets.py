@@ -74,11 +74,8 @@ class Patchwork:
 def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices) -> Patchwork:
     """A closed triangle mesh with the number of the planar face of each triangle.
 
-    Args:
-        vertices: (n, 3), m.
-        triangles: (m, 3), counter-clockwise seen from outside.
-        tol: triangles whose corners lie this close to a face's plane belong to the face, m.
-        numbers: what to call each triangle (m,) in an error.
+    Triangles (m, 3) over vertices (n, 3), m, are counter-clockwise seen from outside, and called by `numbers` (m,) in
+    an error; those whose corners are within `tol`, m, of a face's plane belong to the face.
 
     Raises:
         GeometryError: the mesh is open or its triangles disagree about orientation, naming a triangle and an edge.

@@ -167,8 +167,7 @@ def from_faces(
 def extruded(loops: Sequence[ArrayLike], low: float, high: float, axis: int = 2) -> Polyhedron:
     """The prism over an outline, then its holes, between two heights along an axis, m.
 
-    Args:
-        loops: corners (n, 2) along the axes that follow, m, the outline counter-clockwise, holes clockwise.
+    Loops are corners (n, 2) along the axes that follow, m, the outline counter-clockwise, holes clockwise.
     """
     outlines = [np.asarray(loop) for loop in loops]
     rings = [tuple(range(a, b)) for a, b in pairwise(np.cumsum([0, *map(len, outlines)]).tolist())]
@@ -182,10 +181,8 @@ def extruded(loops: Sequence[ArrayLike], low: float, high: float, axis: int = 2)
 def from_triangles(vertices: ArrayLike, triangles: ArrayLike, tol: float = 1e-9) -> Polyhedron:
     """The polyhedron of a closed triangle mesh: coplanar triangles merged, straight-through vertices dropped.
 
-    Args:
-        vertices: (n, 3), m; coordinates are kept to the bit.
-        triangles: (m, 3) vertex indices, counter-clockwise seen from outside.
-        tol: distance from a face's plane within which triangles belong to it, m.
+    Triangles (m, 3) over vertices (n, 3), m, which are kept to the bit, are counter-clockwise seen from outside; those
+    within `tol`, m, of a face's plane belong to it.
 
     Raises:
         GeometryError: open, disagreeing or inside-out triangles, no volume; names the triangle, the edge, the place.

@@ -109,13 +109,9 @@ def step_in_the_paper(
     The section by V⊥ is carried onto the goal state, and its radii grow by v/(1 − |B·V|) (eq. 13). The paper
     bounds no curvature.
 
-    Args:
-        errors: errors at the start; the paper knows their ellipsoid alone.
-        move: V (6,) as (d, δ) in m and rad.
-        rows: a basis N (r, 6) of the contacts that hold at the goal.
-        directions: C (6, r), for each row the direction in which its contact corrects the pose.
-        velocity_error: (λ_t, λ_r), m of drift and ρ·rad of drift per m of travel.
-        rho: characteristic length in m.
+    The move is V (6,) as (d, δ), the rows N (r, 6) are a basis of the contacts that hold at the goal, with the
+    directions C (6, r) in which they correct the pose. The velocity error is (λ_t, λ_r), m of drift and ρ·rad of drift
+    per m of travel.
     """
     M = ellipsoid.metric(rho)
     scaled_move = move * M

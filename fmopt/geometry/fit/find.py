@@ -161,8 +161,7 @@ def _is_stated(one: Candidate, frames: Sequence[Pose]) -> bool:
 def _standing(solid: Polyhedron, other: Polyhedron, pose: Pose) -> Iterator[Candidate]:
     """A solid as it stands in another one, by each direction in which it can be drawn out straight.
 
-    Args:
-        pose: of the solid in the frame of the other one.
+    The pose is that of the solid in the frame of the other one.
     """
     for way, at, depth in _ways_out(solid, other, pose):
         led, material, pivot = way.led, way.material, way.pivot

@@ -104,9 +104,7 @@ class ConicArc(Value, first=(2,), shoulder=(2,), last=(2,)):
     def moved(self, R: ArrayLike, offset: ArrayLike) -> ConicArc:
         """The image under p ↦ R p + offset, R (2, 2).
 
-        Args:
-            R: (2, 2), of any determinant but 0.
-            offset: (2,), m.
+        The matrix may have any determinant but 0; the offset is (2,), m.
         """
         R, offset = np.asarray(R, dtype=np.float64), np.asarray(offset, dtype=np.float64)
         return ConicArc(R @ self.first + offset, R @ self.shoulder + offset, R @ self.last + offset, self.weight)
@@ -179,9 +177,7 @@ class ConicArc(Value, first=(2,), shoulder=(2,), last=(2,)):
     def polyline(self, tolerance: float, side: Literal["on", "left", "right"] = "on") -> Array:
         """Points (n, 2) of a polyline within `tolerance` (m) of the arc.
 
-        Args:
-            tolerance: largest distance allowed, in m.
-            side: "on" puts every corner on the arc; "left" and "right" keep the whole polyline on that side of it.
+        With "on" every corner is on the arc; "left" and "right" keep the whole polyline on that side of it.
         """
         size = float(np.hypot(*(self.last - self.first)))
         height = abs(self.turn) / size if size > 0.0 else float(np.hypot(*(self.shoulder - self.first)))

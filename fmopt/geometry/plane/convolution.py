@@ -49,9 +49,6 @@ def minkowski_sum(first: Region, second: Region, tolerance: float) -> Region:
     Exact for boundaries of segments and circular arcs, and where a conic arc meets edges and corners. Where it meets
     curves of the other operand the sum of the two is no conic: conic arcs outside of it and within `tolerance` are
     fitted, as 15 points of each tell: there the answer contains the sum, with a margin but without a proof.
-
-    Args:
-        tolerance: in m.
     """
     return union([_sum(a, b, tolerance) for a in components(first) for b in components(second)])
 
@@ -105,9 +102,6 @@ def convolution(first: Sequence[Curve], second: Sequence[Curve], tolerance: floa
     """The convolution of two closed loops, as curves in no order; sums that are no conics as in `minkowski_sum`.
 
     Equal directions are told apart as if the first loop were turned right by an infinitesimal angle.
-
-    Args:
-        tolerance: m, of sums that are no conics.
     """
     lines, turns = _features(first)
     other_lines, other_turns = _features(second)
@@ -345,12 +339,8 @@ def _fitted(points: Callable[[Array], Array], low: float, high: float, ahead: bo
 
     The fit is halved until the weights at 15 points differ by less than the tolerance, and half as much is added.
 
-    Args:
-        points: of the curve (n, 2) in m, whose tangents run in the directions (n,) in rad or against them all.
-        low: first direction in rad.
-        high: last direction, at most 90° further.
-        ahead: whether to travel from low to high, which turns left; the other way turns right.
-        tolerance: in m.
+    Points of it are (n, 2), m; its tangents run in directions from `low` to `high`, at most 90° further, rad, or
+    against them all. It is travelled from low to high, which turns left, if `ahead`, else the other way.
     """
     p0, p2 = points(np.array([low, high]))
     t0, t2 = ((math.cos(angle), math.sin(angle)) for angle in (low, high))

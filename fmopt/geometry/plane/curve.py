@@ -214,9 +214,7 @@ class Arc(Value):
     def polyline(self, tolerance: float, side: Side = "on") -> Array:
         """Points (n, 2) of a polyline within `tolerance` (m) of the arc.
 
-        Args:
-            tolerance: largest distance allowed, in m.
-            side: "on" puts every corner on the arc; "left" and "right" keep the whole polyline on that side of it.
+        With "on" every corner is on the arc; "left" and "right" keep the whole polyline on that side of it.
         """
         share = min(1.0, tolerance / self.radius) if self.radius > 0.0 else 1.0
         outside = side != "on" and (side == "right") == (self.sweep > 0.0)

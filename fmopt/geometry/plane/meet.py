@@ -17,11 +17,7 @@ _PROBES = np.linspace(0.0, 1.0, 7)  # more than the four points that two differe
 
 
 def meet(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
-    """Parameters (s on a, t on b) of the points where the curves come within `tolerance` (m) of each other.
-
-    Args:
-        tolerance: distance in m below which points are one.
-    """
+    """Parameters (s on a, t on b) of the points where the curves come within `tolerance` (m) of each other."""
     # Ends first: a crossing next to an end is often lost to rounding, while the end itself is found.
     pairs = list(chain(_ends_on(a, b, tolerance), ((s, t) for t, s in _ends_on(b, a, tolerance))))
     if isinstance(a, ConicArc) or isinstance(b, ConicArc):

@@ -50,9 +50,7 @@ class Facets(Value):
 def exact_facets(solid: TopoDS_Shape, deviation: float) -> Facets:
     """The facets of a solid of planes and surfaces of revolution.
 
-    Args:
-        solid: of the kernel, in mm.
-        deviation: how far facets may lie from curved faces, mm.
+    The solid is of the kernel; facets may lie from curved faces by the deviation. In mm.
 
     Raises:
         OtherSurfaceError: it has other surfaces, or such that meet in a way that no grid follows.

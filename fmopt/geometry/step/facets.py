@@ -35,9 +35,7 @@ def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
     facets are than fillets of the solid; "own" whether they are of its own surfaces and close by themselves. A solid of
     other surfaces than `exact_facets` follows is cut by the kernel.
 
-    Args:
-        solid: in mm.
-        deviation: how far the facets may be from curved faces, mm.
+    The deviation is how far the facets may be from curved faces, mm.
 
     Raises:
         GeometryError: the solid is open, or a face of it cannot be cut into facets.

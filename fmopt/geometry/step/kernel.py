@@ -11,9 +11,8 @@ def read(path: str, deviation: str, which: str) -> dict[str, Any]:
 
     Or {"kernel": why there is none that works}.
 
-    Args:
-        deviation: how far facets may lie from curved faces, mm.
-        which: the body that is asked for, its name or number, "" for the only one, "*" for all.
+    The deviation is how far facets may lie from curved faces, mm; `which` is the body that is asked for, its name or
+    number, "" for the only one, "*" for all.
 
     Raises:
         GeometryError: the file cannot be used.

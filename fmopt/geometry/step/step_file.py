@@ -89,11 +89,7 @@ def solids(path: str) -> list[PlacedSolid]:
 
 
 def inside(shape: TopoDS_Shape, kind: str) -> Iterator[Any]:
-    """The parts of a shape of one kind, "SOLID", "SHELL", "FACE", "WIRE", "EDGE" or "VERTEX", as what they are.
-
-    Args:
-        shape: what is searched.
-    """
+    """The parts of a shape of one kind, "SOLID", "SHELL", "FACE", "WIRE", "EDGE" or "VERTEX", as what they are."""
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp_Explorer
 
@@ -203,9 +199,7 @@ def _without_solids(shapes: list[TopoDS_Shape]) -> tuple[str, str]:
 def write(path: Path, shapes: list[TopoDS_Shape], scale: float = 1.0) -> None:
     """Writes shapes (mm, after scaling) to a STEP file, the kernel silent meanwhile.
 
-    Args:
-        shapes: in mm after scaling.
-        scale: 1000 for shapes in m.
+    The scale is 1000 for shapes in m.
 
     Raises:
         GeometryError: the kernel cannot write them.

@@ -29,7 +29,7 @@ from fmopt.papers.basanez_suarez.sources import Deviations
 from fmopt.papers.basanez_suarez.vertex import vertex_position
 from fmopt.plan.diagnostics import Agreement, Boundary, Curve, Phase, Planar, PlanarSegment, Slice, Surface
 from fmopt.plan.field_types import numbers, polyline
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 _TOLERANCE = 1e-5  # m, to which motions are followed
 _SIDEWAYS = 1.5  # times the deviation: how far a part is carried to either side above the mouth
@@ -51,7 +51,7 @@ class Stretch(Value, path=(2, 3)):
 
 
 @dataclass(frozen=True, eq=False)
-class Nominal(Value):
+class Nominal(Value, path=(None, 3), times=("path",)):
     """The nominal trajectory in the plane, and which of x, z and ry S(t) says are stopped when.
 
     Args:
@@ -63,10 +63,6 @@ class Nominal(Value):
     path: Array
     times: Array
     stops: tuple[tuple[float, float, bool], ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "path", frozen(self.path, None, 3, name="path"))
-        object.__setattr__(self, "times", frozen(self.times, len(self.path), name="times"))
 
     def time(self, parameter: float) -> float:
         """When a parameter of the path, waypoint i at i, is passed, s."""

@@ -142,11 +142,7 @@ class CU(Value, edge=(2, 2), vertex=(2,)):
 def core_gap(kind: Kind, edge: Array, vertex: Array, spread: float | Array, poses: Array) -> Array:
     """Distance (…) in m of poses (…, 3) from contact without the deviations of position, of any number of contacts.
 
-    Args:
-        edge: (…, 2, 2), m; see `CU`.
-        vertex: (…, 2), m.
-        spread: ε_φrφg (…), rad.
-        poses: (…, 3), m and rad.
+    The edge is (…, 2, 2), the vertex (…, 2), as in `CU`, m, the spread ε_φrφg (…), rad.
     """
     p, phi = poses[..., :2], poses[..., 2]
     if kind is Kind.TYPE_1:

@@ -183,13 +183,8 @@ def edge_position(
 ) -> TurnedEdge:
     """Ul: where an edge of the grasped object may be, eqs. (12), (35)-(37).
 
-    Args:
-        reference: p_ro (2,), m.
-        phi: φ_ro + φ_go, rad.
-        first: b₁ (2,) in the gripper's frame, m.
-        second: b₂ (2,), m.
-        spread: ε_φrφg, rad.
-        radius: ε_prpgv, m.
+    Its ends b₁ and b₂ (2,) are in the gripper's frame, p_ro (2,) is the reference; φ = φ_ro + φ_go, the spread is
+    ε_φrφg, the radius ε_prpgv. In m and rad.
     """
     ends = [_turned(frozen(b, 2, name="end of an edge"), phi) for b in (first, second)]
     return TurnedEdge(frozen(reference), ends[0], ends[1], spread, radius)

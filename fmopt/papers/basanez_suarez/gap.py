@@ -16,12 +16,8 @@ def segment_arc_gap(start: Array, end: Array, h: Any, angle: Any, spread: Any) -
     The least distance is zero where they cross; otherwise it belongs to an end of either, or to the foot of the
     perpendicular from the centre. Each of these is a distance that occurs, so their minimum is exact.
 
-    Args:
-        start: (…, 2) in m, relative to the arc's centre.
-        end: (…, 2) in m; equal to `start` for a point.
-        h: radius (…) in m, not negative.
-        angle: middle of the arc (…) in rad.
-        spread: half of its opening (…) in rad; π or more is a full circle.
+    Ends (…, 2), m, are relative to the arc's centre, and equal for a point; the radius h (…) is not negative. `angle`
+    is the middle of the arc, and `spread` half of its opening (…), rad; π or more is a full circle.
     """
     e = end - start
     square = np.sum(e * e, axis=-1)
@@ -55,11 +51,8 @@ def segment_arc_gap(start: Array, end: Array, h: Any, angle: Any, spread: Any) -
 def point_arc_gap(point: Array, h: Any, angle: Any, spread: Any) -> Array:
     """Distance (…) in m from points to the arc {h (cos θ, sin θ), |θ − angle| ≤ spread} about the origin.
 
-    Args:
-        point: (…, 2), m.
-        h: radius of the arc, m; like the next two a number or one for each point.
-        angle: of its middle, rad.
-        spread: half its opening, rad.
+    Points are (…, 2), m; `angle` is the middle of the arc, `spread` half its opening, rad, as h a number or one for
+    each.
     """
     x, y = point[..., 0], point[..., 1]
     radius = np.hypot(x, y)

@@ -136,11 +136,8 @@ def clearance_for_gross(
     Moving a path by c changes its clearance by at most c, so that a path with clearance m may be moved back by m. At
     the answer either c = 0, or the clearance is below twice the tolerance, or c is the farthest.
 
-    Args:
-        path: waypoints (k, 3), m and rad; see `classify`.
-        moving: the grasped object in the frame of the gripper's reference point.
-        farthest: (2,), the farthest displacement to consider, away from the static object, m; all are along it.
-        tolerance: m.
+    Path, objects and tolerance are those of `classify`; the farthest displacement (2,), m, leads away from the static
+    object.
 
     Raises:
         InfeasibleError: the motion is not gross at the farthest.

@@ -22,7 +22,7 @@ from fmopt.spatial.values import Array, frozen
 
 
 @dataclass(frozen=True, eq=False)
-class ArcSum(PlanarSet):
+class ArcSum(PlanarSet, start=(2,), end=(2,), labels={"start": "start of the edge", "end": "end of the edge"}):
     """The set {c + k(e − c) + h u(θ) + ρ : k ∈ [0, 1], |θ − angle| ≤ spread, |ρ| ≤ radius}, u(θ) = (cos θ, sin θ).
 
     Args:
@@ -45,8 +45,7 @@ class ArcSum(PlanarSet):
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", frozen(self.start, 2, name="start of the edge"))
-        object.__setattr__(self, "end", frozen(self.end, 2, name="end of the edge"))
+        super().__post_init__()
         require(h=self.h, spread=self.spread, radius=self.radius)
         frozen(self.angle, name="angle of the arc")
 
@@ -124,11 +123,7 @@ class ArcSum(PlanarSet):
 def vertex_position(reference: ArrayLike, phi: float, reach: Reach, spread: float, radius: float) -> ArcSum:
     """Uv: where a vertex of the grasped object may be, eqs. (7), (15)-(19).
 
-    Args:
-        reference: p_ro (2,), m.
-        phi: φ_ro + φ_go, rad.
-        spread: ε_φrφg, rad.
-        radius: ε_prpgv, m.
+    p_ro (2,) is the reference; φ = φ_ro + φ_go, the spread is ε_φrφg, the radius ε_prpgv. In m and rad.
     """
     return ArcSum(frozen(reference), frozen(reference), reach.h, phi + reach.gamma, spread, radius)
 
@@ -146,11 +141,7 @@ def directed_arc(centre: Array, radius: float, first: float, last: float, on: Ca
 def arc_support(directions: Array, h: float, angle: float | Array, spread: float) -> Array:
     """max n·x over the arc about the origin, (…) in m for directions n (…, 2).
 
-    Args:
-        directions: n (…, 2), of any length.
-        h: radius, m.
-        angle: bearing of the arc's middle, rad.
-        spread: half its opening, rad.
+    The arc has the radius h, m, `angle` is the bearing of its middle, `spread` half its opening, rad.
     """
     off = np.abs(wrapped(np.arctan2(directions[..., 1], directions[..., 0]) - angle))
     return np.asarray(h * norm(directions) * np.cos(np.maximum(off - min(spread, math.pi), 0.0)))

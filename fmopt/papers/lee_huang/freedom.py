@@ -218,11 +218,8 @@ def slack(made: Linear, half_widths: Array, remainder: float, unit: float) -> Ar
 
     Where that is negative, its bound min_k (c_k + |B_k|₁), with u = e / a, may stand for it.
 
-    Args:
-        made: f and the heights of the candidates, to first order.
-        half_widths: box (6,) of the pose error, m and rad.
-        remainder: ρ of f, m, in the place of the candidates' own.
-        unit: m.
+    f and the heights of the candidates are to first order; `half_widths` is the box (6,) of the pose error, m and rad,
+    the remainder ρ of f, m, in the place of the candidates' own.
 
     Raises:
         SolverError: a program did not end.

@@ -23,7 +23,7 @@ from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Face, Polyhedron, placed
 from fmopt.plan.diagnostics import Interval
 from fmopt.spatial.se3 import Pose, turns
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 _AT_GOAL = 1e-11  # of T: what begins this late only the goal touches
 
@@ -34,7 +34,7 @@ _SAME = 1e-12  # m, heights this close are one
 
 
 @dataclass(frozen=True, eq=False)
-class NominalTrajectory(Value):
+class NominalTrajectory(Value, nodes=(None, 6), times=("nodes",)):
     """P(t), piecewise linear in the six numbers (x, y, z, r) of the moving part's pose in the B-frame.
 
     Nodes (n, 6) are in m and rad, of neighbouring rotation vectors on one branch, |r| may exceed π; times (n,), s, rise
@@ -45,8 +45,7 @@ class NominalTrajectory(Value):
     times: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "nodes", frozen(self.nodes, None, 6, name="nodes"))
-        object.__setattr__(self, "times", frozen(self.times, len(self.nodes), name="times"))
+        super().__post_init__()
         if len(self.times) < 2 or self.times[0] != 0.0 or np.any(np.diff(self.times) <= 0.0):
             raise ValueError(f"the times of a trajectory start at 0 and grow, not {self.times}")
 
@@ -76,13 +75,9 @@ def insertion(start: ArrayLike, goal: ArrayLike, speed: float, rho: float, turne
     takes that over the speed, so that no point within ρ of the reference point's axis of turning outruns the
     specification.
 
-    Args:
-        start: pose (6,) in the B-frame, m and rad, not below the mouth's plane z = 0.
-        goal: pose (6,), below that plane.
-        speed: of the specification, m/s.
-        rho: characteristic length, m.
-        turned: share of the way from N₁ to N₂ after which the goal's orientation is reached, above 0, at most 1; below
-            1 it is one more node, where the part turns.
+    Poses are (6,) in the B-frame, m and rad, the start not below the mouth's plane z = 0, the goal below it; the speed
+    is in m/s. `turned` is the share of the way from N₁ to N₂ after which the goal's orientation is reached, above 0, at
+    most 1; below 1 it is one more node, where the part turns.
 
     Raises:
         GeometryError: the goal is not inside the hollow feature, or the start not outside.
@@ -110,12 +105,8 @@ def through(
     The part turns on one leg, evenly, from its start up to a share of it; before it has the start's orientation, after
     it the goal's.
 
-    Args:
-        positions: nodes (3,) in m.
-        start_turn: M₁, rotation vector (3,), rad.
-        speed: of the specification, m/s.
-        rho: characteristic length, m.
-        turned: the leg on which the part turns, from 0, and the share of it, above 0, at most 1.
+    Nodes are (3,) in m, M are rotation vectors (3,), rad, the speed is in m/s, and ρ, m, as for `insertion`. `turned`
+    is the leg on which the part turns, from 0, and the share of it, above 0, at most 1.
 
     Raises:
         ValueError: there is no such leg, or no such share.
@@ -191,15 +182,12 @@ def intervals(stops: Stops, duration: float, blur: float) -> tuple[Interval, ...
 
 
 @dataclass(frozen=True, eq=False)
-class CriticalPose(Value):
+class CriticalPose(Value, pose=(6,), labels={"pose": "critical pose"}):
     """A pose (6,) on the nominal trajectory, its time in s, and its name: mouth, step k, exit k, mid-depth, bottom."""
 
     name: str
     pose: Array
     time: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "pose", frozen(self.pose, 6, name="critical pose"))
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,8 @@ def finer(solid: Solid, sides: int) -> Solid:
     """The solid with at least so many sides for each cylinder and cone; spheres, whose faces are many, as they are."""
 
     def change(instance: Primitive, _: int) -> Primitive:
-        is_swept = isinstance(instance, csg.Cylinder | csg.Cone)
-        return replace(instance, sides=max(instance.sides, sides)) if is_swept else instance
+        if isinstance(instance, csg.Cylinder | csg.Cone):
+            return replace(instance, sides=max(instance.sides, sides))
+        return instance
 
     return csg.changed(solid, change)

@@ -104,11 +104,8 @@ class Linear(Value):
 def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array) -> tuple[Indices, Indices]:
     """The candidates that come near enough within the box, and can meet from outside.
 
-    Args:
-        moving: in its body frame.
-        fixed: in the B-frame.
-        p: nominal positions (n, 3) of the moving body, m.
-        half_widths: a (6,), m and rad.
+    The moving body is in its body frame, at nominal positions p (n, 3), m, the fixed one in the B-frame; the box is a
+    (6,), m and rad.
 
     Returns:
         Which position (k,), and there the kind and the feature of the moving and of the fixed body (k, 3).
@@ -149,11 +146,8 @@ def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array
 def linear(items: Indices, moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array) -> Linear:
     """The candidates linearised in the pose error, each at its own nominal pose.
 
-    Args:
-        items: (n, 3), kind of the pair, number on `moving`, number on `fixed`.
-        p: (n, 3), nominal position, m.
-        R: (n, 3, 3), nominal orientation.
-        half_widths: box (6,) of the pose error, m and rad.
+    Items (n, 3) are the kind of the pair, number on `moving`, number on `fixed`; p (n, 3), m, and R (n, 3, 3) are
+    nominal poses, and the box of the pose error is a (6,), m and rad.
     """
     D, theta = float(np.linalg.norm(half_widths[:3])), float(np.linalg.norm(half_widths[3:]))
     n, k = len(items), max(4, moving.corners.shape[1], fixed.corners.shape[1])
