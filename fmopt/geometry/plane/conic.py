@@ -162,11 +162,6 @@ class ConicArc(Value, first=(2,), shoulder=(2,), last=(2,)):
         t = np.array([0.0, 1.0, *unit_roots(quartic.tolist(), 0.0)])
         return float(t[np.argmin(np.linalg.norm(self.point(t) - point, axis=1))])
 
-    def distance(self, points: ArrayLike) -> Array:
-        """Distances (n,) in m of `points` (n, 2) from the curve."""
-        points = np.asarray(points, dtype=np.float64)
-        return np.asarray(np.linalg.norm(points - self.point(self.nearest(points)), axis=1))
-
     @cached_property
     def box(self) -> tuple[Array, Array]:
         """Lower and upper corner (2,) of the bounding box."""

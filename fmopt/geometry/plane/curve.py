@@ -80,11 +80,6 @@ class Segment(Value, start=(2,), end=(2,)):
             return np.zeros(len(np.asarray(points)))
         return np.clip((np.asarray(points, dtype=np.float64) - self.start) @ along / square, 0.0, 1.0)
 
-    def distance(self, points: ArrayLike) -> Array:
-        """Distances (n,) in m of `points` (n, 2) from the curve."""
-        points = np.asarray(points, dtype=np.float64)
-        return np.asarray(np.linalg.norm(points - self.point(self.nearest(points)), axis=1))
-
     @cached_property
     def box(self) -> tuple[Array, Array]:
         """Lower and upper corner (2,) of the bounding box."""
@@ -194,11 +189,6 @@ class Arc(Value):
         # Past the end: the nearer of the two ends, in angle, which on a circle is the nearer in distance as well.
         return np.where(run <= size, run / size, np.where(run - size < math.tau - run, 1.0, 0.0))
 
-    def distance(self, points: ArrayLike) -> Array:
-        """Distances (n,) in m of `points` (n, 2) from the curve."""
-        points = np.asarray(points, dtype=np.float64)
-        return np.asarray(np.linalg.norm(points - self.point(self.nearest(points)), axis=1))
-
     @cached_property
     def box(self) -> tuple[Array, Array]:
         """Lower and upper corner (2,) of the bounding box."""
@@ -232,6 +222,12 @@ class Arc(Value):
 
 
 Curve: TypeAlias = Segment | Arc | ConicArc
+
+
+def distance(curve: Curve, points: ArrayLike) -> Array:
+    """Distances (n,) in m of points (n, 2) from a curve."""
+    points = np.asarray(points, dtype=np.float64)
+    return np.asarray(np.linalg.norm(points - curve.point(curve.nearest(points)), axis=1))
 
 
 def boxes_of(curves: Sequence[Curve]) -> Array:

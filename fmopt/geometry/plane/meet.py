@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from fmopt.geometry.plane.conic import ConicArc, unit_roots
-from fmopt.geometry.plane.curve import Arc, Curve, Segment
+from fmopt.geometry.plane.curve import Arc, Curve, Segment, distance
 from fmopt.spatial.values import Array
 
 _PROBES = np.linspace(0.0, 1.0, 7)  # more than the four points that two different conics can share
@@ -122,7 +122,7 @@ def _along(a: Curve, b: Curve, pairs: list[tuple[float, float]], tolerance: floa
     probes = a.point(min(shares) + (max(shares) - min(shares)) * _PROBES)
     # A run shorter than that is one point within the tolerance, where any two curves agree.
     return bool(np.max(np.linalg.norm(probes - probes[0], axis=1)) > 4.0 * tolerance) and bool(
-        np.max(b.distance(probes)) <= 2.0 * tolerance
+        np.max(distance(b, probes)) <= 2.0 * tolerance
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.chords import CHORD, chords, filled
-from fmopt.geometry.plane.curve import Curve, Segment, boxes_of
+from fmopt.geometry.plane.curve import Curve, Segment, boxes_of, distance
 from fmopt.geometry.plane.meet import meet
 from fmopt.spatial.values import Array, Value
 
@@ -101,7 +101,7 @@ class Region(Value):
         bent = [curve for curve in self.curves if not isinstance(curve, Segment)]
         near = shapely.dwithin(self.shape.boundary, shapely.points(points), reach) if bent else np.zeros(0, dtype=bool)
         for k in np.flatnonzero(near).tolist():
-            apart, number = min((float(curve.distance(points[k, None])[0]), c) for c, curve in enumerate(bent))
+            apart, number = min((float(distance(curve, points[k, None])[0]), c) for c, curve in enumerate(bent))
             curve = bent[number]
             t = float(curve.nearest(points[k, None])[0])
             if apart <= reach and 0.0 < t < 1.0:
@@ -123,7 +123,7 @@ class Region(Value):
             beyond = np.maximum(np.maximum(lower - points, points - upper), 0.0)
             asked = np.flatnonzero(np.hypot(*beyond.T) <= np.minimum(far, nearest))
             if asked.size:
-                nearest[asked] = np.minimum(nearest[asked], curve.distance(points[asked]))
+                nearest[asked] = np.minimum(nearest[asked], distance(curve, points[asked]))
         return nearest
 
     @cached_property

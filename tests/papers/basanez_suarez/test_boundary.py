@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.plane.curve import Arc
+from fmopt.geometry.plane.curve import Arc, distance
 from fmopt.papers.basanez_suarez.boundary import Carrier, Piece
 from fmopt.papers.basanez_suarez.contact import Kind
 from fmopt.papers.basanez_suarez.edge import Case, TurnedEdge, edge_position
@@ -79,7 +79,7 @@ def check_boundary(shape: PlanarSet, rng: np.random.Generator) -> list[Piece]:
     on = np.vstack([piece.curve.point(np.linspace(0.0, 1.0, 7)) for piece in pieces])
     np.testing.assert_allclose(shape.core_distance(on), shape.radius, rtol=0.0, atol=1e-9 * shape.size)
     x = on[rng.integers(len(on), size=60)] + rng.normal(size=(60, 2)) * shape.size * 10.0 ** rng.uniform(-5, 0, (60, 1))
-    to_boundary = np.min([piece.curve.distance(x) for piece in pieces], axis=0)
+    to_boundary = np.min([distance(piece.curve, x) for piece in pieces], axis=0)
     outside = shape.distance(x) > 0.0
     # Nothing of the boundary is missing, and nothing is at the wrong place.
     np.testing.assert_allclose(to_boundary[outside], shape.distance(x)[outside], rtol=0.0, atol=1e-9 * shape.size)
