@@ -1,6 +1,6 @@
 """What definitions of contacts are written in: dot, cross, root and norm, of whatever vectors they are called with.
 
-One definition is called with SymPy's matrices (formula, derivatives, kernels), CasADi's (nonlinear programs), mpmath's
+One definition is called with SymPy's matrices (formula, derivatives, kernels), CasADi's, mpmath's
 numbers (tests), NumPy's arrays, and names (what a notebook shows). Nothing is parsed.
 """
 
@@ -55,14 +55,6 @@ class Definition:
     def dtype(self) -> np.dtype[np.void]:
         """A record of these numbers."""
         return np.dtype([(name, "f8", () if role is Role.SCALAR else 3) for name, role in self.roles.items()])
-
-    def split(self, numbers: Any) -> dict[str, Any]:
-        """Numbers (width,) one after the other as parameters."""
-        found, at = {}, 0
-        for name, role in self.roles.items():
-            found[name] = numbers[at] if role is Role.SCALAR else numbers[at : at + 3]
-            at += role.width
-        return found
 
 
 _CONTACTS: dict[str, Definition] = {}

@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import TYPE_CHECKING, TypeAlias, assert_never
 
 import numpy as np
@@ -29,13 +28,13 @@ from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron, plane_basis
 from fmopt.runtime.compiled import compiled
 from fmopt.spatial.se3 import Pose, cross
-from fmopt.spatial.values import Array, Value, frozen, remembered
+from fmopt.spatial.values import Array, Value, remembered
 
 if TYPE_CHECKING:
     from fmopt.contact.derive import Derived
 
 
-_MEMORY, _NUMBERS = 1024, 8192
+_MEMORY = 1024
 
 Records: TypeAlias = NDArray[np.void]
 
@@ -116,7 +115,7 @@ def _surfaces(moving: Polyhedron, fixed: Polyhedron, contacts: tuple[PrimitiveCo
 
 
 def _numbers(moving: Polyhedron, fixed: Polyhedron, kind: Kind, contacts: Sequence[PrimitiveContact]) -> Array:
-    """The `parameters` (k, n) of contacts of one kind."""
+    """The numbers (k, n) of contacts of one kind, in the order of its definition."""
     one = np.array([contact.moving_feature for contact in contacts], dtype=np.intp)
     other = np.array([contact.fixed_feature for contact in contacts], dtype=np.intp)
     match kind:
@@ -146,19 +145,6 @@ def _along_edges(body: Polyhedron) -> tuple[NDArray[np.intp], Array]:
     return np.array([edge.vertices[0] for edge in body.edges], dtype=np.intp), ways
 
 
-def stacked(
-    kinds: Sequence[Definition | None], numbers: Sequence[Array]
-) -> tuple[NDArray[np.intp], tuple[Records, ...]]:
-    """Contacts by kinds: which they are, one kind after the other (k,), and the records of each kind.
-
-    The kind is None of what is no contact; the numbers (n,) of each are in the order of its definition.
-    """
-    places = [[i for i, own in enumerate(kinds) if own is kind] for kind in CONTACTS.values()]
-    groups = zip(CONTACTS.values(), places, strict=True)
-    tables = tuple(records(kind, np.array([numbers[i] for i in group])) for kind, group in groups)
-    return np.array([*chain(*places)], dtype=np.intp), tables
-
-
 def records(kind: Definition, numbers: Array) -> Records:
     """Numbers (k, width) of contacts of one kind as records (k,)."""
     found = np.array(numbers, dtype=np.float64).reshape(-1, kind.width).view(kind.dtype)[:, 0]
@@ -176,12 +162,6 @@ def symbolic_surface(kind: Kind) -> Derived:
 def definition(kind: Kind) -> Definition:
     """The definition of a kind of contact."""
     return CONTACTS[kind.value.replace("-", "_")]
-
-
-@remembered(_NUMBERS)
-def parameters(moving: Polyhedron, fixed: Polyhedron, contact: PrimitiveContact) -> Array:
-    """The numbers (n,) of a contact's C-surface function, in the order of its definition."""
-    return frozen(_numbers(moving, fixed, contact.kind, [contact])[0])
 
 
 @compiled

@@ -8,7 +8,7 @@ import sympy
 
 from fmopt.contact import generate
 from fmopt.contact.algebra import Definition
-from fmopt.contact.c_surface import Surfaces, contact_wrench, definition, over, parameters, records
+from fmopt.contact.c_surface import Surfaces, contact_wrench, definition, over, records
 from fmopt.contact.definitions import CONTACTS
 from fmopt.contact.derive import derived, latex
 from fmopt.contact.facet_bounds import BoundTable, bounds
@@ -57,7 +57,8 @@ def test_definitions_in_numpy_sympy_and_casadi_agree_with_the_kernels(
     f, N = Surfaces.of(contacts, PEG, fixed).values_and_rows(pose)
     for contact, value, row in zip(contacts, f, N, strict=True):
         kind = definition(contact.kind)
-        numbers = kind.split(parameters(PEG, fixed, contact))
+        (record,) = next(table for table in Surfaces.of([contact], PEG, fixed).tables if len(table))
+        numbers = {name: record[name] for name in kind.roles}
         assert float(kind(pose.p, pose.R, **numbers)) == pytest.approx(value, abs=1e-16)
         assert float(kind(casadi.DM(pose.p), casadi.DM(pose.R), **numbers)) == pytest.approx(value, abs=1e-16)
         found = derived(kind.name)

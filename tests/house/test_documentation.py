@@ -108,8 +108,8 @@ def defined(trees: dict[Path, ast.Module]) -> dict[str, set[str]]:
     return found
 
 
-# Words in backticks that are not of this package: builtins, and functions of URScript and CasADi.
-FOREIGN = {"print", "force_mode", "get_tcp_force", "nlpsol"}
+# Words in backticks that are not of this package: builtins, and functions of URScript.
+FOREIGN = {"print", "force_mode", "get_tcp_force"}
 
 
 def leads_nowhere(name: str, own: set[str], everywhere: dict[str, set[str]]) -> bool:

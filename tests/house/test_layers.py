@@ -82,12 +82,10 @@ LIBRARIES: dict[str, frozenset[str]] = {
         {"papers/basanez_suarez/surface.py", "papers/lee_huang/symbolic_diagram.py"}
         | {"contact/algebra.py", "contact/derive.py", "contact/generate.py"}
     ),
-    "casadi": frozenset({"contact/algebra.py", "planning/placement/formation.py"}),
+    "casadi": frozenset({"contact/algebra.py", "planning/placement/nonlinear_program.py"}),
     "mpmath": frozenset({"contact/algebra.py"}),
     "clarabel": frozenset({"planning/optimise/solvers.py"}),
-    "daqp": frozenset(
-        {"geometry/fit/placing.py", "planning/optimise/solvers.py", "planning/placement/nonlinear_program.py"}
-    ),
+    "daqp": frozenset({"geometry/fit/placing.py", "planning/optimise/solvers.py"}),
     "cvxpy": frozenset({"planning/optimise/cone_program.py", "notebook/placing.py"}),
     "manifold3d": frozenset({"geometry", "papers/lee_huang/touch.py"}),
     "OCP": frozenset({"geometry/step"}),

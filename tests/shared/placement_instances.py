@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
-from fmopt.planning.placement.formation import Row, edge_edge, plane, vertex_face
+from fmopt.certificate.rows import Forms, edges_apart, points_above, stacked
+from fmopt.planning.optimise.cone_program import ConeProgram, Norm
 from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement
 from fmopt.planning.placement.nonlinear_program import SurfacePlacement
 from fmopt.spatial.se3 import Pose
@@ -18,25 +20,25 @@ BOX = np.array([1e-3, 1e-3, 1e-3, 0.05, 0.05, 0.05])
 LEVERS = np.array([1.0, 1.0, 1.0, 0.02, 0.02, 0.02])
 
 
-def random_placement(seed: int, rows: int = 10, contacts: int = 3, growth: float = 0.0, spare: int = 0) -> Placement:
+def random_placement(seed: int, rows: int = 10, contacts: int = 3, spare: int = 0) -> Placement:
     """Random hyperplanes round a random affine space, `spare` of its equalities dependent on the others."""
     rng = np.random.default_rng(seed)
     N = rng.normal(size=(rows, 6)) * LEVERS
     D = -rng.uniform(-0.2, 2.0, rows) * CLEARANCE * np.linalg.norm(N, axis=1)
     E = rng.normal(size=(contacts, 6)) * LEVERS
     E = np.vstack([E, rng.normal(size=(spare, contacts)) @ E])
-    e = E @ (0.3 * METRIC.units * rng.normal(size=6))
-    start = METRIC.units * rng.normal(size=6)
-    return Placement(
-        N,
-        D,
-        metric=METRIC,
-        lower=-BOX,
-        upper=BOX,
-        goal=Flat(E, e),
-        start=start if growth else None,
-        growth=np.full(rows, growth),
-    )
+    goal = Flat(E, E @ (0.3 * METRIC.units * rng.normal(size=6)))
+    return Placement(N, D, metric=METRIC, lower=-BOX, upper=BOX, goal=goal)
+
+
+def random_program(seed: int, growth: float = 0.0, rows: int = 10, contacts: int = 3, spare: int = 0) -> ConeProgram:
+    """The program of a random placement of which each row loses `growth` times the way from a random start."""
+    program = random_placement(seed, rows, contacts, spare).program()
+    if not growth:
+        return program
+    start, F = METRIC.units * np.random.default_rng(seed).normal(size=6), np.diag(METRIC.sigma)
+    norms = (Norm(np.column_stack([F, np.zeros(6)]), -F @ start),)
+    return replace(program, W=np.full((rows, 1), growth), norms=norms)
 
 
 def translations(N: list[list[float]], D: list[float], **settings: object) -> Placement:
@@ -46,24 +48,8 @@ def translations(N: list[list[float]], D: list[float], **settings: object) -> Pl
     return Placement(rows, D, metric=Metric(1.0, 1.0), lower=-hold, upper=hold, **settings)
 
 
-def linear_surfaces(problem: Placement) -> SurfacePlacement:
-    """The same placement for the nonlinear optimiser, every function a plane."""
-    assert not isinstance(problem.start, Flat)
-    return SurfacePlacement(
-        Pose.identity(),
-        [plane(N, D) for N, D in zip(problem.goal.E, problem.goal.e, strict=True)],
-        [plane(N, D) for N, D in zip(problem.N, problem.D, strict=True)],
-        metric=problem.metric,
-        lower=problem.lower,
-        upper=problem.upper,
-        weights=problem.weights,
-        growth=problem.growth,
-        start=problem.start,
-    )
-
-
 def vertex_enumeration(problem: Placement) -> float:
-    """The exact optimum of a placement without growth: the best feasible vertex of its polyhedron, all tried."""
+    """The exact optimum of a placement: the best feasible vertex of its polyhedron, all tried."""
     program = problem.program().scaled()
     A, b = program.A, program.b
     _, s, Vt = np.linalg.svd(A)
@@ -82,70 +68,43 @@ def vertex_enumeration(problem: Placement) -> float:
     return float(program.size.objective * (origin + u[feasible] @ Z.T)[:, -1].max() * problem.program().size.objective)
 
 
-def line_search(problem: Placement) -> float:
-    """The exact optimum of a placement on a line (five independent contacts), growth included: a concave function."""
-    units = problem.metric.units
-    E = problem.goal.E * units
-    X, V = np.linalg.lstsq(E, problem.goal.e, rcond=1e-12)[0], np.linalg.svd(E)[2][-1]
-    with np.errstate(divide="ignore"):
-        ends = np.sort([(problem.lower / units - X) / V, (problem.upper / units - X) / V], axis=0)
-    low, high = float(ends[0].max()), float(ends[1].min())
-
-    def t(u: float) -> float:
-        return float(problem.clearances(np.append(units * (X + u * V), 0.0)).min())
-
-    for _ in range(200):
-        one, other = low + (high - low) / 3.0, high - (high - low) / 3.0
-        low, high = (low, other) if t(one) > t(other) else (one, high)
-    return min(t(low), problem.cap)
-
-
-def peg_rows(half: float = 0.01, clearance: float = CLEARANCE) -> dict[str, Row]:
+def peg_rows(half: float = 0.01, clearance: float = CLEARANCE) -> dict[str, Forms]:
     """The 16 primitive contacts of a square peg engaged in a square hole (mouth at z = 0, tip frame at the tip)."""
-    wall, length, rows = half + clearance, 0.04, {}
+    wall, up, rows = half + clearance, np.array([0.0, 0.0, 1.0]), {}
     for axis in (0, 1):
         for side in (1.0, -1.0):
             n = np.zeros(3)
             n[axis] = -side
             for other in (1.0, -1.0):
-                tip = np.zeros(3)
-                tip[axis], tip[1 - axis] = side * half, other * half
+                tip, across = np.zeros(3), np.zeros(3)
+                tip[axis], tip[1 - axis], across[1 - axis] = side * half, other * half, 1.0
                 name = "xy"[axis] + ("+" if side > 0 else "-") + ("+" if other > 0 else "-")
-                rows["tip" + name] = vertex_face(tip, n, -wall * n)
-                across = np.zeros(3)
-                across[1 - axis] = 1.0
-                up, mouth = tip + length * np.array([0.0, 0.0, 1.0]), -wall * n
-                sign = int(np.sign(np.cross([0.0, 0.0, 1.0], across) @ n))
-                rows["mouth" + name] = edge_edge([tip, up], [mouth - 0.01 * across, mouth + 0.01 * across], sign)
+                rows["tip" + name] = points_above(tip[None], n, -wall)
+                sign = np.sign(np.cross(up, across) @ n)
+                rows["mouth" + name] = edges_apart(sign * up, across, -wall * n, tip[None])
     return rows
 
 
-def peg_placement(contacts: tuple[str, ...], depth: float = 0.015) -> SurfacePlacement:
+def peg_placement(contacts: tuple[str, ...], depth: float = 0.015, allowance: float = 0.0) -> SurfacePlacement:
     """The peg at `depth` with these contacts made, all others as obstacles; sliding and height are held."""
     rows = peg_rows()
     hold = np.array([1e-3, 1e-3, 0.0, 0.05, 0.05, 0.05])
+    obstacles = stacked(*(row for name, row in rows.items() if name not in contacts))
     return SurfacePlacement(
         Pose(np.array([0.0, 0.0, -depth]), np.eye(3)),
-        [rows[name] for name in contacts],
-        [row for name, row in rows.items() if name not in contacts],
+        stacked(points_above(np.zeros((0, 3)), np.zeros(3), 0.0), *(rows[name] for name in contacts)),
+        obstacles,
         metric=METRIC,
         lower=-hold,
         upper=hold,
+        weights=np.ones(len(obstacles)),
+        allowance=np.full(len(obstacles), allowance),
     )
 
 
 def linearised(problem: SurfacePlacement, X: Array) -> Placement:
-    """The tangent placement of a surface placement at X (rotation of X small)."""
-    from fmopt.planning.placement.formation import evaluate
-
-    f, E = evaluate(problem.contacts, problem.reference, X)
-    g, N = evaluate(problem.obstacles, problem.reference, X)
-    return Placement(
-        N,
-        N @ X - g + problem.allowance,
-        metric=problem.metric,
-        lower=problem.lower,
-        upper=problem.upper,
-        goal=Flat(E, E @ X - f),
-        weights=problem.weights,
-    )
+    """The tangent placement of a surface placement at X."""
+    (f, N), p = problem.rows(X), len(problem.contacts)
+    goal = Flat(N[:p], N[:p] @ X - f[:p])
+    bounds = {"lower": problem.lower, "upper": problem.upper, "weights": problem.weights}
+    return Placement(N[p:], N[p:] @ X - f[p:], metric=problem.metric, goal=goal, **bounds)

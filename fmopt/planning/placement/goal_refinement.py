@@ -13,20 +13,21 @@ with dist_j the clearance of obstacle j in the scaled metric and C the overlap a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fmopt.certificate.assembly import contact_forms
 from fmopt.certificate.contact_implications import Assembly
-from fmopt.certificate.separating_plane import Separation, row_bounds
+from fmopt.certificate.remainder import Course
+from fmopt.certificate.rows import Forms, stacked
+from fmopt.certificate.separating_plane import counted_rows
 from fmopt.errors import InfeasibleError, OverdueError, SolverError
-from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.planning.moves.moves import Move, onto_surfaces
 from fmopt.planning.optimise.cone_program import ConeProgram, Solution
-from fmopt.planning.placement.formation import Row, ball_face, evaluate, face_vertex, vertex_face
 from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement
 from fmopt.planning.placement.nonlinear_program import SurfacePlacement, place_on_surfaces
 from fmopt.planning.placement.sequence_program import Aim, Placed, better, state_rows
@@ -57,15 +58,15 @@ class Descent:
 def descend(problem: Placement, guess: ArrayLike | None = None, settings: Descent | None = None) -> Solution:
     """Perturbs the poses along the state's surface until the reciprocal cost has a minimum; proves no optimum.
 
-    It starts from a guess, poses (ends, 6), else from the least-squares point of the affine spaces.
+    It starts from a guess (6,), else from the least-squares point of the affine space.
 
     Raises:
-        InfeasibleError: the affine spaces contradict each other.
+        InfeasibleError: the equations of the affine space contradict each other.
         SolverError: the first pose oversteps a bound or a row of weight 0.
     """
     settings = Descent() if settings is None else settings
-    scaled, n = problem.program().scaled(), len(problem.program().c) - 1
-    y = np.zeros(n) if guess is None else np.ravel(guess) / problem.program().units[:n]
+    scaled, units = problem.program().scaled(), problem.metric.units
+    y = np.zeros(6) if guess is None else np.asarray(guess) / units
     y, Z = _state(scaled, y, problem.metric.clearance)
     cost = _Cost.of(scaled, y, settings.asymptote)
     if not np.isfinite(cost(y)):
@@ -79,15 +80,14 @@ def descend(problem: Placement, guess: ArrayLike | None = None, settings: Descen
         step, y = _line_search(cost, y, downhill / length, 2.0 * step, length)
         if step < settings.smallest_step:
             break
-    return problem.at(np.reshape(y * problem.program().units[:n], (-1, 6)))
+    return problem.at(y * units)
 
 
 def _state(scaled: ConeProgram, y: Array, unit: float) -> tuple[Array, Array]:
-    """The point of the affine spaces nearest to y, and an orthonormal basis (n, r) of their directions."""
-    n = len(y)
+    """The point of the affine space nearest to y (6,), and an orthonormal basis (6, r) of its directions."""
     if not len(scaled.b):
-        return y, np.eye(n)
-    A = scaled.A[:, :n]
+        return y, np.eye(6)
+    A = scaled.A[:, :6]
     U, s, Vt = np.linalg.svd(A)
     rank = int((s > 1e-10 * s[0]).sum())
     y = y + Vt[:rank].T @ ((U[:, :rank].T @ (scaled.b - A @ y)) / s[:rank])
@@ -136,13 +136,7 @@ class _Cost:
 
     def gradient(self, y: Array) -> Array:
         rows, low, high = self._room(y)
-        slopes = self.program.G[:, :-1].copy()
-        for k, norm in enumerate(self.program.norms):
-            v = norm.F[:, :-1] @ y + norm.g
-            length = float(np.linalg.norm(v))
-            if length > 0.0:
-                slopes -= np.outer(self.program.W[:, k], norm.F[:, :-1].T @ v / length)
-        inner = -(self.factors / rows**2 / self.weights) @ slopes
+        inner = -(self.factors / rows**2 / self.weights) @ self.program.G[:, :-1]
         return np.asarray(inner - _WALL / low**2 + _WALL / high**2)
 
     def _room(self, y: Array) -> tuple[Array, Array, Array]:
@@ -163,11 +157,9 @@ class Turns:
 
 @dataclass(frozen=True, eq=False)
 class _Obstacles:
-    """Rows at one pose: as functions, as values f (k,) with gradients N (k, 6), and their allowances (k,)."""
+    """Rows (k) at one pose, and their allowances (k,), m."""
 
-    rows: tuple[Row, ...]
-    f: Array
-    N: Array
+    forms: Forms
     allowance: Array
 
 
@@ -226,13 +218,12 @@ def _placed_pose(
 ) -> Array:
     """The displacement (6,) of a goal pose that one method proposes."""
     contacts = (*move.held, *move.making)
-    box, weights = radius / metric.sigma, np.ones(len(obstacles.rows))
+    box, weights = radius / metric.sigma, np.ones(len(obstacles.forms))
     if method == "nlp":
-        body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
         problem = SurfacePlacement(
             move.goal,
-            tuple(Row.of(contact, body, fixed) for contact in contacts),
-            obstacles.rows,
+            contact_forms(assembly, contacts, contacts),
+            obstacles.forms,
             metric=metric,
             lower=-box * assembly.freedoms,
             upper=box * assembly.freedoms,
@@ -240,22 +231,22 @@ def _placed_pose(
             allowance=obstacles.allowance,
         )
         return place_on_surfaces(problem, np.zeros(6)).x[:6]
-    E = state_rows(assembly, contacts, move.goal)
+    E, rows = state_rows(assembly, contacts, move.goal), obstacles.forms.at(move.goal)
     linear = Placement(
-        obstacles.N,
-        obstacles.allowance - obstacles.f,
+        rows.N,
+        obstacles.allowance - rows.f,
         metric=metric,
         lower=-box,
         upper=box,
         goal=Flat(E, np.zeros(len(E))),
         weights=weights,
     )
-    return descend(linear, np.zeros((1, 6)), _CENTRING).x[:6]
+    return descend(linear, np.zeros(6), _CENTRING).x[:6]
 
 
 def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: float) -> _Obstacles | None:
-    """The rows near binding at the goal of move k, from the pieces that end and begin there."""
-    number, found = -1, list[tuple[Row, float, Array, float]]()
+    """The rows near binding at the goal of move k, of the pieces that end and begin there; not of planes of edges."""
+    number, forms, kept, allowances = -1, list[Forms](), list[Array](), list[Array]()
     for claim in placed.reached.claims:
         number += claim.piece.progress[0] == 0.0
         ending = number == k and claim.piece.last
@@ -264,42 +255,17 @@ def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: fl
         for pair, separation in pairs_of(assembly, claim):
             if separation.witness.kind == "edges" or separation.margin > placed.margin + near:
                 continue
-            bounds = row_bounds(assembly, pair, separation.witness, claim.advance.ends)
-            at = bounds.goal if ending else bounds.start
-            functions = _functions(pair.moving, pair.fixed, separation, bounds.scale)
-            if len(functions) != len(at.f) or (pair.touched and pair.moving.balls):
-                continue  # a pair in touch: its contacts keep it apart, not this pose
-            loss = np.minimum(bounds.start.f, bounds.goal.f) - bounds.lower
-            for i in np.flatnonzero(at.f - loss < (placed.margin + near) * bounds.scale):
-                value, allowance = float(at.f[i]) / bounds.scale, float(loss[i]) / bounds.scale
-                found.append((functions[int(i)], value, at.N[i] / bounds.scale, allowance))
-        if claim.early is not None and not ending:
-            made = claim.piece.made
-            assert made is not None
-            surface = Row.of(made, assembly.moving.polyhedron, assembly.fixed.polyhedron)
-            values, slopes = evaluate([surface], claim.piece.start, np.zeros(6))
-            found.append((surface, float(values[0]), slopes[0], float(values[0]) - claim.early))
-    if not found or min(value - allowance for _, value, _, allowance in found) > placed.margin + idle:
+            own = counted_rows(assembly, pair, separation.witness).forms
+            rows = Course.of((claim.advance.ends,)).over(own)
+            left = rows.f[int(ending), 0] - (loss := rows.f[:, 0].min(axis=0) - rows.lower[0])
+            which = left < placed.margin + near
+            forms.append(Forms(own.table[which]))
+            kept.append(left[which])
+            allowances.append(loss[which])
+        if claim.early is not None and not ending and claim.piece.made is not None:
+            forms.append(contact_forms(assembly, (claim.piece.made,), ()))
+            kept.append(np.array([claim.early]))
+            allowances.append(forms[-1].at(claim.piece.start).f - claim.early)
+    if not kept or (left := np.concatenate(kept)).min(initial=np.inf) > placed.margin + idle:
         return None
-    rows, f, N, allowances = zip(*found, strict=True)
-    return _Obstacles(rows, np.array(f), np.array(N), np.array(allowances))
-
-
-def _functions(moving: Polyhedron, fixed: Polyhedron, separation: Separation, scale: float) -> Sequence[Row]:
-    """The rows of a witness as functions of the pose, in the order in which the certificate counts them."""
-    witness = separation.witness
-    if witness.kind == "plane" and witness.plane is not None:
-        n = np.array(witness.plane[:3]) / scale
-        return _bodies_above(moving, n, n * witness.plane[3] / scale / float(n @ n))
-    if witness.kind == "moving-face":
-        face = next(face for face in moving.faces if face.loops[0] == witness.moving)
-        return [face_vertex(face.normal, face.offset, w) for w in fixed.vertices]
-    face = next(face for face in fixed.faces if face.loops[0] == witness.fixed)
-    return _bodies_above(moving, face.normal, face.normal * face.offset)
-
-
-def _bodies_above(moving: Polyhedron, normal: Array, at: Array) -> list[Row]:
-    """Vertices and balls of a moving piece over the plane through a point."""
-    if moving.balls:
-        return [ball_face(moving.vertices[k], radius, normal, at) for k, radius in moving.balls]
-    return [vertex_face(v, normal, at) for v in moving.vertices]
+    return _Obstacles(stacked(*forms), np.concatenate(allowances))

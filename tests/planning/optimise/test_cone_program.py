@@ -22,7 +22,7 @@ from fmopt.planning.optimise.cone_program import (
 )
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.placement.largest_clearance import max_min_clearance
-from tests.shared.placement_instances import random_placement
+from tests.shared.placement_instances import random_placement, random_program
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def test_disc_has_its_optimum_by_hand() -> None:
 @pytest.mark.parametrize("growth", [0.0, 0.05])
 @pytest.mark.parametrize("seed", range(4))
 def test_scaling_keeps_feasibility_and_value(seed: int, growth: float) -> None:
-    program = random_placement(seed, growth=growth).program()
+    program = random_program(seed, growth)
     scaled = program.scaled()
     x = np.random.default_rng(seed).normal(size=len(program.c)) * program.units
     assert scaled.slacks(x / program.units) * program.size.rows == pytest.approx(program.slacks(x), rel=1e-12)
@@ -62,7 +62,7 @@ def test_scaling_keeps_feasibility_and_value(seed: int, growth: float) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_any_multipliers_bound_every_feasible_point(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    program = random_placement(seed, growth=0.05).program()
+    program = random_program(seed, 0.05)
     solution = ClarabelSolver().solve(program)
     boxed = replace(program, lower=np.append(program.lower[:-1], -1.0))
     for _ in range(50):
@@ -74,7 +74,7 @@ def test_any_multipliers_bound_every_feasible_point(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_cvxpy_agrees(seed: int) -> None:
-    program = random_placement(seed, rows=14, growth=0.03 * (seed % 2), spare=seed % 3).program()
+    program = random_program(seed, 0.03 * (seed % 2), rows=14, spare=seed % 3)
     problem, x = as_cvxpy(program.scaled())
     problem.solve(solver="CLARABEL")
     mine = ClarabelSolver().solve(program)
@@ -84,7 +84,7 @@ def test_cvxpy_agrees(seed: int) -> None:
 
 
 def test_a_point_off_its_rows_is_refused() -> None:
-    program = random_placement(0).program()
+    program = random_program(0)
     good = ClarabelSolver().solve(program)
     certify(program, good.x)
     for i, what in ((0, "equality"), (len(program.c) - 1, "row")):
@@ -97,7 +97,7 @@ def test_a_point_off_its_rows_is_refused() -> None:
 
 
 def lies() -> dict[str, dict[str, object]]:
-    good = ClarabelSolver().solve(random_placement(1).program())
+    good = ClarabelSolver().solve(random_program(1))
     assert good.duals is not None
     worse = np.append(good.x[:-1], good.x[-1] - 1e-10)
     return {
@@ -113,7 +113,7 @@ def lies() -> dict[str, dict[str, object]]:
 
 @pytest.mark.parametrize("name", lies())
 def test_a_lying_solver_is_caught(name: str) -> None:
-    program = random_placement(1).program()
+    program = random_program(1)
     with pytest.raises(SolverError):
         checked(program, Liar(lies()[name]))
     with pytest.raises(SolverError):
@@ -159,7 +159,7 @@ def test_an_unbounded_program_and_bad_shapes_are_refused() -> None:
 
 
 def test_values_stay_read_only_through_pickling() -> None:
-    program = pickle.loads(pickle.dumps(random_placement(2, growth=0.1).program()))
+    program = pickle.loads(pickle.dumps(random_program(2, 0.1)))
     solution = pickle.loads(pickle.dumps(ClarabelSolver().solve(program)))
     for array in (program.G, program.lower, program.norms[0].F, program.size.rows, solution.x, solution.duals.rows):
         with pytest.raises(ValueError, match="read-only"):
@@ -181,7 +181,7 @@ def test_equal_bounds_hold_a_variable() -> None:
 
 
 def test_the_same_program_has_the_same_bits_after_others_and_in_threads() -> None:
-    programs = [random_placement(seed, rows=20, contacts=2, growth=0.02).program() for seed in range(12)]
+    programs = [random_program(seed, 0.02, rows=20, contacts=2) for seed in range(12)]
     first = [ClarabelSolver().solve(program).x for program in programs]
     with ThreadPoolExecutor(2) as pool:
         again = list(pool.map(lambda program: ClarabelSolver().solve(program).x, programs[::-1]))[::-1]
