@@ -207,7 +207,7 @@ def _start(problem: Problem) -> Iterator[str]:
         yield f"error fixed in the {where}"
     yield from _sources(problem)
     if problem.sources is not None:
-        yield f"grasped {mm(problem.sources.grasp_height)} mm above the leading face"
+        yield f"grasped {mm(problem.sources.grasp.height)} mm above the leading face"
     if problem.trapezoid is not None:
         ball, cone = problem.trapezoid
         yield f"S(t) for a ball of {mm(ball)} mm and a cone of {_deg(cone)} deg, for which nothing is proved"

@@ -28,12 +28,11 @@ from fmopt.task.solid_tree import build_part, build_tree, shape_part
 from fmopt.task.sources import (
     OF_ALL,
     Contribution,
-    Sources,
     allowance,
     as_stated,
+    body_width,
     budget,
     framing,
-    sources_of,
     tessellation,
     total,
 )
@@ -248,10 +247,9 @@ def _problem(
     frames[peg] = frames[peg].compose(turned)
     tcp = None if (at := file.tool.tcp) is None else Pose.from_vector([*at.at, *at.turn])
     trapezoid = file.uncertainty.trapezoid
-    moving_points, fixed_points = (parts[side].polyhedron.vertices for side in ("moving", "fixed"))
-    table = file.uncertainty.sources
-    sources = None if table is None else sources_of(table, moving_points, fixed_points)
-    shares = _budget(file, sources, moving, height) if sources else (stated,)
+    widths = body_width(parts["moving"].polyhedron.vertices), body_width(parts["fixed"].polyhedron.vertices)
+    sources = file.uncertainty.sources
+    shares = (stated,) if sources is None else _budget(file, sources, widths, moving, height)
     shares = (*shares, *tessellation(models, parts))
     shares = (*shares, *allowance(file.uncertainty.velocity, shares))
     plane = _plane(file, models)
@@ -378,7 +376,9 @@ def _both(build: Callable[[Model], T], models: Mapping[str, Model]) -> dict[str,
     return built
 
 
-def _budget(file: files.ProblemFile, sources: Sources, moving: Part, start: float) -> tuple[Contribution, ...]:
+def _budget(
+    file: files.ProblemFile, sources: files.Sources, widths: tuple[float, float], moving: Part, start: float
+) -> tuple[Contribution, ...]:
     """What each source contributes to the start error.
 
     Where the part starts is for the planner to choose. The sources' box holds for all that it may choose: leaning by
@@ -387,10 +387,10 @@ def _budget(file: files.ProblemFile, sources: Sources, moving: Part, start: floa
     lean = min(1.3 * math.sqrt(2.0) * file.settings.max_tilt, 0.5 * math.pi)  # √2: about x and y at once
     radius = sizes.tip_radius(moving)
     height = start + radius * math.sin(lean)
-    upright = total(budget(sources, height, 0.0, lean))  # a first box, to say how far beside the axis it may be
+    upright = total(budget(sources, widths, height, 0.0, lean))  # a first box, to say how far beside the axis it may be
     swing = radius * float(np.linalg.norm(upright[3:]))
     aside = 7.0 * float(upright[0]) + 3.0 * swing + radius * (1.0 - math.cos(lean))
-    return budget(sources, height, aside, lean)
+    return budget(sources, widths, height, aside, lean)
 
 
 def _plane(file: files.ProblemFile, models: Mapping[str, Model]) -> Profiles | None:

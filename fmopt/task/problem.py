@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from fmopt.spatial.values import Array, Framing, Value
-from fmopt.task.sources import Contribution, Sources, framing, total
+from fmopt.task.sources import Contribution, framing, total
 
 if TYPE_CHECKING:
     from fmopt.geometry.mating_features import Feature
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from fmopt.task.object_model.tree import ObjectTree
     from fmopt.task.object_model.workcell import LowerPair
     from fmopt.task.pairing import Mated
+    from fmopt.task.toml.problem_file import Sources
 
 
 @dataclass(frozen=True)

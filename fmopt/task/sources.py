@@ -1,11 +1,11 @@
-"""Sources of uncertainty, each its own type, and the start box they make, after [BasanezSuarez] eqs. (1)-(11)."""
+"""Sources of uncertainty and the start box that they make, after [BasanezSuarez] eqs. (1)-(11)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, assert_never
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,113 +24,6 @@ OF_ALL = {"x": "position", "y": "position", "z": "position", "rx": "angle", "ry"
 _SIDES: dict[str, Frame] = {"moving": "hand", "fixed": "hole"}
 _LEAST = 1e-9  # m and rad: the least start error where velocity adds none, which rounding is small beside
 _QUARTER = 0.5 * math.pi  # rad: the sine falls beyond; sums as large are refused anyway
-
-
-@dataclass(frozen=True)
-class Deviation:
-    """Greatest deviation of a position (m) and of an orientation about any axis (rad).
-
-    As a configuration: ε_pp and ε_φp as observed, independent of each other, of the point `about` (m).
-    """
-
-    position: float = 0.0
-    angle: float = 0.0
-    about: Point | None = None
-
-
-@dataclass(frozen=True)
-class Known:
-    """ε_pp (m): the configuration is known a priori, every point of the part lies within this of its place.
-
-    What a part turns by then follows from its `width`, the least altitude (m) of a triangle of its points: two points
-    that far apart across the axis of a turn by θ part by 2 sin(θ/2) times that, which is at most 2 ε_pp.
-    """
-
-    deviation: float
-    width: float
-
-
-@dataclass(frozen=True)
-class ObservedPoints:
-    """ε_m (m) at three points of the part, from which position and orientation follow: dependent parameters.
-
-    The part lies so that each of the points is within ε_m of where it is taken to be.
-    """
-
-    points: tuple[Point, Point, Point]
-    deviation: float
-
-
-@dataclass(frozen=True)
-class Handling:
-    """A robot that has grasped the part at a point `at` (m) and put it down: its deviations, and the slide."""
-
-    robot: Deviation
-    slide: Deviation = Deviation()
-    at: Point = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Placed:
-    """Put down by robots, in turn; their deviations, and those of the configuration `before`, accumulate."""
-
-    before: Configuration
-    handlings: tuple[Handling, ...]
-
-
-Configuration: TypeAlias = Deviation | Known | ObservedPoints | Placed
-
-
-@dataclass(frozen=True)
-class Sources:
-    """Everything that makes the parts' relative pose uncertain, lengths in m.
-
-    Args:
-        shape: ε_v, of any point of either part from its model.
-        measurement: ε_m, of the fixed part as a sensor sees it, in place of its shape and configuration; or None.
-        configuration: of the fixed part, points in the B-frame.
-        feeder: configuration of the moving part before it was grasped, points in its frame.
-        robot: ε_pr and ε_φr of the end effector; it counts when grasping and again when inserting.
-    """
-
-    shape: float
-    measurement: float | None
-    configuration: Configuration
-    feeder: Configuration
-    robot: Deviation
-    slide: Deviation
-    grasp_height: float
-
-
-def sources_of(table: files.Sources, moving: Array, fixed: Array) -> Sources:
-    """The sources of a problem file; what it leaves to be measured is so on the parts' vertices (n, 3), m."""
-    return Sources(
-        shape=table.shape,
-        measurement=table.measurement,
-        configuration=_configuration(table.configuration, fixed),
-        feeder=_configuration(table.feeder, moving),
-        robot=_deviation(table.robot),
-        slide=_deviation(table.grasp),
-        grasp_height=table.grasp.height,
-    )
-
-
-def _deviation(table: files.Deviation | files.Grasp | None) -> Deviation:
-    return Deviation() if table is None else Deviation(table.position, table.angle)
-
-
-def _configuration(table: files.Configuration | None, vertices: Array) -> Configuration:
-    if table is None:
-        return Deviation()
-    before: Configuration = Deviation(table.position or 0.0, table.angle, table.about)
-    if table.known is not None:
-        before = Known(table.known, body_width(vertices))
-    elif table.observed is not None:
-        first, second, third = table.observed.points
-        before = ObservedPoints((first, second, third), table.observed.deviation)
-    if table.placed is None:
-        return before
-    return Placed(before, tuple(Handling(_deviation(h.robot), _deviation(h.slide), h.at) for h in table.placed))
 
 
 @dataclass(frozen=True)
@@ -186,7 +79,9 @@ def total(contributions: Sequence[Contribution]) -> Array:
     return np.array([math.fsum(c.box[axis] for c in contributions) for axis in range(6)])
 
 
-def budget(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.0) -> tuple[Contribution, ...]:
+def budget(
+    sources: files.Sources, widths: tuple[float, float], height: float, aside: float = 0.0, lean: float = 0.0
+) -> tuple[Contribution, ...]:
     """Which source contributes how much to a box that holds every start error the sources can make together.
 
     Position, eq. (10): ε_a + ε_pr + ε_pg + ε_v with ε_pg = ε_pr + ε_pp + ε_td, and ε_a = ε_v + ε_pp of the fixed part,
@@ -200,12 +95,13 @@ def budget(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.
     not share one displacement later on.
 
     Args:
+        widths: of the moving and of the fixed part, see `body_width`, m.
         height: of the leading face's centre above the mouth at the start, at most, m.
         aside: its distance from the axis of the hole then, at most, m.
         lean: angle between the two axes then, at most, rad.
     """
-    h = sources.grasp_height
-    fixed, held = _fixed_shares(sources), _held_shares(sources)
+    h, (moving, standing) = sources.grasp.height, widths
+    fixed, held = _fixed_shares(sources, standing), _held_shares(sources, moving)
     tilted = min(math.fsum(share.angle for share in held), _QUARTER)
     turn = min(math.fsum(share.angle for share in fixed), _QUARTER)
     turned, shortened = math.sin(turn), 1.0 - math.cos(turn)
@@ -228,22 +124,22 @@ def _levers(shares: Sequence[Share], levers: tuple[float, float, float]) -> list
     return found
 
 
-def _fixed_shares(sources: Sources) -> list[Share]:
+def _fixed_shares(sources: files.Sources, width: float) -> list[Share]:
     if sources.measurement is not None:
         return [Share("fixed part, measured", "ε_m", sources.measurement, frame="hole")]
-    placed = configuration_shares(sources.configuration, (0.0, 0.0, 0.0))
+    placed = configuration_shares(sources.configuration, width, (0.0, 0.0, 0.0))
     shape = Share("fixed part, shape", "ε_v", sources.shape, frame="hole")
     return [shape, *_named("fixed part, ", placed, "hole")]
 
 
-def _held_shares(sources: Sources) -> list[Share]:
-    robot, slide = sources.robot, sources.slide
+def _held_shares(sources: files.Sources, width: float) -> list[Share]:
+    robot, grasp = sources.robot, sources.grasp
     # At the grasping point, about which the turns of what is held are counted.
-    before = configuration_shares(sources.feeder, (0.0, 0.0, sources.grasp_height))
+    before = configuration_shares(sources.feeder, width, (0.0, 0.0, grasp.height))
     return [
         *_named("moving part before the grasp, ", before, "hand"),
         Share("robot, grasping", "ε_pr, ε_φr", robot.position, robot.angle, "hand"),
-        Share("slide in the gripper", "ε_td, ε_φd", slide.position, slide.angle, "hand"),
+        Share("slide in the gripper", "ε_td, ε_φd", grasp.position, grasp.angle, "hand"),
         Share("robot, inserting", "ε_pr, ε_φr", robot.position, robot.angle, "world"),
         Share("moving part, shape", "ε_v", sources.shape, frame="hand"),
     ]
@@ -253,21 +149,27 @@ def _named(prefix: str, shares: Sequence[Share], frame: Frame) -> list[Share]:
     return [replace(share, source=prefix + share.source, frame=frame) for share in shares]
 
 
-def configuration_shares(configuration: Configuration, at: Point) -> list[Share]:
-    """How far a configuration's deviations move a point (x, y, z) of the part, m, and turn the part."""
-    match configuration:
-        case Deviation(position, angle, about):
-            lever = _chord(at if about is None else about, at, angle)
-            observed = [Share("configuration", "ε_pp, ε_φp", position, angle)]
-            return observed if lever == 0.0 else [*observed, Share("turn about the observed point", "ε_φp", lever)]
-        case Known(deviation, width):
-            return [Share("configuration known a priori", "ε_pp", deviation, _turn(deviation, width))]
-        case ObservedPoints(points, deviation):
-            angle = _turn(deviation, least_altitude(points))
-            return [Share("observed points", "ε_m", _moved(points, deviation, angle, at), angle)]
-        case Placed(before, handlings):
-            return _handled(configuration_shares(before, handlings[0].at), handlings, at)
-    assert_never(configuration)
+def configuration_shares(table: files.Configuration | None, width: float, at: Point) -> list[Share]:
+    """How far a configuration's deviations move a point (x, y, z) of a part of some `body_width`, m, and turn the part.
+
+    Where points are known a priori, two points that far apart across the axis of a turn by θ part by 2 sin(θ/2) times
+    the width, which is at most 2 ε_pp. Deviations of the robots that put the part down accumulate.
+    """
+    if table is None:
+        return [Share("configuration", "ε_pp, ε_φp", 0.0)]
+    handlings = table.placed or ()
+    begun = handlings[0].at if handlings else at
+    if table.known is not None:
+        found = [Share("configuration known a priori", "ε_pp", table.known, _turn(table.known, width))]
+    elif table.observed is not None:
+        points, deviation = table.observed.points, table.observed.deviation
+        angle = _turn(deviation, least_altitude(points))
+        found = [Share("observed points", "ε_m", _moved(points, deviation, angle, begun), angle)]
+    else:
+        found = [Share("configuration", "ε_pp, ε_φp", table.position or 0.0, table.angle)]
+        if lever := _chord(begun if table.about is None else table.about, begun, table.angle):
+            found.append(Share("turn about the observed point", "ε_φp", lever))
+    return _handled(found, handlings, at)
 
 
 def _moved(points: ArrayLike, deviation: float, angle: float, at: Point) -> float:
@@ -284,15 +186,16 @@ def _moved(points: ArrayLike, deviation: float, angle: float, at: Point) -> floa
     return min(direct, deviation + _chord((a + b + c) / 3.0, at, angle))
 
 
-def _handled(shares: list[Share], handlings: Sequence[Handling], at: Point) -> list[Share]:
+def _handled(shares: list[Share], handlings: Sequence[files.Handling], at: Point) -> list[Share]:
     """Shares at a point after each handling: the robot twice, the slide, and turns about the point where it grasped."""
     for number, handling in enumerate(handlings, start=1):
         robot, slide = handling.robot, handling.slide
+        slid = (0.0, 0.0) if slide is None else (slide.position, slide.angle)
         # The robot is off as it grasps, and again as it puts the part down.
         shares = [
             *shares,
             Share(f"handling {number}, robot", "ε_pr, ε_φr", 2.0 * robot.position, 2.0 * robot.angle),
-            Share(f"handling {number}, slide", "ε_td, ε_φd", slide.position, slide.angle),
+            Share(f"handling {number}, slide", "ε_td, ε_φd", *slid),
         ]
         then = handlings[number].at if number < len(handlings) else at
         # Positions hold at the point of the last grasp: to the next one all turns so far are a lever.

@@ -7,7 +7,6 @@ import math
 import pickle
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +18,8 @@ from fmopt.spatial.se3 import exp, log
 from fmopt.task.explain import explain, facts
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
-from fmopt.task.sources import (
-    Deviation,
-    Handling,
-    Known,
-    ObservedPoints,
-    Placed,
-    Sources,
-    body_width,
-    budget,
-    configuration_shares,
-    least_altitude,
-    total,
-)
+from fmopt.task.sources import body_width, budget, configuration_shares, least_altitude, total
+from fmopt.task.toml.problem_file import Configuration, Deviation, Grasp, Handling, Observed, Sources
 from fmopt.task.toml.source import read
 from tests import ROOT
 from tests.shared.files.shipped import copied
@@ -186,13 +174,12 @@ def test_another_unit_is_no_tolerance(tmp_path: Path, wrong: str) -> None:
 
 SOURCES = Sources(
     shape=1e-5,
-    measurement=None,
-    configuration=Deviation(1e-4, 0.02),
-    feeder=Deviation(5e-5, 0.01),
-    robot=Deviation(1e-4, 0.015),
-    slide=Deviation(2e-4, 0.03),
-    grasp_height=0.04,
+    configuration=Configuration(position=1e-4, angle=0.02),
+    feeder=Configuration(position=5e-5, angle=0.01),
+    robot=Deviation(position=1e-4, angle=0.015),
+    grasp=Grasp(position=2e-4, angle=0.03, height=0.04),
 )
+WIDTHS = (0.02, 0.04)  # of which nothing hangs here
 
 
 def sampled_error(sources: Sources, start: np.ndarray, axis: np.ndarray, directions: np.ndarray) -> np.ndarray:
@@ -200,21 +187,21 @@ def sampled_error(sources: Sources, start: np.ndarray, axis: np.ndarray, directi
     turns = iter(directions)
     fixed_turn = exp(sources.configuration.angle * next(turns))
     grasp_turn = np.eye(3)
-    for angle in (sources.robot.angle, sources.robot.angle, sources.feeder.angle, sources.slide.angle):
+    for angle in (sources.robot.angle, sources.robot.angle, sources.feeder.angle, sources.grasp.angle):
         grasp_turn = exp(angle * next(turns)) @ grasp_turn
     moved = sum(
         size * next(turns)
         for size in (sources.shape, sources.configuration.position, sources.robot.position, sources.robot.position,
-                     sources.feeder.position, sources.slide.position, sources.shape)
+                     sources.feeder.position, sources.grasp.position, sources.shape)
     )  # fmt: skip
-    tip = start + sources.grasp_height * axis + moved - sources.grasp_height * (grasp_turn @ axis)
+    tip = start + sources.grasp.height * axis + moved - sources.grasp.height * (grasp_turn @ axis)
     return np.concatenate([fixed_turn.T @ tip - start, log(fixed_turn.T @ grasp_turn)])
 
 
 @pytest.mark.parametrize(("aside", "lean"), [(0.0, 0.0), (0.004, 0.3)])
 def test_start_box_holds_every_combination_of_sources(aside: float, lean: float) -> None:
     rng = np.random.default_rng(0)
-    box = total(budget(SOURCES, 0.005, aside, lean))
+    box = total(budget(SOURCES, WIDTHS, 0.005, aside, lean))
     worst = np.zeros(6)
     for n in range(4000):
         directions = rng.normal(size=(12, 3))
@@ -233,7 +220,7 @@ def test_start_box_holds_every_combination_of_sources(aside: float, lean: float)
 
 
 def test_a_measured_part_counts_by_its_measurement() -> None:
-    measured = total(budget(replace(SOURCES, measurement=3e-5), 0.005))
+    measured = total(budget(SOURCES.model_copy(update={"measurement": 3e-5}), WIDTHS, 0.005))
     angle = 2 * 0.015 + 0.03 + 0.01
     position = 3e-5 + 2e-4 + 5e-5 + 2e-4 + 1e-5
     assert measured[0] == pytest.approx(position + 0.04 * math.sin(angle), rel=1e-12)
@@ -255,7 +242,7 @@ grasp = { position = 0.2, angle = "30 mrad", height = 40 }
     path.write_text(written[:start] + sources + written[end:], encoding="utf-8")
     problem = load(path)
     assert problem.sources == SOURCES
-    assert np.all(problem.start_box >= total(budget(SOURCES, 0.001)))
+    assert np.all(problem.start_box >= total(budget(SOURCES, WIDTHS, 0.001)))
     np.testing.assert_array_equal(total(problem.budget), problem.start_box)
     words = explain(problem, measured_clearance(problem))
     for share in problem.budget:
@@ -284,8 +271,9 @@ def moved_points(rng: np.random.Generator, points: np.ndarray, deviation: float,
 @pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (0.03, -0.02, 0.05)])
 def test_configurations_known_by_points_bound_what_points_allow(at: tuple[float, float, float]) -> None:
     rng, corners = np.random.default_rng(5), np.array([(0.0, 0.0, 0.0), (0.06, 0.0, 0.01), (0.01, 0.04, 0.0)])
-    observed = configuration_shares(ObservedPoints(tuple(map(tuple, corners.tolist())), 1e-3), at)
-    known = configuration_shares(Known(1e-3, body_width(corners)), tuple(corners[1].tolist()))
+    points, width = tuple(map(tuple, corners.tolist())), body_width(corners)
+    observed = configuration_shares(Configuration(observed=Observed(points=points, deviation=1e-3)), width, at)
+    known = configuration_shares(Configuration(known=1e-3), width, points[1])
     far = turn = 0.0
     for R, t in moved_points(rng, corners, 1e-3, 2000):
         far = max(far, float(np.linalg.norm(R @ at + t - at)))
@@ -298,11 +286,12 @@ def test_configurations_known_by_points_bound_what_points_allow(at: tuple[float,
 
 
 def test_handlings_accumulate() -> None:
-    rng, robot, slide = np.random.default_rng(6), Deviation(3e-4, 0.02), Deviation(1e-4, 0.01)
+    rng = np.random.default_rng(6)
+    robot, slide = Deviation(position=3e-4, angle=0.02), Deviation(position=1e-4, angle=0.01)
     grasps = [np.array(at) for at in ((0.0, 0.0, 0.06), (0.0, 0.0, 0.03))]
-    handlings = tuple(Handling(robot, slide, tuple(at.tolist())) for at in grasps)
-    placed = Placed(Deviation(2e-4, 0.015), handlings)
-    shares = configuration_shares(placed, (0.0, 0.0, 0.0))
+    handlings = tuple(Handling(robot=robot, slide=slide, at=tuple(at.tolist())) for at in grasps)
+    placed = Configuration(position=2e-4, angle=0.015, placed=handlings)
+    shares = configuration_shares(placed, 0.0, (0.0, 0.0, 0.0))
     position, angle = (math.fsum(getattr(s, name) for s in shares) for name in ("position", "angle"))
     assert angle == pytest.approx(0.015 + 2 * (2 * 0.02 + 0.01), rel=1e-14)
     far = turn = 0.0
@@ -321,8 +310,8 @@ def test_handlings_accumulate() -> None:
     assert far >= 0.8 * position
     assert 0.999 * angle <= turn <= angle * (1.0 + 1e-12)
     # Grasped twice at one point, turns make no position.
-    same = Placed(placed.before, (handlings[0],) * 2)
-    there = math.fsum(share.position for share in configuration_shares(same, (0.0, 0.0, 0.06)))
+    same = placed.model_copy(update={"placed": (handlings[0],) * 2})
+    there = math.fsum(share.position for share in configuration_shares(same, 0.0, (0.0, 0.0, 0.06)))
     assert there == pytest.approx(2e-4 + 2 * (2 * 3e-4 + 1e-4), rel=1e-14)
 
 
@@ -331,7 +320,7 @@ def test_all_kinds_of_configuration_in_a_file(tmp_path: Path) -> None:
     written = path.read_text(encoding="utf-8")
     start, end = written.index("[uncertainty.start]"), written.index("[uncertainty.velocity]")
     rest = "robot = { position = 0.1, angle = 0.1 }\ngrasp = { height = 40 }\n"
-    found = {}
+    found, shares = {}, {}
     for name, given in {
         "known": "{ known = 0.1 }",
         "observed": "{ position = 0.1, angle = 0.1, about = [10, 0, 0] }",
@@ -346,13 +335,14 @@ def test_all_kinds_of_configuration_in_a_file(tmp_path: Path) -> None:
         assert problem.sources is not None
         found[name] = problem.sources.configuration
         assert len(facts(problem, measured_clearance(problem))["budget"]) == len(problem.budget)
-    width = least_altitude([(0.03, 0.03, 0.0), (-0.03, -0.03, -0.04), (-0.03, 0.03, -0.04)])
-    assert isinstance(found["known"], Known)
-    assert found["known"].deviation == 1e-4
-    assert found["known"].width >= 0.9 * width
-    assert found["observed"] == Deviation(1e-4, math.radians(0.1), (0.01, 0.0, 0.0))
-    assert found["points"] == ObservedPoints(((0.0, 0.0, 0.0), (0.05, 0.0, 0.0), (0.0, 0.04, 0.0)), 5e-5)
-    assert found["placed"] == Placed(found["known"], (Handling(Deviation(1e-4), Deviation(), (0.0, 0.0, -0.005)),))
-    assert found["exactly"] == Placed(
-        Deviation(), (Handling(Deviation(1e-4), Deviation(2e-5, math.radians(1.0)), (0.0, 0.0, 0.0)),)
-    )
+        shares[name] = {share.source.removeprefix("fixed part, "): share for share in problem.budget}
+    width, block = least_altitude([(0.03, 0.03, 0.0), (-0.03, -0.03, -0.04), (-0.03, 0.03, -0.04)]), problem.fixed
+    known = shares["known"]["configuration known a priori"]
+    assert known.box[0] >= 1e-4
+    assert 0.9 * width <= body_width(block.polyhedron.vertices)
+    assert known.box[3] == pytest.approx(2.0 * math.asin(1e-4 / body_width(block.polyhedron.vertices)), rel=1e-12)
+    assert found["observed"] == Configuration(position=1e-4, angle=math.radians(0.1), about=(0.01, 0.0, 0.0))
+    assert shares["observed"]["turn about the observed point"].box[0] > 0.0
+    assert found["points"].observed.points == ((0.0, 0.0, 0.0), (0.05, 0.0, 0.0), (0.0, 0.04, 0.0))
+    assert shares["placed"]["handling 1, robot"].box[0] >= 2e-4
+    assert shares["exactly"]["handling 1, slide"].box[3] == pytest.approx(math.radians(1.0), rel=1e-12)

@@ -11,8 +11,8 @@ import pytest
 
 from fmopt.errors import GeometryError
 from fmopt.papers.basanez_suarez.sources import Configuration, Deviation, Grasped, ObservedPoints, deviations, edge_turn
-from fmopt.task.sources import Deviation as StatedDeviation
-from fmopt.task.sources import Sources, budget, total
+from fmopt.task.sources import budget, total
+from fmopt.task.toml import problem_file as files
 from tests.shared.planar_sampling import disc
 
 SHAPE, FEEDER, ROBOT, SLIDE = 2e-5, Deviation(1e-4), Deviation(3e-4, 0.004), Deviation(5e-5, 0.001)
@@ -51,8 +51,10 @@ def test_sums_of_the_paper() -> None:
 
 
 def test_the_start_box_has_the_same_sums() -> None:
-    feeder, robot, slide = StatedDeviation(1e-4), StatedDeviation(3e-4, 0.004), StatedDeviation(5e-5, 0.001)
-    box = total(budget(Sources(2e-5, None, feeder, feeder, robot, slide, 0.0), 0.0))
+    feeder, robot = files.Configuration(position=1e-4), files.Deviation(position=3e-4, angle=0.004)
+    grasp = files.Grasp(position=5e-5, angle=0.001, height=0.0)
+    sources = files.Sources(shape=2e-5, configuration=feeder, feeder=feeder, robot=robot, grasp=grasp)
+    box = total(budget(sources, (0.0, 0.0), 0.0))
     off = deviations(SHAPE, FEEDER, [(0.0, 0.0)], GRASPED)
     assert box[0] == pytest.approx(off.static[0] + off.position, rel=1e-14)
     assert box[3] == pytest.approx(off.angle, rel=1e-14)
