@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from fmopt.errors import PlanFormatError
-from fmopt.plan import Body, Plan
+from fmopt.plan import Body, Part
 from fmopt.plan import Contact as Row
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, Value
@@ -99,13 +100,29 @@ def _nearest(p: Array, u: Array, q: Array, v: Array) -> tuple[float, float]:
     return float(s), float(t)
 
 
-def contacts(plan: Plan) -> dict[str, Contact]:
+class Parts(Protocol):
+    """Two parts and contacts between them, as a plan has them."""
+
+    @property
+    def moving(self) -> Part:
+        """The moving part."""
+
+    @property
+    def fixed(self) -> Part:
+        """The fixed part."""
+
+    @property
+    def contacts(self) -> tuple[Row, ...]:
+        """The contacts."""
+
+
+def contacts(plan: Parts) -> dict[str, Contact]:
     """The contacts of a plan by their names.
 
     Raises:
         PlanFormatError: a face of a part has no normal.
     """
-    sides = {side: _Side(part.body) for side, part in plan.parts.items()}
+    sides = {"moving": _Side(plan.moving.body), "fixed": _Side(plan.fixed.body)}
     try:
         return {contact.id: _contact(contact, sides) for contact in plan.contacts}
     except ValueError as error:

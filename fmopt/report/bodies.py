@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmopt.geometry.polyhedron import Edge, Polyhedron, from_faces, placed, plane_of
+from fmopt.geometry.polyhedron import Edge, Polyhedron, from_faces, placed
 from fmopt.geometry.section import section
 from fmopt.plan import Body, Part
-from fmopt.report.naming import Parts
+from fmopt.plan.contact_geometry import Parts, contacts
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
@@ -59,22 +59,9 @@ CUTS = {"x–z": upright_plane(0.0), "y–z": upright_plane(0.5 * math.pi)}
 
 
 def contact_place(plan: Parts, contact: str, pose: Pose) -> Array:
-    """Where a contact touches (3,), m: its vertex, or the point of a ball, or of an edge, nearest to what is fixed."""
-    record = next(c for c in plan.contacts if c.id == contact)
-    moving = pose.apply(np.array([plan.moving.body.vertices[i] for i in record.moving]))
-    fixed = np.array([plan.fixed.body.vertices[i] for i in record.fixed])
-    if record.kind == "ball-face":
-        # The normal points out of what is fixed: the ball touches it one radius from its centre, against the normal.
-        normal, _ = plane_of(fixed, [range(len(fixed))])
-        return np.asarray(moving[0] - dict(plan.moving.body.balls)[record.moving[0]] * normal)
-    if len(moving) == 1 or len(fixed) == 1:
-        return np.asarray((moving if len(moving) == 1 else fixed)[0])
-    e, f, d = moving[1] - moving[0], fixed[1] - fixed[0], fixed[0] - moving[0]
-    ee, ef, ff = e @ e, e @ f, f @ f
-    # The sine of the edges' angle, squared: next to parallel they have no nearest points, and the middle will do.
-    level = ee * ff - ef * ef <= 1e-9 * ee * ff
-    share = 0.5 if level else float(np.clip(((d @ e) * ff - (d @ f) * ef) / (ee * ff - ef * ef), 0.0, 1.0))
-    return np.asarray(moving[0] + share * e)
+    """Where a contact touches (3,), m; of parallel edges, which fix no point, the middle of the moving one."""
+    found = contacts(plan)[contact]
+    return pose.apply(found.moving.mean(axis=0)) if found.level(pose) else found.touch(pose)[0]
 
 
 def creases(body: Polyhedron) -> list[Edge]:

@@ -3,11 +3,11 @@
 import math
 import re
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
 from fmopt.plan import Body, Contact, Part, Plan
+from fmopt.plan.contact_geometry import Parts
 from fmopt.plan.diagnostics import UnplannedContact
 from fmopt.plan.position_force import AXES
 from fmopt.spatial.se3 import cross
@@ -20,22 +20,6 @@ _SAME = 1e-9  # m
 _SLIGHT = 0.005  # of the greatest component of a direction
 _PIECES, _EARLY = re.compile(r"(?:pieces )?(\d+)[/-](\d+)"), re.compile(r"(\S+) too early")
 _ALONG = 0.94  # cosine within which a direction is called by one axis
-
-
-class Parts(Protocol):
-    """What names are of: two parts and contacts between them, as a plan has them."""
-
-    @property
-    def moving(self) -> Part:
-        """The moving part."""
-
-    @property
-    def fixed(self) -> Part:
-        """The fixed part."""
-
-    @property
-    def contacts(self) -> tuple[Contact, ...]:
-        """The contacts."""
 
 
 def quantity(length: float) -> str:

@@ -81,16 +81,11 @@ class UnplannedContact(Value, row=(6,), wrench=(6,)):
         return diagnostics.UnplannedContact(move, *features, self.factor, wrench, told, *alone, self.angle)
 
 
-@dataclass(frozen=True, eq=False)
-class _Place:
+class _Place(NamedTuple):
     """A pose of a move, with the images (6, 6) of the start errors there as columns."""
 
     pose: Pose
     images: Array
-
-    @staticmethod
-    def of(pose: Pose, errors: ErrorSet, axes: NDArray[np.intp]) -> _Place:
-        return _Place(pose, images_of(errors, axes))
 
 
 def images_of(errors: ErrorSet, axes: NDArray[np.intp]) -> Array:
@@ -143,10 +138,10 @@ def unplanned_contacts(
 def _places(claims: Sequence[Claim], axes: NDArray[np.intp]) -> Iterator[tuple[Claim, _Place]]:
     """The poses at which contacts are looked for: where the move starts, and where each of its pieces ends."""
     first = claims[0].advance.ends  # between the ends of a piece an error lies between those at its ends
-    yield claims[0], _Place.of(first.start, first.start_set, axes)
+    yield claims[0], _Place(first.start, images_of(first.start_set, axes))
     for claim in claims:
         ends = claim.advance.ends
-        yield claim, _Place.of(ends.goal, ends.goal_set, axes)
+        yield claim, _Place(ends.goal, images_of(ends.goal_set, axes))
 
 
 def _near(assembly: Assembly, claim: Claim, place: _Place) -> Iterator[tuple[PrimitiveContact, float, Array]]:

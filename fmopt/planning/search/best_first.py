@@ -21,10 +21,11 @@ from itertools import islice
 
 import numpy as np
 
+from fmopt.contact.c_surface import Surfaces
 from fmopt.errors import OverdueError, SearchError
 from fmopt.planning.moves.moves import Care, Move, Reached
 from fmopt.planning.search.entry import Entry, Leant
-from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, insides, meetings, neighbourhood, tips
+from fmopt.planning.search.guarded_move import Freedom, Place, guarded, insides, meetings, neighbourhood, tips
 from fmopt.planning.search.successors import ASKEW, Costs, Node, Task, successor_by, successors, ways_on
 from fmopt.planning.search.symmetry import Searched, SearchedState
 from fmopt.runtime.clock import clock
@@ -349,7 +350,8 @@ def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node 
         return bool(insides(assembly, [contact], move.goal)[0] > spread), round(height, 9)
 
     best: Node | None = None
-    moves = meetings(assembly, node.place, freedom, Near.of(assembly, near))
+    surfaces = Surfaces.of(near, assembly.moving.polyhedron, assembly.fixed.polyhedron)
+    moves = meetings(assembly, node.place, freedom, surfaces)
     for move in sorted(moves, key=well_inside, reverse=True):
         after = successor_by(task, node, move, freedom.name, Care.MARGIN)
         if after is not None and (best is None or after.reached.margin > best.reached.margin):

@@ -83,31 +83,6 @@ def _own(values: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Near:
-    """Contacts that a move may meet, with their functions."""
-
-    surfaces: Surfaces
-
-    @staticmethod
-    def of(assembly: Assembly, contacts: Sequence[PrimitiveContact]) -> Near:
-        """These contacts."""
-        return Near(Surfaces.of(contacts, assembly.moving.polyhedron, assembly.fixed.polyhedron))
-
-    @property
-    def contacts(self) -> tuple[PrimitiveContact, ...]:
-        """The contacts (k)."""
-        return self.surfaces.contacts
-
-    def distances(self, poses: Poses) -> Array:
-        """Signed distances (n, k) at poses (n), m; not a number where edges are parallel and cross in no one point."""
-        return self.surfaces.heights(poses.p, poses.R)
-
-    def at(self, pose: Pose) -> Array:
-        """Signed distances (k,) at a pose."""
-        return self.surfaces.values(pose)
-
-
-@dataclass(frozen=True, eq=False)
 class _Course:
     """A motion along a freedom, as kernels take it; held are contacts' functions (r,) and compliant twists (r, 6)."""
 
@@ -131,24 +106,24 @@ class _Course:
         kept(along(self.held, self.motion, amounts, p, R))
         return Poses(p, R)
 
-    def meeting(self, near: Near, which: NDArray[np.intp], between: Array, values: Array) -> Array:
+    def meeting(self, near: Surfaces, which: NDArray[np.intp], between: Array, values: Array) -> Array:
         """Amounts (m,) at which distances `which` (m,), m, vanish, of `values` (2, m) at both ends: positive, then not.
 
         Raises:
             InfeasibleError: the held contacts cannot be kept.
         """
-        found, asked = np.empty(len(which)), near.surfaces.order[which]
-        kept(roots(self.held, self.motion, near.surfaces.tables, asked, (_own(between), _own(values)), found))
+        found, asked = np.empty(len(which)), near.order[which]
+        kept(roots(self.held, self.motion, near.tables, asked, (_own(between), _own(values)), found))
         return found
 
 
-def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> Near:
+def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> Surfaces:
     """The primitive contacts within `reach`, m, that a move along a freedom, or one of its kind and limit, may meet.
 
     A turn is not taken to bring parts nearer than `reach` (m) do.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    return Near.of(assembly, near_contacts(body, fixed, place.pose, *_range(freedom, reach)))
+    return Surfaces.of(near_contacts(body, fixed, place.pose, *_range(freedom, reach)), body, fixed)
 
 
 def _range(freedom: Freedom, reach: float) -> tuple[float, float]:
@@ -163,7 +138,7 @@ def tips(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> tu
     return near_tips(body, fixed, place.pose, *_range(freedom, reach))
 
 
-def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> Move | None:
+def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Surfaces) -> Move | None:
     """The move along a freedom until the first new contact.
 
     None when it meets none, or two independent ones at once, or cannot keep the held contacts. Where these cannot be
@@ -175,7 +150,7 @@ def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> M
     return None
 
 
-def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> Iterator[Move]:
+def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Surfaces) -> Iterator[Move]:
     """The guarded move along a freedom, once for each contact of those that come together as the one that is met.
 
     Which of them errors leave sure to be met is for the certificate to say. Arguments as of `guarded`.
@@ -184,7 +159,7 @@ def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> 
     if move is None:
         return
     yield move
-    closed = (near.at(place.pose) > 10.0 * _TOUCH) & (np.abs(near.at(move.goal)) <= 10.0 * _TOUCH)
+    closed = (near.values(place.pose) > 10.0 * _TOUCH) & (np.abs(near.values(move.goal)) <= 10.0 * _TOUCH)
     others = [contact for contact in compress(near.contacts, closed) if contact not in move.making]
     for contact in _touching(assembly, others, move.goal):
         other = _arrival(assembly, place, move.goal, contact, near)
@@ -192,11 +167,12 @@ def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> 
             yield other
 
 
-def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> Move | None:
+def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Surfaces) -> Move | None:
     course = _Course.of(assembly, place, freedom)
     # A floor that lies at the limit, as the goal's does, is met there, whatever rounding makes of it.
     amounts = np.append(np.linspace(0.0, freedom.limit, _SAMPLES + 1), freedom.limit + _TOUCH)
-    values = near.distances(course.after(amounts))
+    poses = course.after(amounts)
+    values = near.heights(poses.p, poses.R)
     closed = values[1:] <= 0.0
     # What touches to begin with is not met on the way: it has to be open first.
     closing = np.flatnonzero((values[0] > 10.0 * _TOUCH) & closed.any(axis=0))
@@ -223,8 +199,8 @@ def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Nea
     return _arrival(assembly, place, best[2], near.contacts[best[1]], near)
 
 
-def _arrival(assembly: Assembly, place: Place, goal: Pose, first: PrimitiveContact, near: Near) -> Move | None:
-    pairs = zip(near.contacts, near.at(goal).tolist(), strict=True)
+def _arrival(assembly: Assembly, place: Place, goal: Pose, first: PrimitiveContact, near: Surfaces) -> Move | None:
+    pairs = zip(near.contacts, near.values(goal).tolist(), strict=True)
     grazing = [c for c, f in pairs if abs(f) <= 10.0 * _TOUCH and c not in place.held]
     touching = {first, *_touching(assembly, [c for c in grazing if c != first], goal)}
     made = [c for c in grazing if c in touching and (c == first or not cornered(assembly, c, goal))]

@@ -24,7 +24,6 @@ from fmopt.planning.moves.moves import Care, Move, Reached, Tried, unroll
 from fmopt.planning.search.entry import Entry, deeper, turned_axes
 from fmopt.planning.search.guarded_move import (
     Freedom,
-    Near,
     Place,
     freedoms,
     guarded,
@@ -227,9 +226,9 @@ def ways_on(task: Task, node: Node) -> Iterator[tuple[str, Move]]:
             yield freedom.name, move
 
 
-def _nearby(task: Task, node: Node) -> Iterator[tuple[Freedom, Near]]:
+def _nearby(task: Task, node: Node) -> Iterator[tuple[Freedom, Surfaces]]:
     """The freedoms from a state, each with the contacts that a move along it may meet."""
-    near: dict[tuple[bool, float], Near] = {}
+    near: dict[tuple[bool, float], Surfaces] = {}
     for freedom in _freedoms(task, node):
         kind = bool(freedom.twist[3:].any()), freedom.limit
         if kind not in near:
@@ -285,7 +284,7 @@ def _headings(task: Task, node: Node) -> list[float]:
     return found
 
 
-def _along(task: Task, node: Node, freedom: Freedom, near: Near, tried: Tried) -> Node | None:
+def _along(task: Task, node: Node, freedom: Freedom, near: Surfaces, tried: Tried) -> Node | None:
     moves = meetings(task.assembly, node.place, freedom, near)
     first = next(moves, None)
     if first is None and freedom.name == "-z":

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.plan import Numbers, Plan
+from fmopt.plan.contact_geometry import Parts
 from fmopt.report.bodies import CUTS, contact_place, extent, loops_of, pieces_of, section_of, upright_plane
 from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH, Axes, Drawing, Figure, fill
 from fmopt.report.moves import moves
-from fmopt.report.naming import Parts, quantity
+from fmopt.report.naming import quantity
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 

@@ -13,7 +13,7 @@ from fmopt.geometry.convex_pieces import faceted
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
-from fmopt.report.bodies import creases, loops_of
+from fmopt.report.bodies import CUTS, creases, loops_of
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, WIDTH, Axes, Drawing, Figure, fill
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -21,12 +21,7 @@ from fmopt.spatial.values import Array
 _LAMP = np.array([0.3, -0.5, 0.81])
 # Where the part is looked at from: rows to the right, up, and towards the viewer.
 _VIEW = np.array([[0.8, 0.6, 0.0], [-0.3, 0.4, math.sqrt(0.75)], [0.52, -0.69, 0.5]])
-# Columns: to the right, up, and towards the viewer.
-_PLANES = {
-    "x–z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-    "y–z": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
-    "x–y": np.eye(3),
-}
+_PLANES = {**CUTS, "x–y": Pose.identity()}
 
 
 def drawing(name: str, *parts: Part) -> Drawing:
@@ -81,7 +76,7 @@ def corner(axes: Axes, body: Polyhedron) -> None:
 def cut(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> None:
     """The section of convex pieces by a plane of their frame, "x–y" at a height, m; the axes in mm."""
     style: dict[str, Any] = {"facecolor": PALE, "edgecolor": BLUE, "linewidth": 0.8, "hatch": "////"}
-    loops = loops_of(section(pieces, Pose(np.array([0.0, 0.0, height]), _PLANES[plane])))
+    loops = loops_of(section(pieces, _PLANES[plane].moved([0.0, 0.0, height, 0.0, 0.0, 0.0])))
     fill(axes, [1e3 * loop for loop in loops], hatch_linewidth=0.3, **style)
     for place in (axes.axhline, axes.axvline):
         place(0.0, color=GREY, linewidth=0.5, linestyle=(0, (8, 2, 2, 2)))

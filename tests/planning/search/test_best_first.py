@@ -25,7 +25,7 @@ from fmopt.planning.moves.moves import Move, Tried
 from fmopt.planning.search.best_first import MoveSequence, _Frontier, begin, best_sequences, search, shortfall
 from fmopt.planning.search.entry import Entry, start_spread, straight_entry, tilted_entry
 from fmopt.planning.search.entry_sampling import Drawing, beginnings
-from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, neighbourhood
+from fmopt.planning.search.guarded_move import Freedom, Place, guarded, neighbourhood
 from fmopt.planning.search.successors import Costs, Task
 from fmopt.spatial.se3 import Pose, exp
 
@@ -94,7 +94,7 @@ def test_a_floor_exactly_at_the_end_of_the_way_down_is_met() -> None:
             seated = pose.moved(straight.limit * straight.twist)
             above = [c for c in near if 0.0 < Surfaces.of([c], *polyhedra(assembly)).values(seated)[0] < 1e-15]
             short += len(above)
-            move = guarded(assembly, place, straight, Near.of(assembly, near))
+            move = guarded(assembly, place, straight, Surfaces.of(near, *polyhedra(assembly)))
             assert move is not None
             assert move.goal.p[2] == pytest.approx(-depth, abs=1e-15)
     assert short > 0  # rounding leaves some of these a little above the floor
