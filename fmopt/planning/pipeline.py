@@ -39,7 +39,6 @@ from fmopt.runtime.clock import clock, deadline, heed, until
 from fmopt.runtime.compiled import undisturbed
 from fmopt.runtime.pool import share_out
 from fmopt.runtime.process import cores
-from fmopt.task.object_model.command import Answer
 from fmopt.task.problem import Problem, Settings, VelocityError
 from fmopt.task.task_command import problem_answer
 from fmopt.verify import CERTIFIED, TESTED, Verdict, verify
@@ -212,28 +211,41 @@ def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: Non
     Where there is none with the errors of velocity as they are, which add up on the way however little is off at the
     start, that of all errors alike is looked for.
     """
-    stated, lates, moment = problem.velocity_error, list[bool](), clock() + seconds
-
-    def largest(velocity: Callable[[float], VelocityError], end: float) -> Share | None:
-        before = len(lates)
-
-        def of(share: float) -> tuple[Problem, CertifiedMotion, Stages] | None:
-            left = max(end - clock(), 0.0) / max(ATTEMPTS - (len(lates) - before), 1)
-            part = replace(_within(problem, left).under(share), velocity_error=velocity(share))
-            return _for_share(part, share, progress, lates)
-
-        with until(end):
-            found = largest_share(of)
-        if found is None:
-            return None
-        share, (part, motion, _) = found
-        return Share(share, motion.placed.margin, any(lates), part.velocity_error)
-
+    stated, lates, end = problem.velocity_error, list[bool](), clock() + seconds
     moves = bool(stated.translation or stated.rotation)
-    found = largest(lambda _: stated, clock() + (_ALONE * seconds if moves else seconds))
+    found = _largest_share(problem, _ALONE * seconds if moves else seconds, progress, lambda _: stated, lates)
     if found is None and moves:
-        found = largest(stated.scaled, moment)
-    return found or Share(0.0, 0.0, any(lates), stated)
+        found = _largest_share(problem, end - clock(), progress, stated.scaled, lates)
+    if found is None:
+        return Share(0.0, 0.0, any(lates), stated)
+    share, (part, motion, _) = found
+    return Share(share, motion.placed.margin, any(lates), part.velocity_error)
+
+
+_Part = tuple[Problem, CertifiedMotion, Stages]
+"""A problem with a share of the errors, its motion, and the stages that led to it."""
+
+
+def _largest_share(
+    problem: Problem,
+    seconds: float,
+    progress: Progress,
+    velocity: Callable[[float], VelocityError],
+    lates: list[bool],
+) -> tuple[float, _Part] | None:
+    """The largest share of the start errors, each with its errors of velocity, for which a motion is proved.
+
+    Each try has the same part of the time that is left; whether one failed for want of time is noted in `lates`.
+    """
+    end, before = clock() + seconds, len(lates)
+
+    def of(share: float) -> _Part | None:
+        left = max(end - clock(), 0.0) / max(ATTEMPTS - (len(lates) - before), 1)
+        part = replace(_within(problem, left).under(share), velocity_error=velocity(share))
+        return _for_share(part, share, progress, lates)
+
+    with until(end):
+        return largest_share(of)
 
 
 def _within(problem: Problem, seconds: float) -> Problem:
@@ -301,7 +313,7 @@ def planned(
         stages.progress("nominal trajectory")
         task = problem_answer(problem)
         nominal, lost = _described(
-            "the nominal trajectory", lambda: _nominal_motion(problem, task, motion.errors, motion.tolerance.rho)
+            "the nominal trajectory", lambda: nominal_motion(problem, motion.errors, motion.tolerance.rho)
         )
         stages.ended("nominal")
         states, unseen = _described("its way through contact states", lambda: _contact_states(motion, nominal))
@@ -343,11 +355,7 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
 
     P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
     """
-    return _nominal_motion(problem, problem_answer(problem), errors, rho)
-
-
-def _nominal_motion(problem: Problem, found: Answer, errors: ErrorSet, rho: float) -> Nominal:
-    """See `nominal_motion`."""
+    found = problem_answer(problem)
     box = errors.support(np.eye(6)) if problem.trapezoid is None else half_widths(*problem.trapezoid)
     made = answered(found, box, rho)
     reach = float(np.linalg.norm(box[:3]) + 2.0 * rho * np.linalg.norm(box[3:]))
@@ -385,7 +393,7 @@ def _checked(document: dict[str, Any], hope: str = CERTIFIED) -> tuple[dict[str,
 def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
     """A plan for all of the start errors if there is one, else for the largest share for which one is proved.
 
-    Half of the time limit is for all of the errors, the other half for shares of them, the same for each.
+    Half of the time limit is for all of the errors, the other half for shares of them.
     """
     settings, stages = problem.settings, Stages(progress)
     half = _within(problem, 0.5 * settings.time_limit)
@@ -397,10 +405,7 @@ def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
         short = verdict.findings[0].message
     except (SearchError, InfeasibleError) as error:
         whole, short = None, error.message
-    brief = _within(problem, 0.5 * settings.time_limit / ATTEMPTS)
-    found = largest_share(
-        lambda share: _for_share(replace(brief, start_box=share * problem.start_box), share, progress)
-    )
+    found = _largest_share(problem, 0.5 * settings.time_limit, progress, lambda _: problem.velocity_error, [])
     if found is not None:
         share, (part, motion, own) = found
         return _reduced(problem, share, _completed(part, motion, own), short)
@@ -409,22 +414,16 @@ def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
     return _completed(half, whole, stages)
 
 
-def _for_share(
-    part: Problem, share: float, progress: Progress, lates: list[bool] | None = None
-) -> tuple[Problem, CertifiedMotion, Stages] | None:
-    """The motion for a problem with a share of the errors, if it is proved in its time; None when there is none.
-
-    Whether that was for want of time is noted in `lates`.
-    """
-    noted = [] if lates is None else lates
+def _for_share(part: Problem, share: float, progress: Progress, lates: list[bool]) -> _Part | None:
+    """The motion for a problem with a share of the errors, if it is proved in its time; None when there is none."""
     stages = Stages(lambda words: progress(f"{share:.0%} of the errors: {words}"))
     try:
         motion = certified_motion(part, stages)
         verdict = proved(part, motion)[1]
     except (SearchError, InfeasibleError, OverdueError) as error:
-        noted.append(isinstance(error, OverdueError) or (isinstance(error, SearchError) and error.late))
+        lates.append(isinstance(error, OverdueError) or (isinstance(error, SearchError) and error.late))
         return None
-    noted.append(False)
+    lates.append(False)
     return (part, motion, stages) if str(verdict.verdict) == CERTIFIED else None
 
 

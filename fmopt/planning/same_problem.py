@@ -40,6 +40,11 @@ def differences(plan: Plan, problem: Problem) -> tuple[str, ...]:
     return (*found, *(() if parts else _measured(plan, problem)))
 
 
+def _other(key: str, words: str, own: object, given: object) -> str:
+    """A difference in words: the key of the plan, how it differs, and both values."""
+    return f"{key}: the plan {words}: {own} stands where the problem gives {given}"
+
+
 def _digest(plan: Plan, problem: Problem) -> Iterator[str]:
     if plan.problem != problem.sha256:
         yield (
@@ -52,10 +57,8 @@ def _part(side: str, stated: Stated, part: Part, problem: Problem, pieces: bool)
     """A part of a plan beside that of its file: its surface, which the check holds its pieces against."""
     declared = problem.declared_clearance
     if not _same(stated.declared_clearance or (), declared or ()):
-        yield (
-            f"parts.{side}.declared_clearance: the plan states another declared clearance: "
-            f"{stated.declared_clearance} stands where the problem gives {declared}"
-        )
+        key, words = f"parts.{side}.declared_clearance", "states another declared clearance"
+        yield _other(key, words, stated.declared_clearance, declared)
     another = f"the plan is for another {side} part than {part.name!r}"
     if (off := _off(stated.body, part.polyhedron)) is not None:
         yield f"parts.{side}: {another}: {off}"
@@ -84,8 +87,7 @@ def _task(plan: Plan, problem: Problem) -> Iterator[str]:
     """Goal, start and specification."""
     # Not x and y of guarded moves, which are where walls seat the part.
     if plan.presses and not _same(plan.goal[:2], problem.goal[:2].tolist()):
-        wanted = problem.goal[:2].tolist()
-        yield f"goal: the plan ends beside the goal: {list(plan.goal[:2])} m stands where the problem gives {wanted}"
+        yield _other("goal", "ends beside the goal", f"{list(plan.goal[:2])} m", problem.goal[:2].tolist())
     depth = float(problem.goal[2])
     if abs(plan.goal[2] - depth) > _SEATED:
         yield f"goal: the plan ends at another depth: z is {plan.goal[2]!r} m, by the problem {depth!r} m"
@@ -111,10 +113,7 @@ def _task(plan: Plan, problem: Problem) -> Iterator[str]:
     own, given = _specification(plan), problem.specification.record()
     for name in dict.fromkeys((*given, *own)):
         if not _same(*([value] if (value := of.get(name)) is not None else [] for of in (own, given))):
-            yield (
-                f"specification.{name}: the plan is for another specification: {own.get(name)!r} stands where the "
-                f"problem gives {given.get(name)!r}"
-            )
+            yield _other(f"specification.{name}", "is for another specification", own.get(name), given.get(name))
 
 
 def _specification(plan: Plan) -> dict[str, Any]:
@@ -130,23 +129,15 @@ def _errors(plan: Plan, problem: Problem) -> Iterator[str]:
     if not _same(plan.start_box, wanted):
         share = _share(plan.start_box, wanted)
         part = "" if share is None else f", {share:.0%} of them"
-        yield (
-            f"uncertainty.start_box: the plan is for other start errors{part}: {list(plan.start_box)} stands where the "
-            f"problem gives {wanted}"
-        )
+        yield _other("uncertainty.start_box", f"is for other start errors{part}", list(plan.start_box), wanted)
     stated = dict(plan.sources) or {"world": plan.start_box}
     for frame, box in zip(("hole", "hand", "world"), problem.framing.parts(problem.start_box), strict=True):
         if not _same(stated.get(frame, (0.0,) * 6), box.tolist()):
-            yield (
-                f"uncertainty.sources: the plan takes other errors for fixed in the {frame}: "
-                f"{list(stated.get(frame, ()))} stands where the problem gives {box.tolist()}"
-            )
-    rates = velocity.translation, velocity.rotation
+            words = f"takes other errors for fixed in the {frame}"
+            yield _other("uncertainty.sources", words, list(stated.get(frame, ())), box.tolist())
+    rates = [velocity.translation, velocity.rotation]
     if not _same(plan.velocity_error, rates):
-        yield (
-            f"uncertainty.velocity_error: the plan is for another velocity error: {list(plan.velocity_error)} stands "
-            f"where the problem gives {list(rates)}"
-        )
+        yield _other("uncertainty.velocity_error", "is for another velocity error", list(plan.velocity_error), rates)
 
 
 def _presses(plan: Plan, problem: Problem, clearance: Clearance) -> Iterator[str]:
@@ -197,10 +188,7 @@ def _measured(plan: Plan, problem: Problem) -> Iterator[str]:
         return
     length = characteristic_length(problem, clearance)
     if not _same([plan.rho], [length]):
-        yield (
-            f"uncertainty.rho: the plan weighs rotation by another length: {plan.rho!r} m stands where the problem "
-            f"gives {length!r} m"
-        )
+        yield _other("uncertainty.rho", "weighs rotation by another length", f"{plan.rho!r} m", f"{length!r} m")
     yield from _presses(plan, problem, clearance)
 
 

@@ -162,7 +162,7 @@ def test_what_only_describes_a_motion_costs_no_plan(monkeypatch: pytest.MonkeyPa
     def lost(*_: object) -> None:
         raise GeometryError("no way is seen")
 
-    for name in ("_nominal_motion", "_contact_states", "_error_tolerance"):
+    for name in ("nominal_motion", "_contact_states", "_error_tolerance"):
         monkeypatch.setattr(pipeline, name, lost)
     made = pipeline.synthesise(problem)
     assert made.proved

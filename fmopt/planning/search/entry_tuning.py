@@ -53,79 +53,58 @@ def tuned(
     varied. The numbers are varied one after the other. Where that leaves next to no margin, so are those of the next
     sequence.
     """
-    best: _Tuning | None = None
+    best: MoveSequence | None = None
     for found in candidates:
         if found.entry.shape is None:
-            return found if best is None else best.best
+            return found if best is None else best
         kept = steady if steady(found) else lambda _: True
-        tuning = _Tuning(task, found, found.entry.shape, entry_of, limits, progress, kept)
-        _in_turn(tuning, _GAIN * limits.enough)
-        best = tuning if best is None or tuning.best.reached.margin > best.best.reached.margin else best
-        if not best.slight:
+        varied = _varied(task, found, found.entry.shape, entry_of, limits, progress, kept)
+        best = varied if best is None or varied.reached.margin > best.reached.margin else best
+        if best.reached.margin >= _ENOUGH * limits.enough:
             break
     assert best is not None
-    return best.best
+    return best
 
 
-def _in_turn(tuning: _Tuning, gain: float) -> None:
-    """Varies the numbers one after the other, as long as that gains so much (m)."""
-    size = len(tuning.factors)
+def _varied(
+    task: Task,
+    found: MoveSequence,
+    shape: Shape,
+    entry_of: Callable[[Shape], Entry],
+    limits: Limits,
+    progress: Callable[[float], None],
+    kept: Callable[[MoveSequence], bool],
+) -> MoveSequence:
+    """The sequence with the largest margin met as the numbers of its shape are varied; others have to be `kept`."""
+    best, factors, tries = found, np.ones(len(shape.numbers)), 0
+
+    def left() -> bool:
+        most = limits.tries * (_PATIENCE if best.reached.margin < _ENOUGH * limits.enough else 1)
+        return tries < most and best.reached.margin < limits.enough and clock() < limits.deadline
+
+    def gains(step: Array) -> bool:
+        nonlocal best, factors, tries
+        tries += 1
+        entry = entry_of(shape.varied(shape.numbers * (factors + step)))
+        try:
+            other = _from_entry(task, found, entry, best.reached.margin + _GAIN * limits.enough)
+        except OverdueError:
+            return False  # and there is no time for another try
+        if other is None or not kept(other):
+            return False
+        factors, best = factors + step, other
+        progress(other.reached.margin)
+        return True
+
     for share in _STEPS:
         improved = True
         while improved:
             improved = False
-            for step in share * np.vstack([-np.eye(size), np.eye(size)]):
+            for step in share * np.vstack([-np.eye(len(factors)), np.eye(len(factors))]):
                 # Once a number has been changed for the better, it goes on that way.
-                while tuning.open and tuning.gains(step, gain):
+                while left() and gains(step):
                     improved = True
-
-
-@dataclass(eq=False)
-class _Tuning:
-    """The best sequence so far, the factors of the first shape's numbers that led to it, and the tries it took.
-
-    Another sequence may take its place where it is `kept`.
-    """
-
-    task: Task
-    found: MoveSequence
-    shape: Shape
-    entry_of: Callable[[Shape], Entry]
-    limits: Limits
-    progress: Callable[[float], None]
-    kept: Callable[[MoveSequence], bool]
-    _tries: int = 0
-
-    def __post_init__(self) -> None:
-        self.factors: Array = np.ones(len(self.shape.numbers))
-        self.best = self.found
-
-    @property
-    def slight(self) -> bool:
-        """Whether there is next to no margin yet."""
-        return self.best.reached.margin < _ENOUGH * self.limits.enough
-
-    @property
-    def open(self) -> bool:
-        """Whether to go on."""
-        most = self.limits.tries * (_PATIENCE if self.slight else 1)
-        enough = self.best.reached.margin >= self.limits.enough
-        return self._tries < most and not enough and clock() < self.limits.deadline
-
-    def gains(self, step: Array, gain: float) -> bool:
-        """Takes a step of the factors if it adds more than a gain (m) to the margin and may be kept; whether it did."""
-        self._tries += 1
-        factors = self.factors + step
-        entry = self.entry_of(self.shape.varied(self.shape.numbers * factors))
-        try:
-            other = _from_entry(self.task, self.found, entry, self.best.reached.margin + gain)
-        except OverdueError:
-            return False  # and there is no time for another try
-        if other is None or not self.kept(other):
-            return False
-        self.factors, self.best = factors, other
-        self.progress(other.reached.margin)
-        return True
+    return best
 
 
 def _from_entry(task: Task, found: MoveSequence, entry: Entry, least: float) -> MoveSequence | None:
