@@ -108,8 +108,13 @@ def heading(
         "specification": problem.specification.record(),
         "touch_tolerance": 1e-9,
         "parts": {
-            "moving": {**part_record(problem.moving, declared, clearance, exact[0]), **_found(problem, 0)},
-            "fixed": {**part_record(problem.fixed, declared, clearance, exact[1]), **_found(problem, 1)},
+            side: {
+                **part_record(part, declared, clearance, fractions),
+                **({} if mated is None else {"found": mated.record()}),
+            }
+            for side, part, fractions, mated in zip(
+                ("moving", "fixed"), (problem.moving, problem.fixed), exact, problem.mated, strict=True
+            )
         },
     }
 
@@ -222,12 +227,6 @@ def _segments(motion: ControlledMotion) -> list[dict[str, Any]]:
         {**segment_record(piece.claim, piece.move, poses[k], poses[k + 1]), "hybrid": piece.document()}
         for k, piece in enumerate(motion.pieces)
     ]
-
-
-def _found(problem: Problem, number: int) -> dict[str, Any]:
-    """How a part mates, where that was found; nothing where the files state it."""
-    mated = problem.mated[number]
-    return {} if mated is None else {"found": mated.record()}
 
 
 def part_record(

@@ -17,7 +17,7 @@ from fmopt.planning.control.controlled_motion import least_firm, least_steady, r
 from fmopt.planning.control.holding import holds
 from fmopt.planning.moves.moves import Move, Reached, claims_of_moves
 from fmopt.planning.optimise.solvers import ClarabelSolver
-from fmopt.planning.placement.goal_refinement import Method, Turns, refine_goals
+from fmopt.planning.placement.goal_refinement import Method, refine_goals
 from fmopt.planning.placement.sequence_program import COARSE, Aim, Placed, Refinement, certified, refine, surer
 from fmopt.planning.placement.sequence_rows import Hold
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion, Motion
@@ -141,7 +141,7 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: flo
         OverdueError: there is no time to certify it.
     """
     problem, clearance = posed.problem, posed.clearance.per_side
-    turns = Turns(3, 0.5 * (posed.spread + clearance))
+    radius = 0.5 * (posed.spread + clearance)
     with until(deadline() + GRACE):
         begun = certified(posed.assembly, moves, posed.start, posed.tolerance, step)
     solver, asked = ClarabelSolver(), _Asked(posed, begun)
@@ -153,7 +153,7 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: flo
         progress(f"placement: margin {1e6 * margin:.1f} um")
 
     def polished(placed: Placed, method: Method) -> Placed:
-        return refine_goals(aim, placed, clearance, method, turns, told)
+        return refine_goals(aim, placed, clearance, method, radius, told)
 
     if problem.settings.placement == "descent":
         stages = [begun, polished(begun, "descent")]

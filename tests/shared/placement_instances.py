@@ -25,6 +25,7 @@ def random_placement(seed: int, rows: int = 10, contacts: int = 3, spare: int = 
     rng = np.random.default_rng(seed)
     N = rng.normal(size=(rows, 6)) * LEVERS
     D = -rng.uniform(-0.2, 2.0, rows) * CLEARANCE * np.linalg.norm(N, axis=1)
+    N, D = N / METRIC.dual_norm(N)[:, None], D / METRIC.dual_norm(N)
     E = rng.normal(size=(contacts, 6)) * LEVERS
     E = np.vstack([E, rng.normal(size=(spare, contacts)) @ E])
     goal = Flat(E, E @ (0.3 * METRIC.units * rng.normal(size=6)))
@@ -94,11 +95,10 @@ def peg_placement(contacts: tuple[str, ...], depth: float = 0.015, allowance: fl
         Pose(np.array([0.0, 0.0, -depth]), np.eye(3)),
         stacked(points_above(np.zeros((0, 3)), np.zeros(3), 0.0), *(rows[name] for name in contacts)),
         obstacles,
+        np.full(len(obstacles), allowance),
         metric=METRIC,
         lower=-hold,
         upper=hold,
-        weights=np.ones(len(obstacles)),
-        allowance=np.full(len(obstacles), allowance),
     )
 
 
@@ -106,5 +106,5 @@ def linearised(problem: SurfacePlacement, X: Array) -> Placement:
     """The tangent placement of a surface placement at X."""
     (f, N), p = problem.rows(X), len(problem.contacts)
     goal = Flat(N[:p], N[:p] @ X - f[:p])
-    bounds = {"lower": problem.lower, "upper": problem.upper, "weights": problem.weights}
+    bounds = {"lower": problem.lower, "upper": problem.upper}
     return Placement(N[p:], N[p:] @ X - f[p:], metric=problem.metric, goal=goal, **bounds)

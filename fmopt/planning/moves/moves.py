@@ -59,22 +59,20 @@ class Move:
     left: tuple[PrimitiveContact, ...] = ()
 
 
-class Tried:
-    """Moves from one state that have been tried.
+Tried = set[tuple[bytes, tuple[PrimitiveContact, ...]]]
+"""Where moves from one state lead to: poses, but for rounding, and the contacts there."""
+
+
+def fresh(moves: Iterable[Move], tried: Tried) -> Iterator[Move]:
+    """Moves that lead where none did before, which are added to those tried.
 
     Held contacts may leave the part but one way to go, whichever freedom it is asked for along.
     """
-
-    def __init__(self) -> None:
-        self._known = set[tuple[bytes, tuple[PrimitiveContact, ...]]]()
-
-    def fresh(self, moves: Iterable[Move]) -> Iterator[Move]:
-        """Those that lead to a pose, but for rounding, and to contacts there that none did before."""
-        for move in moves:
-            where = (np.round(move.goal.vector(), decimals=_DIGITS) + 0.0).tobytes(), move.making
-            if where not in self._known:
-                self._known.add(where)
-                yield move
+    for move in moves:
+        where = (np.round(move.goal.vector(), decimals=_DIGITS) + 0.0).tobytes(), move.making
+        if where not in tried:
+            tried.add(where)
+            yield move
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ The papers' placement, for comparison: reciprocal cost and steepest descent on t
     cost = Σ 1/(dist_j − C),  C < 0                                      [DakinPopplestone1993] eq. 2, section 3
 
 with dist_j the clearance of obstacle j in the scaled metric and C the overlap at which the cost becomes infinite.
-(The paper prints C − dist.) Rows that must hold and bounds enter with C = 0 and a small factor.
+(The paper prints C − dist.) Bounds enter with C = 0 and a small factor.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from fmopt.certificate.assembly import contact_forms
 from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.remainder import Course
-from fmopt.certificate.rows import Forms, stacked
+from fmopt.certificate.rows import Forms, Rows, points_above, stacked
 from fmopt.certificate.separating_plane import counted_rows
 from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.planning.moves.moves import Move, onto_surfaces
@@ -35,9 +35,10 @@ from fmopt.planning.placement.sequence_rows import pairs_of
 from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array
 
-_WALL = 1e-3  # factor of rows that must hold and of bounds in the cost
+_WALL = 1e-3  # factor of bounds in the cost
 _INTERIOR = 1e-6  # scaled units: a pose on a bound, or so little beyond, has a finite cost still
 
+_ROUNDS = 3  # in which each pose gets its turn
 _GAIN = 1e-3  # of the clearance, the least gain that counts
 _NEAR = 1.5  # of the radius, how far from binding rows count
 _SHORTER = 0.3  # of the radius, for a second try where the first gains nothing
@@ -62,7 +63,7 @@ def descend(problem: Placement, guess: ArrayLike | None = None, settings: Descen
 
     Raises:
         InfeasibleError: the equations of the affine space contradict each other.
-        SolverError: the first pose oversteps a bound or a row of weight 0.
+        SolverError: the first pose oversteps a bound.
     """
     settings = Descent() if settings is None else settings
     scaled, units = problem.program().scaled(), problem.metric.units
@@ -110,57 +111,35 @@ def _line_search(cost: _Cost, y: Array, direction: Array, step: float, slope: fl
 
 @dataclass(frozen=True, eq=False)
 class _Cost:
-    """Σ 1/(dist − C) over the rows of a scaled program in (y, t), walls and bounds with C = 0."""
+    """Σ 1/(dist − C) over the rows of a scaled program in (y, t), bounds with C = 0."""
 
     program: ConeProgram
-    weights: Array
-    factors: Array
-    asymptotes: Array
+    asymptote: float
 
     @staticmethod
     def of(program: ConeProgram, y: Array, asymptote: float) -> _Cost:
-        weights = -program.G[:, -1]
-        counted = weights > 0.0
-        weights = np.where(counted, weights, 1.0)
-        distances = program.slacks(np.append(y, 0.0)) / weights
         # A pose deeper in the overlap than C moves the asymptote below itself.
-        C = min(asymptote, 1.5 * float(distances[counted].min(initial=0.0)))
-        return _Cost(program, weights, np.where(counted, 1.0, _WALL), np.where(counted, C, -_INTERIOR))
+        least = float(_Cost(program, 0.0)._room(y)[0].min(initial=0.0))
+        return _Cost(program, min(asymptote, 1.5 * least))
 
     def __call__(self, y: Array) -> float:
         rows, low, high = self._room(y)
-        room = np.concatenate([rows, low, high])
-        if not (room > 0.0).all():
+        if not (np.concatenate([rows, low, high]) > 0.0).all():
             return float("inf")
-        return float(np.sum(self.factors / rows) + _WALL * (np.sum(1.0 / low) + np.sum(1.0 / high)))
+        return float(np.sum(1.0 / rows) + _WALL * (np.sum(1.0 / low) + np.sum(1.0 / high)))
 
     def gradient(self, y: Array) -> Array:
         rows, low, high = self._room(y)
-        inner = -(self.factors / rows**2 / self.weights) @ self.program.G[:, :-1]
+        inner = (1.0 / rows**2 / self.program.G[:, -1]) @ self.program.G[:, :-1]
         return np.asarray(inner - _WALL / low**2 + _WALL / high**2)
 
     def _room(self, y: Array) -> tuple[Array, Array, Array]:
-        rows = self.program.slacks(np.append(y, 0.0)) / self.weights - self.asymptotes
+        """What is left of distances over C, and of both bounds; the last column of the rows is minus their length."""
+        rows = -self.program.slacks(np.append(y, 0.0)) / self.program.G[:, -1] - self.asymptote
         return rows, y - self.program.lower[:-1] + _INTERIOR, self.program.upper[:-1] - y + _INTERIOR
 
 
 _CENTRING = Descent(smallest_step=1e-3)  # finer steps change no certified margin that counts
-
-
-@dataclass(frozen=True)
-class Turns:
-    """How often each pose gets its turn, and how far it may go in one, m in the metric of ρ."""
-
-    rounds: int
-    radius: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Obstacles:
-    """Rows (k) at one pose, and their allowances (k,), m."""
-
-    forms: Forms
-    allowance: Array
 
 
 def refine_goals(
@@ -168,19 +147,20 @@ def refine_goals(
     placed: Placed,
     clearance: float,
     method: Method,
-    turns: Turns,
+    radius: float,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Placed:
     """Moves one goal pose after the other while the certified margin rises, and there is time.
 
-    Whether a sequence is fit is not asked. The clearance a side, m, is the unit of length of the programs: a nonlinear
-    one on the true surfaces, or reciprocal cost and steepest descent on the linear ones.
+    Whether a sequence is fit is not asked. In one turn a pose goes no farther than the radius, m in the metric of ρ.
+    The clearance a side, m, is the unit of length of the programs: a nonlinear one on the true surfaces, or reciprocal
+    cost and steepest descent on the linear ones.
     """
     best = placed
-    for _ in range(turns.rounds):
+    for _ in range(_ROUNDS):
         before = best.margin
         for k in range(len(best.moves) - 1):  # the seated pose stays
-            for reach in (turns.radius, _SHORTER * turns.radius):
+            for reach in (radius, _SHORTER * radius):
                 metric = Metric(aim.tolerance.rho, clearance)
                 try:
                     heed()
@@ -199,11 +179,12 @@ def refine_goals(
 def _one(aim: Aim, placed: Placed, metric: Metric, method: Method, k: int, radius: float) -> Placed | None:
     assembly = aim.assembly
     move = placed.moves[k]
-    obstacles = _obstacles(assembly, placed, k, _NEAR * radius, _IDLE * metric.clearance)
-    if obstacles is None:
+    forms, allowance = _obstacles(assembly, placed, k, _NEAR * radius)
+    rows = forms.at(move.goal)
+    if not len(forms) or (rows.f - allowance).min() > placed.margin + _IDLE * metric.clearance:
         return None
     try:
-        X = _placed_pose(assembly, move, obstacles, metric, method, radius)
+        X = _placed_pose(assembly, move, (rows, allowance), metric, method, radius)
         goal = onto_surfaces(assembly, move.goal.moved(X * assembly.freedoms), move)
         moves = list(placed.moves)
         moves[k] = replace(move, goal=goal)
@@ -214,39 +195,34 @@ def _one(aim: Aim, placed: Placed, metric: Metric, method: Method, k: int, radiu
 
 
 def _placed_pose(
-    assembly: Assembly, move: Move, obstacles: _Obstacles, metric: Metric, method: Method, radius: float
+    assembly: Assembly, move: Move, obstacles: tuple[Rows, Array], metric: Metric, method: Method, radius: float
 ) -> Array:
-    """The displacement (6,) of a goal pose that one method proposes."""
-    contacts = (*move.held, *move.making)
-    box, weights = radius / metric.sigma, np.ones(len(obstacles.forms))
+    """The displacement (6,) of a goal pose that one method proposes, under rows at it and their allowances, m."""
+    rows, allowance = obstacles
+    contacts, box = (*move.held, *move.making), radius / metric.sigma
     if method == "nlp":
         problem = SurfacePlacement(
             move.goal,
             contact_forms(assembly, contacts, contacts),
-            obstacles.forms,
+            rows.forms,
+            allowance,
             metric=metric,
             lower=-box * assembly.freedoms,
             upper=box * assembly.freedoms,
-            weights=weights,
-            allowance=obstacles.allowance,
         )
         return place_on_surfaces(problem, np.zeros(6)).x[:6]
-    E, rows = state_rows(assembly, contacts, move.goal), obstacles.forms.at(move.goal)
-    linear = Placement(
-        rows.N,
-        obstacles.allowance - rows.f,
-        metric=metric,
-        lower=-box,
-        upper=box,
-        goal=Flat(E, np.zeros(len(E))),
-        weights=weights,
-    )
+    E = state_rows(assembly, contacts, move.goal)
+    goal = Flat(E, np.zeros(len(E)))
+    linear = Placement(rows.N, allowance - rows.f, metric=metric, lower=-box, upper=box, goal=goal)
     return descend(linear, np.zeros(6), _CENTRING).x[:6]
 
 
-def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: float) -> _Obstacles | None:
-    """The rows near binding at the goal of move k, of the pieces that end and begin there; not of planes of edges."""
-    number, forms, kept, allowances = -1, list[Forms](), list[Array](), list[Array]()
+def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float) -> tuple[Forms, Array]:
+    """The rows near binding at the goal of move k, of the pieces that end and begin there, with their allowances, m.
+
+    Planes along edges are left out.
+    """
+    number, forms, allowances = -1, [points_above(np.zeros((0, 3)), np.zeros(3), 0.0)], [np.zeros(0)]
     for claim in placed.reached.claims:
         number += claim.piece.progress[0] == 0.0
         ending = number == k and claim.piece.last
@@ -257,15 +233,11 @@ def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: fl
                 continue
             own = counted_rows(assembly, pair, separation.witness).forms
             rows = Course.of((claim.advance.ends,)).over(own)
-            left = rows.f[int(ending), 0] - (loss := rows.f[:, 0].min(axis=0) - rows.lower[0])
-            which = left < placed.margin + near
+            loss = rows.f[:, 0].min(axis=0) - rows.lower[0]
+            which = rows.f[int(ending), 0] - loss < placed.margin + near
             forms.append(Forms(own.table[which]))
-            kept.append(left[which])
             allowances.append(loss[which])
         if claim.early is not None and not ending and claim.piece.made is not None:
             forms.append(contact_forms(assembly, (claim.piece.made,), ()))
-            kept.append(np.array([claim.early]))
             allowances.append(forms[-1].at(claim.piece.start).f - claim.early)
-    if not kept or (left := np.concatenate(kept)).min(initial=np.inf) > placed.margin + idle:
-        return None
-    return _Obstacles(stacked(*forms), np.concatenate(allowances))
+    return stacked(*forms), np.concatenate(allowances)

@@ -6,15 +6,14 @@ in the metric |X|² = |d|² + ρ²|δ|² ([DakinPopplestone1993] appendix II, wi
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.planning.optimise.cone_program import ConeProgram, Solution, Solver, certify, checked, left_out, stated
+from fmopt.planning.optimise.cone_program import ConeProgram, Solution, Solver, certify, checked
 from fmopt.planning.optimise.solvers import ClarabelSolver
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 
 _BINDING = 1e-6  # share in the price of t, which is 1 in all, from which a row binds
 
@@ -56,58 +55,35 @@ class Flat(Value, E=(None, 6), e=("E",)):
 
 @dataclass(frozen=True, eq=False)
 class Room(Value, lower=(6,), upper=(6,)):
-    """Bounds of a pose, and its clearance t.
-
-    Args:
-        metric: scale of rotations, and the unit.
-        lower: bounds (6,) of the local coordinates from below, m and rad.
-        weights: metres of slack per metre of clearance (k,), else |N*|, so that t is a distance in the metric.
-        cap: largest clearance of interest (m), else the diameter of the bounds.
-    """
+    """Bounds (6,) of the local coordinates of a pose, m and rad, and the metric that weighs rotations."""
 
     metric: Metric = field(kw_only=True)
     lower: Array = field(kw_only=True)
     upper: Array = field(kw_only=True)
-    weights: Array = field(default_factory=left_out, kw_only=True)
-    cap: float = field(default=math.inf, kw_only=True)
 
-    def complete(self, N: Array) -> None:
-        """Sets weights and cap that are left out while the value is made, for obstacles with gradients N (k, 6).
-
-        Raises:
-            ValueError: the number of weights differs from k, or a weight is negative.
-        """
-        stated(self, weights=self.metric.dual_norm(N))
-        object.__setattr__(self, "weights", frozen(self.weights, len(N), name="weights"))
-        if (self.weights < 0.0).any():
-            raise ValueError("weights must not be negative")
-        if self.cap == math.inf:
-            object.__setattr__(self, "cap", float(np.linalg.norm(self.metric.sigma * (self.upper - self.lower))))
+    @property
+    def cap(self) -> float:
+        """The diameter of the bounds, m: no clearance counts for more."""
+        return float(np.linalg.norm(self.metric.sigma * (self.upper - self.lower)))
 
 
 @dataclass(frozen=True, eq=False)
 class Placement(Room, N=(None, 6), D=("N",)):
     """Where to put the goal pose X of a segment: maximise t over
 
-        N_j·X − D_j ≥ weights_j t,   X in `goal`,   lower ≤ X ≤ upper,   t ≤ cap.
-
-    A row of weight 0 must hold but does not count as clearance.
+        N_j·X − D_j ≥ t,   X in `goal`,   lower ≤ X ≤ upper,   t ≤ cap.
 
     Args:
-        N: gradient rows (k, 6) of the obstacles, any length.
+        N: gradient rows (k, 6) of the obstacles; divided by |N*|, as D, they make t a distance in the metric.
         D: offsets (k,), in m times that length; allowances such as √(NᵀQN) are added by the caller.
 
     Raises:
-        ValueError: shapes do not fit, or a weight is negative.
+        ValueError: shapes do not fit.
     """
 
     N: Array
     D: Array
     goal: Flat = field(default_factory=Flat.everything, kw_only=True)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.complete(self.N)
 
     def program(self) -> ConeProgram:
         """The cone program over (X, t)."""
@@ -115,7 +91,7 @@ class Placement(Room, N=(None, 6), D=("N",)):
             np.append(np.zeros(6), 1.0),
             A=np.column_stack([self.goal.E, np.zeros(len(self.goal.e))]),
             b=self.goal.e,
-            G=np.column_stack([self.N, -self.weights]),
+            G=np.column_stack([self.N, -np.ones(len(self.D))]),
             h=-self.D,
             lower=np.append(self.lower, -np.inf),
             upper=np.append(self.upper, self.cap),
@@ -123,22 +99,16 @@ class Placement(Room, N=(None, 6), D=("N",)):
         )
 
     def clearances(self, X: Array) -> Array:
-        """Clearance (k,) of every row at X (6,), m; rows of weight 0 have inf."""
-        return per_weight(self.N @ X - self.D, self.weights)
+        """Clearance (k,) of every row at X (6,), m."""
+        return self.N @ X - self.D
 
     def at(self, X: Array) -> Solution:
         """The certified (not optimal) solution at X (6,), with t as large as the rows allow.
 
         Raises:
-            SolverError: the pose leaves its affine space, the bounds or a row of weight 0.
+            SolverError: the pose leaves its affine space or the bounds.
         """
         return certify(self.program(), np.append(X, min(self.cap, float(self.clearances(X).min(initial=np.inf)))))
-
-
-def per_weight(slacks: Array, weights: Array) -> Array:
-    """Clearances (…, k) of slacks (…, k), m, by weights (k,), 0 or more; those of weight 0 have inf."""
-    counted = weights > 0.0
-    return np.asarray(np.where(counted, slacks / np.where(counted, weights, 1.0), np.inf))
 
 
 def max_min_clearance(problem: Placement, solver: Solver | None = None) -> Solution:
@@ -147,7 +117,7 @@ def max_min_clearance(problem: Placement, solver: Solver | None = None) -> Solut
     The answer of the solver, Clarabel if None, is checked again.
 
     Raises:
-        InfeasibleError: the affine space, bounds and rows of weight 0 contradict each other.
+        InfeasibleError: the affine space and the bounds contradict each other.
         SolverError: no certified optimum.
     """
     return checked(problem.program(), ClarabelSolver() if solver is None else solver)
@@ -179,7 +149,7 @@ def lexicographic(problem: Placement, solver: Solver | None = None) -> Solution:
 
 def _held(program: ConeProgram, solution: Solution) -> ConeProgram | None:
     """The program with its binding rows held at their level and the others still to be raised; None at the end."""
-    counted = program.G[:, -1] < 0.0
+    counted = program.G[:, -1] < 0.0  # rows that are held have no part in t any more
     duals = np.zeros(len(program.h)) if solution.duals is None else solution.duals.rows
     binding = counted & (-program.G[:, -1] * duals > _BINDING)
     if not binding.any() or (counted == binding).all() or solution.value >= program.upper[-1]:

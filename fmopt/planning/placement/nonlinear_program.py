@@ -1,12 +1,12 @@
 """Placement of a goal pose on the true C-surfaces by sequential quadratic programs (SLSQP).
 
-maximise t   s.t.   f_i(X) = 0,   f_j(X) − allowance_j ≥ weights_j t,   lower ≤ X ≤ upper
+maximise t   s.t.   f_i(X) = 0,   f_j(X) − allowance_j ≥ t,   lower ≤ X ≤ upper
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from fmopt.certificate.rows import Forms, stacked
 from fmopt.errors import SolverError
-from fmopt.planning.optimise.cone_program import Solution, left_out, stated
-from fmopt.planning.placement.largest_clearance import Room, per_weight
+from fmopt.planning.optimise.cone_program import Solution
+from fmopt.planning.placement.largest_clearance import Room
 from fmopt.spatial.se3 import Pose, left_jacobian
 from fmopt.spatial.values import Array, frozen
 
@@ -25,27 +25,16 @@ _SETTINGS = {"ftol": 1e-10, "maxiter": 100}  # clearances of the last gain, and 
 
 
 @dataclass(frozen=True, eq=False)
-class SurfacePlacement(Room):
+class SurfacePlacement(Room, allowance=("obstacles",)):
     """A goal pose to be placed on true C-surfaces, in local coordinates X around `reference`.
 
-    `contacts` must touch (f = 0), `obstacles` keep clear, less an allowance (k,), else none; weights as in the linear
-    `Placement`, |N*| at the reference pose; a weight of 0 must hold but does not count as clearance.
-
-    Raises:
-        ValueError: shapes do not fit, or a weight is negative.
+    `contacts` must touch (f = 0), `obstacles` keep clear, less an allowance (k,), m.
     """
 
     reference: Pose
     contacts: Forms
     obstacles: Forms
-    allowance: Array = field(default_factory=left_out, kw_only=True)
-
-    def __post_init__(self) -> None:
-        k = len(self.obstacles)
-        stated(self, allowance=np.zeros(k))
-        super().__post_init__()
-        object.__setattr__(self, "allowance", frozen(self.allowance, k, name="allowance"))
-        self.complete(self.obstacles.at(self.reference).N)
+    allowance: Array
 
     @cached_property
     def _forms(self) -> Forms:
@@ -58,15 +47,15 @@ class SurfacePlacement(Room):
         return rows.f - np.append(np.zeros(len(self.contacts)), self.allowance), N
 
     def clearances(self, X: Array) -> Array:
-        """Clearance of each counted obstacle (k,) in m; obstacles of weight 0 have inf."""
-        return per_weight(self.rows(X)[0][len(self.contacts) :], self.weights)
+        """Clearance of each obstacle (k,) in m."""
+        return self.rows(X)[0][len(self.contacts) :]
 
 
 def certify_on_surfaces(problem: SurfacePlacement, X: ArrayLike) -> Solution:
     """Checks X (6,), m and rad, and takes the clearance t that it really has; x of the result is (X, t).
 
     Raises:
-        SolverError: a contact is off its surface, or an obstacle of weight 0 or a bound is overstepped.
+        SolverError: a contact is off its surface, or a bound is overstepped.
     """
     X = np.asarray(X, dtype=np.float64)
     if X.shape != (6,) or not np.isfinite(X).all():
@@ -74,13 +63,12 @@ def certify_on_surfaces(problem: SurfacePlacement, X: ArrayLike) -> Solution:
     unit, p = problem.metric.clearance, len(problem.contacts)
     f, N = problem.rows(X)
     off = np.abs(f[:p]) / (unit * problem.metric.dual_norm(N[:p]))
-    hard = np.where(problem.weights > 0.0, np.inf, f[p:] / unit)
     box = np.minimum(X - problem.lower, problem.upper - X) / problem.metric.units
-    for what, worst in (("contact", -off), ("obstacle", hard), ("bound", box)):
+    for what, worst in (("contact", -off), ("bound", box)):
         if worst.min(initial=np.inf) < -ON_SURFACE:
             i = int(worst.argmin())
             raise SolverError(f"the proposed pose misses {what} {i} by {-worst[i]:.3g} clearances")
-    t = min(problem.cap, float(per_weight(f[p:], problem.weights).min(initial=np.inf)))
+    t = min(problem.cap, float(f[p:].min(initial=np.inf)))
     return Solution(frozen([*X, t]), t, float("inf"), float("inf"), None)
 
 
@@ -145,7 +133,7 @@ def _optimum(problem: SurfacePlacement, kept: Sequence[int], X: Array) -> Array:
     metric, p, (f, N) = problem.metric, len(problem.contacts), problem.rows(X)
     sizes = metric.clearance * metric.dual_norm(N)
     sizes[sizes == 0.0] = 1.0
-    weights = np.append(np.zeros(p), problem.weights) * metric.clearance / sizes
+    weights = np.where(np.arange(len(f)) < p, 0.0, metric.clearance / sizes)
 
     def values(y: Array) -> Array:
         return np.asarray(problem.rows(y[:6] * metric.units)[0] / sizes - weights * y[6])

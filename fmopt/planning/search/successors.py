@@ -20,7 +20,7 @@ from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.section import corner_walls
 from fmopt.planning.moves.contact_transition import described, on_wall
-from fmopt.planning.moves.moves import Care, Move, Reached, Tried, unroll
+from fmopt.planning.moves.moves import Care, Move, Reached, Tried, fresh, unroll
 from fmopt.planning.search.entry import Entry, deeper, turned_axes
 from fmopt.planning.search.guarded_move import (
     Freedom,
@@ -210,7 +210,7 @@ def _instead(assembly: Assembly, one: PrimitiveContact, other: PrimitiveContact)
 
 def successors(task: Task, node: Node) -> Iterator[Node]:
     """The states that guarded moves from a state lead to."""
-    tried = Tried()
+    tried: Tried = set()
     for freedom, near in _nearby(task, node):
         after = _along(task, node, freedom, near, tried)
         if after is not None:
@@ -255,7 +255,7 @@ def follow(task: Task, node: Node, name: str) -> Node | None:
     for freedom in _freedoms(task, node):
         if freedom.name == name:
             near = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
-            return _along(task, node, freedom, near, Tried())
+            return _along(task, node, freedom, near, set())
     return None
 
 
@@ -290,7 +290,7 @@ def _along(task: Task, node: Node, freedom: Freedom, near: Surfaces, tried: Trie
     if first is None and freedom.name == "-z":
         first = _straight_down(task, node.place, freedom.twist)
     ways = moves if first is None else chain([first], moves)
-    afters = (successor_by(task, node, move, freedom.name, task.care) for move in tried.fresh(ways))
+    afters = (successor_by(task, node, move, freedom.name, task.care) for move in fresh(ways, tried))
     return next((after for after in afters if after is not None), None)
 
 

@@ -21,7 +21,7 @@ from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.planning.moves.moves import Move, Tried
+from fmopt.planning.moves.moves import Move, Tried, fresh
 from fmopt.planning.search.best_first import MoveSequence, _Frontier, begin, best_sequences, search, shortfall
 from fmopt.planning.search.entry import Entry, start_spread, straight_entry, tilted_entry
 from fmopt.planning.search.entry_sampling import Drawing, beginnings
@@ -152,9 +152,9 @@ def test_moves_to_the_same_place_are_tried_once() -> None:
     first, second = Move(start, there, (), (one,)), Move(start, there, (), (other,))
     rounded = Move(start, there.moved([1e-13, -1e-13, 0.0, 0.0, 0.0, 1e-13]), (), (one,))
     elsewhere = Move(start, there.moved([1e-8, 0.0, 0.0, 0.0, 0.0, 0.0]), (), (one,))
-    tried = Tried()
-    assert list(tried.fresh([first, rounded, second])) == [first, second]
-    assert list(tried.fresh([rounded, elsewhere])) == [elsewhere]
+    tried: Tried = set()
+    assert list(fresh([first, rounded, second], tried)) == [first, second]
+    assert list(fresh([rounded, elsewhere], tried)) == [elsewhere]
 
 
 def test_the_order_of_moves_not_rounding_tells_states_of_equal_cost_apart() -> None:
