@@ -8,7 +8,8 @@ from itertools import combinations
 import numpy as np
 
 from fmopt.certificate.rows import Forms, edges_apart, points_above, stacked
-from fmopt.planning.optimise.cone_program import ConeProgram, Norm
+from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solution, Solver, checked
+from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement
 from fmopt.planning.placement.nonlinear_program import SurfacePlacement
 from fmopt.spatial.se3 import Pose
@@ -29,7 +30,12 @@ def random_placement(seed: int, rows: int = 10, contacts: int = 3, spare: int = 
     E = rng.normal(size=(contacts, 6)) * LEVERS
     E = np.vstack([E, rng.normal(size=(spare, contacts)) @ E])
     goal = Flat(E, E @ (0.3 * METRIC.units * rng.normal(size=6)))
-    return Placement(N, D, metric=METRIC, lower=-BOX, upper=BOX, goal=goal)
+    return Placement(N, D, goal, metric=METRIC, lower=-BOX, upper=BOX)
+
+
+def max_min_clearance(problem: Placement, solver: Solver | None = None) -> Solution:
+    """The pose of largest least clearance, its optimality checked."""
+    return checked(problem.program(), ClarabelSolver() if solver is None else solver)
 
 
 def random_program(seed: int, growth: float = 0.0, rows: int = 10, contacts: int = 3, spare: int = 0) -> ConeProgram:
@@ -42,11 +48,12 @@ def random_program(seed: int, growth: float = 0.0, rows: int = 10, contacts: int
     return replace(program, W=np.full((rows, 1), growth), norms=norms)
 
 
-def translations(N: list[list[float]], D: list[float], **settings: object) -> Placement:
+def translations(N: list[list[float]], D: list[float], goal: Flat | None = None) -> Placement:
     """Hyperplanes in x, y, z alone; rotations are held at zero and lengths are in clearances."""
     rows = np.hstack([np.array(N, dtype=np.float64).reshape(-1, 3), np.zeros((len(D), 3))])
     hold = np.array([9.0, 9.0, 9.0, 0.0, 0.0, 0.0])
-    return Placement(rows, D, metric=Metric(1.0, 1.0), lower=-hold, upper=hold, **settings)
+    goal = Flat(np.zeros((0, 6)), np.zeros(0)) if goal is None else goal
+    return Placement(rows, D, goal, metric=Metric(1.0, 1.0), lower=-hold, upper=hold)
 
 
 def vertex_enumeration(problem: Placement) -> float:

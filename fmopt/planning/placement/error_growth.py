@@ -8,7 +8,7 @@ contacts, and where it exceeds the share that is certified, that grows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -129,33 +129,23 @@ def _kept(aim: Aim, placed: Placed) -> Aim:
 
 def _towards_all(aim_at: Callable[[float], Aim], begun: _Grown, solver: Solver, settings: Refinement) -> _Grown:
     """As much of the errors as a sequence comes to bear, step by step, while there is time; arguments as of `grown`."""
-    at = begun
+    near, radius, at, borne = _AHEAD * settings.radius, settings.radius, begun, [begun.bears]
     with suppress(OverdueError):
-        for step in _growing(aim_at, begun, solver, settings):
-            at = step
+        for _ in range(_ROUNDS):
+            if at.bears >= 1.0 + _RESERVE and at.share == 1.0:
+                break
+            better = _better(at, solver, radius, near)
+            now = at if better is None else better
+            radius = SHORTER * radius if better is None else min(2.0 * radius, 4.0 * settings.radius)
+            more = _more(aim_at, now, near) if now.bears > _MORE * now.share else None
+            if more is not None:
+                now, radius = more, max(radius, settings.radius)
+            at = now
+            borne.append(at.bears)
+            slow = len(borne) > _PATIENCE and at.bears < borne[-_PATIENCE] + _SLOW
+            if radius < settings.least_radius or slow:
+                break
     return at
-
-
-def _growing(aim_at: Callable[[float], Aim], begun: _Grown, solver: Solver, settings: Refinement) -> Iterator[_Grown]:
-    """The sequence after each step."""
-    near, radius, at = _AHEAD * settings.radius, settings.radius, begun
-    borne = [at.bears]
-    for _ in range(_ROUNDS):
-        if at.bears >= 1.0 + _RESERVE and at.share == 1.0:
-            break
-        better = _better(at, solver, radius, near)
-        if better is None:
-            radius *= SHORTER
-        else:
-            at, radius = better, min(2.0 * radius, 4.0 * settings.radius)
-        more = _more(aim_at, at, near) if at.bears > _MORE * at.share else None
-        if more is not None:
-            at, radius = more, max(radius, settings.radius)
-        yield at
-        borne.append(at.bears)
-        slow = len(borne) > _PATIENCE and at.bears < borne[-_PATIENCE] + _SLOW
-        if radius < settings.least_radius or slow:
-            break
 
 
 def _begun(aim_at: Callable[[float], Aim], moves: Sequence[Move], near: float) -> _Grown:

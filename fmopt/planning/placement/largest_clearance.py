@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.planning.optimise.cone_program import ConeProgram, Solution, Solver, certify, checked
+from fmopt.planning.optimise.cone_program import ConeProgram, Solution, certify, checked
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.spatial.values import Array, Value
 
@@ -47,11 +47,6 @@ class Flat(Value, E=(None, 6), e=("E",)):
     E: Array
     e: Array
 
-    @staticmethod
-    def everything() -> Flat:
-        """Free space: no equality."""
-        return Flat(np.zeros((0, 6)), np.zeros(0))
-
 
 @dataclass(frozen=True, eq=False)
 class Room(Value, lower=(6,), upper=(6,)):
@@ -83,7 +78,7 @@ class Placement(Room, N=(None, 6), D=("N",)):
 
     N: Array
     D: Array
-    goal: Flat = field(default_factory=Flat.everything, kw_only=True)
+    goal: Flat
 
     def program(self) -> ConeProgram:
         """The cone program over (X, t)."""
@@ -111,28 +106,19 @@ class Placement(Room, N=(None, 6), D=("N",)):
         return certify(self.program(), np.append(X, min(self.cap, float(self.clearances(X).min(initial=np.inf)))))
 
 
-def max_min_clearance(problem: Placement, solver: Solver | None = None) -> Solution:
-    """The pose of largest least clearance; the value t (m) is negative when obstacles must overlap.
+def lexicographic(problem: Placement) -> Solution:
+    """The poses of largest least clearance t, m, of which the second-least is largest too, and so on.
 
-    The answer of the solver, Clarabel if None, is checked again.
-
-    Raises:
-        InfeasibleError: the affine space and the bounds contradict each other.
-        SolverError: no certified optimum.
-    """
-    return checked(problem.program(), ClarabelSolver() if solver is None else solver)
-
-
-def lexicographic(problem: Placement, solver: Solver | None = None) -> Solution:
-    """The max-min solution whose second-least clearance is largest too, and so on.
+    The value t is negative where obstacles must overlap. Each answer of the solver is checked again.
 
     Rows with positive multipliers are tight at every optimum: they are held where they are, and the rest
     is maximised again, until no row is left.
 
     Raises:
-        InfeasibleError, SolverError: as `max_min_clearance`.
+        InfeasibleError: the affine space and the bounds contradict each other.
+        SolverError: no certified optimum.
     """
-    solver = ClarabelSolver() if solver is None else solver
+    solver = ClarabelSolver()
     original = problem.program()
     first = checked(original, solver)
     program, latest = original, first

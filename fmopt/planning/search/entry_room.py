@@ -50,14 +50,10 @@ def roomy_in_plane(per_side: float, start_box: Array) -> Array:
     return np.asarray(np.maximum(start_box, _ROOMY * per_side * np.eye(6)[0]))
 
 
-def funnel_depth(fixed: Part) -> float:
-    """How deep the sloped faces go down that begin at the mouth, m; 0 where there are none."""
-    return max((depth for depth, _ in _slopes(fixed)), default=0.0)
-
-
-def funnel_width(fixed: Part) -> float:
-    """How far outside the walls the sloped faces that begin at the mouth end, m; 0 where there are none."""
-    return max((depth * rise for depth, rise in _slopes(fixed)), default=0.0)
+def funnel(fixed: Part) -> tuple[float, float]:
+    """How deep the sloped faces that begin at the mouth go down, and how far outside the walls they end, m; else 0."""
+    slopes = [(0.0, 0.0), *((depth, depth * rise) for depth, rise in _slopes(fixed))]
+    return max(depth for depth, _ in slopes), max(width for _, width in slopes)
 
 
 def _slopes(fixed: Part) -> Iterator[tuple[float, float]]:

@@ -21,7 +21,7 @@ from fmopt.geometry.section import corner_walls, leading_corners, outline, walls
 from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.search.best_first import begin
 from fmopt.planning.search.entry import Entry, Shape, lowest, start_spread, swung_by, turned_axes
-from fmopt.planning.search.entry_room import funnel_depth, funnel_width
+from fmopt.planning.search.entry_room import funnel
 from fmopt.planning.search.guarded_move import Place
 from fmopt.planning.search.successors import Node, Task, successor_by
 from fmopt.spatial.values import Array
@@ -122,7 +122,7 @@ class Drawing:
     @cached_property
     def _funnel(self) -> tuple[float, float]:
         """How deep below the mouth the walls begin, and how far outside them the top does, m."""
-        return funnel_depth(self.fixed), funnel_width(self.fixed)
+        return funnel(self.fixed)
 
     def _swing(self, shape: Shape) -> float:
         return swung_by(lowest(leading_corners(self.moving), shape)[None], self.start_box)

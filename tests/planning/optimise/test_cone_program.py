@@ -21,8 +21,7 @@ from fmopt.planning.optimise.cone_program import (
     dual_bound,
 )
 from fmopt.planning.optimise.solvers import ClarabelSolver
-from fmopt.planning.placement.largest_clearance import max_min_clearance
-from tests.shared.placement_instances import random_placement, random_program
+from tests.shared.placement_instances import max_min_clearance, random_placement, random_program
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import pytest
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.contact_implications import aligned, facts
 from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
-from fmopt.planning.search.entry_room import funnel_depth, funnel_width
+from fmopt.planning.search.entry_room import funnel
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, load
 from fmopt.verify.arithmetic.exact import inner, outer, unit_of
@@ -142,7 +142,8 @@ def vector3(numbers: list[int] | tuple[int, ...]) -> Vector:
 
 def test_slopes_that_lead_to_walls_are_a_mouth_those_of_a_tapered_hole_are_none(tapered: Problem) -> None:
     funnelled, plain = (load(ROOT / "problems" / f"{name}.toml").fixed for name in ("bilba_chamfered_60", "square_peg"))
-    assert funnel_depth(funnelled) == pytest.approx(14e-3, abs=1e-12)
-    assert 1e-3 < funnel_width(funnelled) < math.inf
+    depth, width = funnel(funnelled)
+    assert depth == pytest.approx(14e-3, abs=1e-12)
+    assert 1e-3 < width < math.inf
     for part in (plain, tapered.fixed):
-        assert funnel_depth(part) == funnel_width(part) == 0.0
+        assert funnel(part) == (0.0, 0.0)

@@ -7,8 +7,8 @@ import pytest
 
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.planning.placement.goal_refinement import Descent, _Cost, descend
-from fmopt.planning.placement.largest_clearance import Flat, max_min_clearance
-from tests.shared.placement_instances import CLEARANCE, random_placement, translations
+from fmopt.planning.placement.largest_clearance import Flat
+from tests.shared.placement_instances import CLEARANCE, max_min_clearance, random_placement, translations
 
 
 def test_it_centres_between_walls() -> None:

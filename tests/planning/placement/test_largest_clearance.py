@@ -10,10 +10,11 @@ import pytest
 
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.planning.optimise import solvers
-from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement, lexicographic, max_min_clearance
+from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement, lexicographic
 from tests.shared.placement_instances import (
     CLEARANCE,
     METRIC,
+    max_min_clearance,
     random_placement,
     random_program,
     translations,
@@ -46,7 +47,8 @@ def test_distance_is_measured_in_the_scaled_metric() -> None:
     assert 1.0 / metric.dual_norm(mixed) == pytest.approx(1.265, abs=5e-4)
     nearest = METRIC.units * 3.0
     row = nearest * METRIC.sigma**2 / METRIC.dual_norm(nearest * METRIC.sigma**2)
-    single = Placement([row], [row @ nearest], metric=METRIC, lower=-np.ones(6), upper=np.zeros(6) + 1e-12)
+    free = Flat(np.zeros((0, 6)), np.zeros(0))
+    single = Placement([row], [row @ nearest], free, metric=METRIC, lower=-np.ones(6), upper=np.zeros(6) + 1e-12)
     distance = -single.at(np.zeros(6)).value
     assert distance == pytest.approx(np.linalg.norm(METRIC.sigma * nearest), rel=1e-9)
 

@@ -9,9 +9,8 @@ import pytest
 
 from fmopt.errors import SolverError
 from fmopt.planning.placement import nonlinear_program as nlp
-from fmopt.planning.placement.largest_clearance import max_min_clearance
 from fmopt.planning.placement.nonlinear_program import certify_on_surfaces, place_on_surfaces, project
-from tests.shared.placement_instances import METRIC, linearised, peg_placement
+from tests.shared.placement_instances import METRIC, linearised, max_min_clearance, peg_placement
 
 STATES = [
     (),

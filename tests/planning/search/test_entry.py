@@ -11,7 +11,7 @@ from fmopt.geometry.section import corner_walls, leading_corners
 from fmopt.planning import motion
 from fmopt.planning.posed import Posed
 from fmopt.planning.search.entry import straight_entry, tilted_entry
-from fmopt.planning.search.entry_room import funnel_depth
+from fmopt.planning.search.entry_room import funnel
 from fmopt.planning.search.symmetry import images
 from fmopt.task.problem import load
 from fmopt.task.sizes import measured_clearance
@@ -39,7 +39,7 @@ def test_of_what_can_begin_the_lowest_corner_alone_is_in(name: str) -> None:
         assert entry.inside.apply(entry.corner)[2] == pytest.approx(-depth, abs=1e-12)
         assert heights.min() >= -depth - 2e-3 * depth - 1e-3
         assert name != KITE or np.sort(heights)[1] > 1e-4 - depth
-        assert depth > funnel_depth(problem.fixed)
+        assert depth > funnel(problem.fixed)[0]
         assert entry.start.apply(problem.moving.polyhedron.vertices)[:, 2].min() == pytest.approx(problem.approach)
         assert entry.leant is not None or np.abs(entry.start.R - entry.inside.R).max() < 1e-12
 
