@@ -46,8 +46,12 @@ def export(
     if bool(to) == mjcf:
         raise typer.BadParameter("name one format", param_hint="--to")
     try:
-        form, target = Form(to or "mjcf", base, rate, scene=_scene), place(file, to or "mjcf", out)
+        form, target = Form(to or "mjcf", base, rate), place(file, to or "mjcf", out)
         plan, caution = _admitted(file, unverified)
+        if form.to == "mjcf":
+            from fmopt.execution.mjcf import mjcf as scene
+
+            form = replace(form, scene=scene)
         written = write(plan, replace(form, caution=caution), target)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
@@ -85,13 +89,6 @@ def evidence_add(
     write(document, file)
     plan = parsed(document)
     answer(asdict(plan.description.own_trials[-1]), own_words(plan)[-1], as_json, quiet)
-
-
-def _scene(plan: Any) -> str:
-    """The scene of a plan; what it takes is loaded for no other format."""
-    from fmopt.execution.mjcf import mjcf
-
-    return mjcf(plan)
 
 
 def _admitted(file: Path, unverified: bool) -> tuple[Any, str]:

@@ -178,21 +178,19 @@ def _telling(error: FmoptError) -> int:
     return 2 if not isinstance(error, SearchError) else 0 if error.late else 1
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Stood:
-    """A problem in one attitude, with what its search is about, the ways to begin, and those that are left."""
+    """A problem in one attitude, with what its search is about, and the ways to begin that are left.
+
+    `found` is the last sequence that was found, whether or not it could be placed.
+    """
 
     image: Image
     posed: Posed
     task: Task
     entry_of: Callable[[Shape], Entry]
     rounds: Iterator[Sequence[Entry]]
-    found_last: list[MoveSequence]
-
-    @property
-    def found(self) -> MoveSequence | None:
-        """The last sequence that was found, whether or not it could be placed."""
-        return self.found_last[-1] if self.found_last else None
+    found: MoveSequence | None = None
 
     @staticmethod
     def of(own: Posed, image: Image) -> _Stood:
@@ -205,7 +203,7 @@ class _Stood:
         turn = 1.3 * problem.settings.max_tilt
         task = Task(parts, Pose.from_vector(problem.goal), posed.errors, posed.tolerance, costs, turn)
         entry_of = partial(tilted_entry, parts.moving, clearance.play, problem.approach)
-        return _Stood(image, posed, task, entry_of, _rounds(posed, task, roomy, entry_of), [])
+        return _Stood(image, posed, task, entry_of, _rounds(posed, task, roomy, entry_of))
 
     def motion(self, rounds: Iterator[Sequence[Entry]], deadline: float, stages: Stages) -> tuple[Searched, Placed]:
         """What `motion` finds for some ways to begin: the first sequence whose margin is positive, else the best."""
@@ -239,7 +237,7 @@ class _Stood:
                 stages.ended("search")
                 found = tuned(task, candidates, self.entry_of, limits, tuning, steady)
                 stages.ended("entry")
-                self.found_last[:] = [found]
+                self.found = found
                 placed = placement(posed, found.moves, stages.progress)
                 stages.ended("placement")
             except SearchError as error:
@@ -264,7 +262,7 @@ class _Stood:
         failure: FmoptError | None = None
         failed = list[SearchError]()
         for found in self._under(deadline, stages, failed):
-            self.found_last[:] = [found]
+            self.found = found
             try:
                 placed = placed_by_growing(self.posed, found.moves, stages.progress)
             except (InfeasibleError, OverdueError) as error:

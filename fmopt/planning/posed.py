@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache
 
 from fmopt.certificate.claim import Claim
 from fmopt.certificate.contact_implications import Assembly
@@ -144,10 +144,10 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: flo
     radius = 0.5 * (posed.spread + clearance)
     with until(deadline() + GRACE):
         begun = certified(posed.assembly, moves, posed.start, posed.tolerance, step)
-    solver, asked = ClarabelSolver(), _Asked(posed, begun)
+    solver, aim, first = ClarabelSolver(), _aim(posed, begun), begun
     if problem.settings.placement != "descent":
-        asked = _Asked(posed, surer(asked.aim, begun, solver, posed.refinement))
-    aim = asked.aim
+        first = surer(aim, begun, solver, posed.refinement)
+        aim = _aim(posed, first)
 
     def told(margin: float) -> None:
         progress(f"placement: margin {1e6 * margin:.1f} um")
@@ -158,9 +158,9 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: flo
     if problem.settings.placement == "descent":
         stages = [begun, polished(begun, "descent")]
     else:
-        refined = refine(aim, asked.begun, solver, posed.refinement, told)
+        refined = refine(aim, first, solver, posed.refinement, told)
         # Single poses are placed by the margin alone: whether control is served as before is asked of the outcome.
-        stages = [begun, asked.begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
+        stages = [begun, first, refined, *filter(aim.fit, [polished(refined, "nlp")])]
     return by_method(posed, _felt(posed, stages))
 
 
@@ -192,40 +192,32 @@ def placed_by_growing(posed: Posed, moves: Sequence[Move], progress: Progress) -
     return placement(posed, found.moves, progress, found.step)
 
 
-@dataclass(frozen=True, eq=False)
-class _Asked:
-    """What is asked of how a sequence is controlled: no less than where its placement began, or than is enough.
+def _aim(posed: Posed, begun: Placed) -> Aim:
+    """The aim of placing a sequence: contacts hold no less surely than where that began, or than is enough.
 
     Nor may its moves have to be cut more finely: at each piece a robot stops, and what it is off by adds up.
     """
 
-    posed: Posed
-    begun: Placed
+    @cache
+    def least() -> tuple[float, float, bool]:
+        return _sureness(posed, begun)
 
-    @property
-    def aim(self) -> Aim:
-        """What it is placed for."""
-        posed = self.posed
-        return Aim(posed.assembly, posed.start, posed.tolerance, self.begun.step, self.fit, holds=posed.holds)
-
-    def fit(self, placed: Placed) -> bool:
-        """Whether contacts of a sequence hold as surely as those of the first one, or as surely as they need to."""
-        if any(new > old for new, old in zip(_fineness(placed), _fineness(self.begun), strict=True)):
+    def fit(placed: Placed) -> bool:
+        if any(new > old for new, old in zip(_fineness(placed), _fineness(begun), strict=True)):
             return False
         try:
-            return all(new >= old for new, old in zip(self._measured(placed), self._least, strict=True))
+            return all(new >= old for new, old in zip(_sureness(posed, placed), least(), strict=True))
         except InfeasibleError:  # no bias force holds the contacts
             return False
 
-    @cached_property
-    def _least(self) -> tuple[float, float, bool]:
-        return self._measured(self.begun)
+    return Aim(posed.assembly, posed.start, posed.tolerance, begun.step, fit, holds=posed.holds)
 
-    def _measured(self, placed: Placed) -> tuple[float, float, bool]:
-        posed = self.posed
-        given = posed.problem, posed.assembly, placed.reached.claims, posed.tolerance
-        steady = STEADY if posed.assembly.planar else least_steady(*given)
-        return min(FIRM, least_firm(*given)), min(STEADY, steady), runs_against(*given)
+
+def _sureness(posed: Posed, placed: Placed) -> tuple[float, float, bool]:
+    """How surely a sequence holds its contacts, as far as that counts, and whether all pieces run to their ends."""
+    given = posed.problem, posed.assembly, placed.reached.claims, posed.tolerance
+    steady = STEADY if posed.assembly.planar else least_steady(*given)
+    return min(FIRM, least_firm(*given)), min(STEADY, steady), runs_against(*given)
 
 
 def _fineness(placed: Placed) -> list[float]:
