@@ -159,7 +159,6 @@ _HEX = re.compile(r"[0-9a-f]{64}", re.ASCII)
 PROVED = "proved"  # derived again from what is compared, a choice that the proof rests on, or the format's only value
 COMPARED = "compared with the problem"  # an assumption, which `verify --problem` holds against the problem
 COMMENTARY = "commentary"  # of the right form, and judged by nobody
-CLASSES = (PROVED, COMPARED, COMMENTARY)
 
 
 class Reader:
@@ -338,14 +337,3 @@ def fields(
     known = [key for key, _ in classes] + objects.split()
     missing = set(optional)
     return Fields(where, classes, tuple(key for key in known if key not in missing), frozenset(known))
-
-
-def table(rows: Iterable[Fields]) -> list[str]:
-    """A table in Markdown of what each key counts for, one line for each object and class."""
-    lines = ["| where | counts as | keys |", "|---|---|---|"]
-    for row in rows:
-        for kind in CLASSES:
-            keys = [f"`{key}`" for key, said in row.classes if said == kind]
-            if keys:
-                lines.append(f"| {f'`{row.where}`' if row.where else 'the plan'} | {kind} | {', '.join(keys)} |")
-    return lines
