@@ -106,7 +106,8 @@ def _advice(problem: Problem, error: SearchError | InfeasibleError, found: Neare
     late, now = isinstance(error, SearchError) and error.late, f"{problem.settings.time_limit:g} s now"
     if found is not None:
         share = f"{100.0 * found.share:.3g} % ({found.words})"
-        yield f"lower all start errors{found.and_velocity} to {share}, which is certified with {quantity(found.margin)}"
+        errors = "start errors" if found.velocity is None else "start errors and errors of velocity"
+        yield f"lower all {errors} to {share}, which is certified with {quantity(found.margin)}"
     if late:
         yield f"raise settings.time_limit, {now}, which ended the search before its end"
     elif found is None and cut:

@@ -64,11 +64,6 @@ class Nearest:
         return {"share": round(self.share, 9), "start_box": box, "velocity_error": velocity, "margin": margin}
 
     @property
-    def and_velocity(self) -> str:
-        """What is added to "all start errors"."""
-        return "" if self.velocity is None else " and errors of velocity"
-
-    @property
     def words(self) -> str:
         """Its errors, in words."""
         found = box_words(self.box)

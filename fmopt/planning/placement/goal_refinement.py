@@ -56,19 +56,17 @@ class Descent:
     smallest_step: float = 1e-9
 
 
-def descend(problem: Placement, guess: ArrayLike | None = None, settings: Descent | None = None) -> Solution:
+def descend(problem: Placement, guess: ArrayLike = (0.0,) * 6, settings: Descent = Descent()) -> Solution:
     """Perturbs the poses along the state's surface until the reciprocal cost has a minimum; proves no optimum.
 
-    It starts from a guess (6,), else from the least-squares point of the affine space.
+    It starts from the point of the affine space nearest to a guess (6,).
 
     Raises:
         InfeasibleError: the equations of the affine space contradict each other.
         SolverError: the first pose oversteps a bound.
     """
-    settings = Descent() if settings is None else settings
     scaled, units = problem.program().scaled(), problem.metric.units
-    y = np.zeros(6) if guess is None else np.asarray(guess) / units
-    y, Z = _state(scaled, y, problem.metric.clearance)
+    y, Z = _state(scaled, np.asarray(guess) / units, problem.metric.clearance)
     cost = _Cost.of(scaled, y, settings.asymptote)
     if not np.isfinite(cost(y)):
         raise SolverError("the descent starts outside its bounds", "start from a pose strictly inside them")

@@ -113,11 +113,6 @@ class Attitude:
         swap = np.abs(self.axes).argmax(axis=1)  # widths have no sign
         return np.asarray(box[swap[:2]] if len(box) == 2 else box[np.append(swap, 3 + swap)])
 
-    @property
-    def back(self) -> Attitude:
-        """The attitude of the parts as their image sees them."""
-        return Attitude(self.axes.T)
-
 
 @dataclass(frozen=True, eq=False)
 class _Numbers:
@@ -150,7 +145,7 @@ class Image:
 
     def own_moves(self, moves: Iterable[Move]) -> tuple[Move, ...]:
         """The moves of the images as moves of the parts themselves."""
-        back, own = self.attitude.back.of_pose, self.own_contacts
+        back, own = Attitude(self.attitude.axes.T).of_pose, self.own_contacts
         return tuple(
             Move(back(move.start), back(move.goal), own(move.held), own(move.making), own(move.left)) for move in moves
         )

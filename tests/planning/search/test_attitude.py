@@ -17,7 +17,7 @@ from fmopt.planning import motion
 from fmopt.planning.pipeline import certified_motion, proved
 from fmopt.planning.placement.sequence_program import Placed
 from fmopt.planning.posed import placement
-from fmopt.planning.search.symmetry import Image, Searched, all_attitudes, image_in, images
+from fmopt.planning.search.symmetry import Attitude, Image, Searched, all_attitudes, image_in, images
 from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -120,7 +120,7 @@ def compare(own: Assembly, pose: Pose, number: int) -> set[Kind]:
     image = image_in(own, all_attitudes(planar=False)[number])
     parts = image.assembly.moving.polyhedron, image.assembly.fixed.polyhedron
     own_parts = own.moving.polyhedron, own.fixed.polyhedron
-    near, back = near_contacts(*parts, pose, 2e-3, 0.05), image.attitude.back.of_pose(pose)
+    near, back = near_contacts(*parts, pose, 2e-3, 0.05), Attitude(image.attitude.axes.T).of_pose(pose)
     mine = image.own_contacts(near)
     assert set(mine) == set(near_contacts(*own_parts, back, 2e-3, 0.05))
     assert Surfaces.of(mine, *own_parts).values(back) == pytest.approx(
