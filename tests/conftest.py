@@ -1,7 +1,5 @@
 """What tests share: the plan of the square peg, solved once a session, however many workers there are."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """Where nothing is timed, as in the gate, each benchmark runs once to see that it works: with its first parameters."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A whole plan: solved in a warm process, and checked."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

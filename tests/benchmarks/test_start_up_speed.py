@@ -1,7 +1,5 @@
 """Start-up: the help text beside an empty interpreter beside one that loads the solvers."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """Studies: the work itself beside the same work in one worker, with every row durable, and in two."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Problems of two parts and a start error: in four lines, on the command line, from Python, in all forms of files."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

@@ -1,7 +1,5 @@
 """The command line as people and machines meet it: exit codes, messages with place and advice, no traceback ever."""
 
-from __future__ import annotations
-
 import copy
 import json
 import os

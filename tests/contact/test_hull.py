@@ -1,7 +1,5 @@
 """Half-spaces that Qhull finds too nearly degenerate: tried again with wide facets, and else left out and said."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What goes where, found from two solids: small inputs with their right answers, families, and another optimiser."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Parts over any simple outline: convex pieces, frames that are found, and the check that reads them for itself."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from fractions import Fraction

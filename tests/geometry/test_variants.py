@@ -4,8 +4,6 @@ Letters are the kinds of the table of those inputs; A is varied in test_known_so
 Solids are made by manifold3d and the CAD kernel, in mm; fits, volumes and messages are known by construction.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

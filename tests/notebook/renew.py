@@ -5,8 +5,6 @@ left out; they come when the cells are run. With the outputs goes a digest of th
 can say when the cells are others.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

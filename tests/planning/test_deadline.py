@@ -1,7 +1,5 @@
 """One moment ends a solve in every stage, and what there is by then still counts; cost grows with what can touch."""
 
-from __future__ import annotations
-
 import math
 import time
 from functools import cache

@@ -1,7 +1,5 @@
 """Where there is no plan: what is said of it, what is drawn, and whether the advice works."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from dataclasses import replace

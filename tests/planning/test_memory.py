@@ -1,7 +1,5 @@
 """What is worked out about an object is worked out once, and goes with it."""
 
-from __future__ import annotations
-
 import gc
 import pickle
 import weakref

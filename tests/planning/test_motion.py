@@ -1,7 +1,5 @@
 """The order in which attitudes are tried for a motion, and which failure is told where all of them fail."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from types import SimpleNamespace

@@ -3,8 +3,6 @@
 Models may be in metres, shifted, or turned in their files; mirror images have no symmetry that would make them alike.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

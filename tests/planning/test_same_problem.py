@@ -1,7 +1,5 @@
 """A plan held against its problem: everything that a claim rests on is compared, and a changed file is noticed."""
 
-from __future__ import annotations
-
 import copy
 import subprocess
 import sys

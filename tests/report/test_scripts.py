@@ -4,8 +4,6 @@ The scripts run in V8, the engine of Chromium, over a stub of the page that fail
 Chromium is installed, tests/report/test_browser.py opens the same pages in it.
 """
 
-from __future__ import annotations
-
 import base64
 import re
 from itertools import groupby, pairwise

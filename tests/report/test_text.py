@@ -3,8 +3,6 @@
 The plans are made as values, past the reader, which refuses most of what is written into them here.
 """
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping

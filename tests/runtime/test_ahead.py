@@ -1,7 +1,5 @@
 """Kernels compiled ahead: by several processes, once, even where two commands come to it at the same time."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Kernels: announced, on no clock, kept for later processes, and at work where nothing is kept."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Text from outside, written into other languages: it stays text."""
 
-from __future__ import annotations
-
 import csv
 import io
 import sys

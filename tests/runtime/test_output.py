@@ -1,7 +1,5 @@
 """Files that are written: whole or not at all, and to regular files only."""
 
-from __future__ import annotations
-
 import errno
 import os
 import socket

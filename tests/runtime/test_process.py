@@ -1,7 +1,5 @@
 """Streams that are closed or full, signals at random times: the right exit code, nothing lost, nobody left."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

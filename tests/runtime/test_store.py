@@ -1,7 +1,5 @@
 """What is made of files is made once, of the same file by the same code; an entry that is none is made anew."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 They are those that a plan of the square peg calls; those that share what they call together, the most first.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import json

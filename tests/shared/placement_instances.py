@@ -1,7 +1,5 @@
 """Placement instances for tests and benchmarks: random linearised ones, hand-made ones, a square peg, and oracles."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """Random planar contacts and the configurations that sampled deviations lead to, without the sets' formulas."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

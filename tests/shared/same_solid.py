@@ -1,7 +1,5 @@
 """Solids that are the same: of one volume."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The motion that the search finds from one way to begin, certified in fine pieces, without placement."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import islice
 from typing import Any

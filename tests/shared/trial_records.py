@@ -1,7 +1,5 @@
 """Records of trials that were never run."""
 
-from __future__ import annotations
-
 from typing import Any
 
 

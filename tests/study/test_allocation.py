@@ -1,7 +1,5 @@
 """Tolerance allocation: the convex program against closed forms and CVXPY, the answer against the certificate."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """The same study on a Dask scheduler with two workers: the same rows, byte for byte."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

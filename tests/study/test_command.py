@@ -1,7 +1,5 @@
 """`fmopt study` as people use it: runs, goes on, foretells, tabulates, refuses."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,7 +1,5 @@
 """Studies as files: every mistake is found before anything starts, with its place; every point lies where it should."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What a run answers: the trials of its plan, or why there is no motion, found out once and told in words."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from dataclasses import replace

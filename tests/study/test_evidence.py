@@ -1,7 +1,5 @@
 """Evidence of presses in studies: one plan carried out as it is over variants, the same draws in each."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from pathlib import Path

@@ -3,8 +3,6 @@
 A naive store would not pass.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

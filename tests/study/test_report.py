@@ -1,7 +1,5 @@
 """The report of a study: its numbers against other ways to the same, its page complete, offline and reproducible."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

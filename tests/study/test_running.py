@@ -1,7 +1,5 @@
 """The running of a study: every run gets one row, whatever happens to it; nothing is left behind."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

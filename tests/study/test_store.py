@@ -1,7 +1,5 @@
 """The store of a study: durable and whole or nothing, one owner, errors in words."""
 
-from __future__ import annotations
-
 import os
 import sqlite3
 import subprocess

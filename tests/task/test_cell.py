@@ -1,7 +1,5 @@
 """Tool and obstacles of a problem file: their frames, their short forms, and what is refused at its place."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Outlines without symmetry: a peg and its hole find each other however they lie."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

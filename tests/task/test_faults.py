@@ -1,7 +1,5 @@
 """Every fault of problem and model files is provoked once: its code, place, message and advice are read."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

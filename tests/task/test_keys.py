@@ -1,7 +1,5 @@
 """Keys of model, problem and assembly files beyond the plain insertion, and how they reach the knowledge base."""
 
-from __future__ import annotations
-
 import ast
 import math
 import re

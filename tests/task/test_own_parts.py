@@ -1,7 +1,5 @@
 """Parts of a problem that come as meshes: from files without features to a certified plan, and what is asked before."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

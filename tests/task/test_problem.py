@@ -1,7 +1,5 @@
 """Problems: the shipped ones, their meaning in SI and mating frames, their hash, their schemas, and start boxes."""
 
-from __future__ import annotations
-
 import json
 import math
 import pickle

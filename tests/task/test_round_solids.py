@@ -1,7 +1,5 @@
 """Round solids of model files by their sagitta: so near, around what is solid and inside what is taken away."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

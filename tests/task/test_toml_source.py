@@ -1,7 +1,5 @@
 """TOML with places: every key and value is found again in the text, and unreadable files say where and why."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Quantities and the closed arithmetic of expressions: laws, agreement of plain numbers with text, refusals."""
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
 

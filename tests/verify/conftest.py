@@ -1,7 +1,5 @@
 """What tests of the check share: a peg in a pocket, of which contacts are to be held."""
 
-from __future__ import annotations
-
 import pytest
 
 from fmopt.verify.parts.assembly import Assembly

@@ -1,7 +1,5 @@
 """What held contacts imply: lines and faces on walls, flushes, alignment, and sides that points stay on."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

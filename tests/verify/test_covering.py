@@ -1,7 +1,5 @@
 """Parts and their pieces as sets: honest ones agree, and no lie about them passes, however small."""
 
-from __future__ import annotations
-
 import math
 import random
 from itertools import product

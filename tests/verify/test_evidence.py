@@ -1,7 +1,5 @@
 """The check of evidence: only the honest one is TESTED, and TESTED is not CERTIFIED."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Exact incidence: laws of its predicates, and what points that are only near a line or a plane are good for."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 

@@ -1,7 +1,5 @@
 """No lie passes the check: forged plans, in which every other number was derived anew, and random mutants."""
 
-from __future__ import annotations
-
 import copy
 import json
 import random

@@ -1,7 +1,5 @@
 """The check of whole plans: an honest one passes, and nothing can be changed for the worse."""
 
-from __future__ import annotations
-
 import copy
 import json
 import subprocess

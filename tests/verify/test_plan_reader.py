@@ -1,7 +1,5 @@
 """The one reader of plans: typed values, or PlanError with the place, whatever a document holds; keys with classes."""
 
-from __future__ import annotations
-
 import copy
 import json
 import random

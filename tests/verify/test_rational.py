@@ -1,7 +1,5 @@
 """Fixed-point arithmetic of the check: its laws, and its functions against decimals of many digits."""
 
-from __future__ import annotations
-
 import math
 import random
 from decimal import Decimal, localcontext

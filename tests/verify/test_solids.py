@@ -1,7 +1,5 @@
 """Parts and pieces: closed surfaces, convex pieces, pieces that make up the part, and collisions with proof."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The check of the square peg's own plan: accepted as it is, rejected with any claim changed for the worse."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """The check that a move's pieces share one twist: its bound holds for simulated executions, and bent moves fail."""
 
-from __future__ import annotations
-
 import math
 import random
 from typing import Any

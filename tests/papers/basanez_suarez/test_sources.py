@@ -1,7 +1,5 @@
 """Sources of uncertainty: their sums by the paper, and by sampling every source along the chain."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from collections.abc import Callable

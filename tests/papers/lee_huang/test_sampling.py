@@ -1,7 +1,5 @@
 """S(t) of whole tasks against sampled poses, and switching times against a search over the turns of the cone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Recovery: lifting touches nothing new, shifted boxes cover, orders follow from contacts, false claims are refused."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
 from dataclasses import replace

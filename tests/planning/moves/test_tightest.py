@@ -1,7 +1,5 @@
 """A search asks for the least margin alone: it is the same whether planes of all pairs are the best, or few are."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The largest factor: what trying every factor of the grid finds, whatever is likely, in few trials."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Laws and refusals of cone programs: scaling, weak duality, and solvers that lie."""
 
-from __future__ import annotations
-
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace

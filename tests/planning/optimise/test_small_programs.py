@@ -1,7 +1,5 @@
 """Small linear programs: daqp against HiGHS, programs without any answer, and answers that are none."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

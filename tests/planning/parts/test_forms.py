@@ -1,7 +1,5 @@
 """The same two parts in TOML, as binary STL and as STEP have the same verdict."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A hole under a funnel: the throat's edges end where the block goes on, so that no contact slips off their ends."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Ways to begin for outlines that are no rectangles: each corner that differs goes in between its own two walls."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """A contact that is given up: the chamfered slot at all of its errors, from the search to the check of the plan."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
 from typing import Any

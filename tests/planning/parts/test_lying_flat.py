@@ -1,7 +1,5 @@
 """A part laid flat on the top before a corner goes in: what that takes away, and how it comes off again."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import replace
 from typing import Any

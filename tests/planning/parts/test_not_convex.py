@@ -1,7 +1,5 @@
 """Parts that are not convex: their pieces lie in walls and beside rims that others of them touch."""
 
-from __future__ import annotations
-
 import copy
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Planar problem files: what they mean, what they may not say, and plans for a share of the start errors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Parts with several features: walls, rims and floors in one plane, or as far apart as the pegs, each for its own."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

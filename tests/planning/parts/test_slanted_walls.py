@@ -1,7 +1,5 @@
 """Slanted walls: what contacts on two of them say, to the planner and to the check, and how deep a mouth is."""
 
-from __future__ import annotations
-
 import math
 from itertools import permutations, product
 

@@ -1,7 +1,5 @@
 """Start errors next to nothing, along some axes or all: no harder to plan for than large ones."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A corner that touches the top beside the mouth first: errors many times the clearance, from search to check."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

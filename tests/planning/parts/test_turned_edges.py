@@ -1,7 +1,5 @@
 """An edge in one wall beside a face flush to another: what it says of the rotation, and a plan that needs it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

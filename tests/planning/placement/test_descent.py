@@ -1,7 +1,5 @@
 """The papers' reciprocal cost with steepest descent, beside the certified optimum."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

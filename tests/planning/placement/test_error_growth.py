@@ -1,7 +1,5 @@
 """Sequences placed from poses at which their errors cannot be followed: the errors are grown as the poses bear them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How surely contacts are held, as rows of the placement of a sequence."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Placement as a cone program against hand-made optima, brute force and fresh solvers."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 

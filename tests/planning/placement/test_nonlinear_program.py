@@ -1,7 +1,5 @@
 """Placement on true C-surfaces: gradients, agreement with the linear problem, refusals, threads."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np

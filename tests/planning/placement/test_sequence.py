@@ -1,7 +1,5 @@
 """Placement of whole sequences: errors that move along with the poses, rows within a trust region, what is kept."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The programs that whole plans ask: who solves them, what their prices say, and what CVXPY makes of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache

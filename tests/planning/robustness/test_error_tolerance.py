@@ -1,7 +1,5 @@
 """How much error a motion tolerates: the factor holds and no more does, and sensitivities are those of the margin."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The states of a motion as nodes of contact graphs: every change an edge or the passing of a rim; gaps are noticed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

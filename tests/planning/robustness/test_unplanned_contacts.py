@@ -1,7 +1,5 @@
 """What errors make first: friction cones and angles against brute force, factors against the true surfaces."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The attitude that parts are planned for: which of their images it is, and how moves come back from it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

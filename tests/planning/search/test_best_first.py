@@ -1,7 +1,5 @@
 """The search on pegs that nothing was tuned for: straight where errors fit, contacts where not, at any scale."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Ways to begin: one corner goes in below the funnel, away from the walls next to it, whatever the outline is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

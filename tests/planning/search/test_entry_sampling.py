@@ -1,7 +1,5 @@
 """Ways to begin that are drawn: what is left out before it is looked at closely could not have begun."""
 
-from __future__ import annotations
-
 from itertools import islice
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Entries varied for margin: more of it, by the same moves, and a bound that stays below the cost."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

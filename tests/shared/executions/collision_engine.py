@@ -1,7 +1,5 @@
 """Executions of a plan seen by another collision engine: MuJoCo's distances between the pieces of a plan file."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Errors of simulated executions, drawn on the boundary of every stated set, each in the frame of its source."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -75,7 +73,7 @@ def start_errors(sources: Sources, start: Poses, count: int, rng: np.random.Gene
     return by_frame["world"], Fixed(start[0][0], by_frame["hole"], grip)
 
 
-def drifts(piece: Piece, count: int, rng: np.random.Generator) -> Array:
+def drifts(piece: "Piece", count: int, rng: np.random.Generator) -> Array:
     """Velocity errors (n, 6) per unit of travel, translation and rotation each on its bound.
 
     A third in any direction, a third along axes, a third straight along the way to the contact being made.

@@ -3,8 +3,6 @@
 python executing.py --count 200000 --seed 0 PLAN..., to execute at length: every plan takes its share of the count.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -3,8 +3,6 @@
 Arrays run over executions first: positions p (n, 3) in m, rotation matrices R (n, 3, 3).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -75,7 +73,7 @@ class Convex:
     radius: float = 0.0
 
     @staticmethod
-    def read(document: dict[str, Any]) -> Convex:
+    def read(document: dict[str, Any]) -> "Convex":
         """The piece of a plan file."""
         vertices = np.array(document["vertices"], dtype=float)
         loops = [face[0] for face in document["faces"]]
@@ -87,7 +85,7 @@ class Convex:
         return Convex(vertices, outward, _once(normals), _once(unit(np.array(sides))), ends)
 
     @staticmethod
-    def ball(centre: Sequence[float], radius: float) -> Convex:
+    def ball(centre: Sequence[float], radius: float) -> "Convex":
         """A ball."""
         none = np.zeros((0, 3))
         return Convex(np.array([centre], dtype=float), np.zeros((0, 4)), none, none, np.zeros((0, 2, 3)), radius)

@@ -7,8 +7,6 @@ the real pose is H⁻¹ · (C ⊕ κ) · G for the commanded one C; κ = (e, ε)
 is where a piece starts but for drift and compliance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """What a plan promises about a piece of motion, in a form that can be asked of a real pose."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -66,7 +64,7 @@ class Witness:
     radius: float = 0.0
 
     @staticmethod
-    def read(moving: Convex, fixed: Convex, pair: dict[str, Any], landmarks: Sequence[Poses]) -> Witness:
+    def read(moving: Convex, fixed: Convex, pair: dict[str, Any], landmarks: Sequence[Poses]) -> "Witness":
         """The witness of a pair; points that are on its plane at one of the nominal `landmarks` are not counted."""
         said, margin = pair["witness"], float(pair["margin"])
         a, b = moving.vertices[said["moving"]], fixed.vertices[said["fixed"]]

@@ -5,8 +5,6 @@ that say something of the real parts: error sets, distances of pieces that no co
 inside their real features, moves neither too short nor too long.
 """
 
-from __future__ import annotations
-
 import copy
 from typing import Any, NamedTuple
 

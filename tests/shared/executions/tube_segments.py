@@ -1,7 +1,5 @@
 """Random pieces of motion between random hulls in contact, and executions of them on the true contact surfaces."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -273,7 +271,7 @@ class Turned:
     second: Array
 
     @staticmethod
-    def of(R: Array, V: Array, gone: Array, w: Array) -> Turned:
+    def of(R: Array, V: Array, gone: Array, w: Array) -> "Turned":
         angle, t = float(np.linalg.norm(V)), _dot(w, w)
         shares: tuple[Array | float, ...] = (1.0, np.sin(angle * gone), 1.0 - np.cos(angle * gone))
         # Rodrigues' formula about V; about w with its coefficients in series.

@@ -1,7 +1,5 @@
 """Pairs of parts as files that say nothing of how they mate: a prism and a plate with a hole for it, mm."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

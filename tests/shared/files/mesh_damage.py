@@ -1,7 +1,5 @@
 """Meshes as programs leave them: rounded, noisy, cut up, turned, with facets doubled, flipped or lost; from a seed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mesh files of known solids, as a foreign program would write them, whole or with faults."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct

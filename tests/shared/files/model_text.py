@@ -1,7 +1,5 @@
 """The text of model files, table by table: units, solids and features."""
 
-from __future__ import annotations
-
 UNITS = '[units]\nlength = "mm"\nangle = "deg"\n'
 
 

@@ -1,7 +1,5 @@
 """Model files, read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from fmopt.errors import InputError

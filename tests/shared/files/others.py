@@ -1,7 +1,5 @@
 """Meshes that other people made, where their folder lies beside the repository."""
 
-from __future__ import annotations
-
 from fmopt.geometry.mesh.mesh_import import Unit
 from tests import ROOT
 

@@ -1,7 +1,5 @@
 """Problems whose parts are told beside them, and one whose parts come as meshes."""
 
-from __future__ import annotations
-
 TASK = """title = "Own {moving} into own {fixed}"
 [units]
 length = "mm"

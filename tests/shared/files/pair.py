@@ -1,7 +1,5 @@
 """Files of a peg and a block that it fits, some of them changed, read as a model, a problem or an assembly."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

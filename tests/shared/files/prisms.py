@@ -1,7 +1,5 @@
 """Tasks of prisms over polygons, written as problem files."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

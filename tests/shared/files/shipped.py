@@ -1,7 +1,5 @@
 """Shipped problem and model files as texts, and their operands exchanged."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """STEP files of shapes of the CAD kernel."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

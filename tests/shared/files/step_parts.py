@@ -1,7 +1,5 @@
 """Solids of the CAD kernel as designers draw them, in mm: from stated seeds, in any unit and place."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Damage to files, drawn from seeds: bytes, words, lines, keys and nesting, as disks, editors and exporters do it."""
 
-from __future__ import annotations
-
 import json
 import random
 import re

@@ -1,7 +1,5 @@
 """Damaged files of each kind that a command reads: whatever the damage, an exit code and a message, within its time."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """A Chromium without a window, driven through its own protocol: what it logs, fetches, and what a page becomes."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

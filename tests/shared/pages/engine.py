@@ -1,11 +1,9 @@
 """Pages without a browser: their HTML read, their scripts run in V8 over a stub of the page."""
 
-from __future__ import annotations
-
 import json
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from py_mini_racer import JSEvalException, MiniRacer
 
@@ -65,7 +63,7 @@ class Page:
             if node[0] == "script" and node[1].get("type", "text/javascript") == "text/javascript":
                 self.run("".join(node[2]) + "\n;0")
 
-    def __enter__(self) -> Page:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

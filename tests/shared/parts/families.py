@@ -6,8 +6,6 @@ at z = 0 and the hole goes down. Between a peg and its hole there is the same cl
 where both are meant to mate. Each part has a model frame of its own, turned and shifted against that.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -298,7 +296,7 @@ def meshes(pair: Pair) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray,
     return made[0], made[1]
 
 
-def _solid(stack: Stack) -> Manifold:
+def _solid(stack: Stack) -> "Manifold":
     """The manifold3d solid of a stack."""
     from manifold3d import Manifold, OpType
 
@@ -306,7 +304,7 @@ def _solid(stack: Stack) -> Manifold:
     return Manifold.batch_boolean(parts, OpType.Add)
 
 
-def _loft(low: Section, high: Section) -> Manifold:
+def _loft(low: Section, high: Section) -> "Manifold":
     from manifold3d import Manifold, Mesh64, triangulate
 
     n = len(low.outline)

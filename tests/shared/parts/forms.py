@@ -3,8 +3,6 @@
 `python -m tests.shared.parts.forms 0 1 2` reads all families from these seeds in all forms, and says what is not alike.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A peg held in a pocket, as the check has it: planes, rims and contacts."""
 
-from __future__ import annotations
-
 from fmopt.verify.arithmetic.rational import Vector, fixed, vector
 from fmopt.verify.certificate.contact_implications import Facts
 from fmopt.verify.parts.assembly import Assembly, Touch

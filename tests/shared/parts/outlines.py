@@ -1,7 +1,5 @@
 """Problems of prisms that are not shipped: the shipped kite's, with another section."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A square peg set into its hole by hand, move by move: poses and contacts for tests of the certificate."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache

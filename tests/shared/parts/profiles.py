@@ -1,7 +1,5 @@
 """Profiles of planar parts: regular polygons, slots, notches, and what they deviate by."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

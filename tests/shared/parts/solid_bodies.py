@@ -1,7 +1,5 @@
 """Bodies for the check: boxes, blocks with pockets, solids of unit cubes, and what CSG makes, as plans hold them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from itertools import product

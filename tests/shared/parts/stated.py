@@ -1,7 +1,5 @@
 """Parts as a plan states them."""
 
-from __future__ import annotations
-
 from fmopt.geometry.part import Part
 from fmopt.verify.reading.document import Body
 from fmopt.verify.reading.document import Part as Stated

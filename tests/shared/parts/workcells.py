@@ -1,7 +1,5 @@
 """A plate, a bush and a peg, and workcells and tasks of them, for the tests of the knowledge base."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fmopt.geometry.csg import Box, Cylinder, Placed, Solid

@@ -1,7 +1,5 @@
 """The rig for presses led by an exported ROS 2 executor, which is loaded from its folder and knows no more."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from types import ModuleType

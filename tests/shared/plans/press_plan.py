@@ -3,8 +3,6 @@
 Nothing is carried out for it: the check takes outcomes as they are stated.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ Everything that the plan states is computed here from the definitions, with 50 d
 alone: a second way to the numbers that the check derives.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The small plan built by hand with all that a plan may tell besides, for tests of its reader: every key is there."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Iterator
 from typing import Any

@@ -5,8 +5,6 @@ python -m tests.shared.studies.driver FOLDER RUNS JOBS EVALUATION STORE [FAILING
 Acknowledged keys go to FOLDER/acknowledged, one a line, straight to the kernel; runs that are begun to FOLDER/begun.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Sequence

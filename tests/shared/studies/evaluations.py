@@ -1,7 +1,5 @@
 """Cheap evaluations for tests of the running of studies; workers import them by name."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import signal

@@ -4,8 +4,6 @@ The entry of the C library's function is overwritten by a jump to a Python funct
 as well as Python's own. For 64-bit Intel and ARM processors on Linux.
 """
 
-from __future__ import annotations
-
 import atexit
 import ctypes
 import errno

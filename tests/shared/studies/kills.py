@@ -3,8 +3,6 @@
 python study_kills.py KILLS SEED, to do it at length.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random

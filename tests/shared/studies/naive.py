@@ -1,11 +1,10 @@
 """A store as one might write it on a first day: a file kept open, a line for each row. Kills must find it out."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
+from typing import Self
 
 from fmopt.study.running.store import Effort, Numbered, Row, Store
 
@@ -19,7 +18,7 @@ class NaiveStore(Store):
         self._known = {row["key"]: row["outcome"] for row in map(json.loads, lines)}
         self._lines = self._results.open("a")
 
-    def __enter__(self) -> NaiveStore:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

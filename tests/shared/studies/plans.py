@@ -4,8 +4,6 @@ python study_plans.py PROBLEM RUNS JOBS, to measure at length; the start errors 
 workers, "1,2", the plans are made anew with each, and the throughputs compared.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import sys

@@ -1,7 +1,5 @@
 """Problems that studies in tests are made of."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

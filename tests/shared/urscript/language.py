@@ -1,7 +1,5 @@
 """The part of URScript that exported programs may use: grammar, arity and units of each call, and an interpreter."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -3,8 +3,6 @@
 The program believes that the part is at its nominal start; the errors of the trial are those of the robot and the cell.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,8 +6,6 @@ what is missing of the wrench, no faster than the limits. A stiff axis that fall
 the program, as the robot's own protection would.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

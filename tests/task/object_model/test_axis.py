@@ -1,7 +1,5 @@
 """Solids along the z axis, against membership of points on it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

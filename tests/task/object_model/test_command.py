@@ -1,7 +1,5 @@
 """Task commands: answers in every frame, operands, exchanged operands, assemblies in two steps."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

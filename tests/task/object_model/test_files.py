@@ -1,7 +1,5 @@
 """The knowledge base of files: problems as task commands, the shipped assembly in steps, faults with their place."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Goal states with free entries: what settles them, against brute force and closed forms."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the knowledge base refuses, each by feature and rule."""
 
-from __future__ import annotations
-
 import math
 import pickle
 

@@ -1,7 +1,5 @@
 """The four-level tree: chains mean what their CSG trees mean, every shipped model has one, bad trees are refused."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 
