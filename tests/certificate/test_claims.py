@@ -176,7 +176,6 @@ def test_the_chosen_plane_is_as_good_as_any_face() -> None:
         listed = facing(peg().assembly, c.piece)
         chosen = choose_separations(peg().assembly, listed, Course.of([c.advance.ends]))[0]
         for (_, _, found), (_, _, pair), again in zip(c.separations, listed.listed, chosen, strict=True):
-            assert again is not None
             assert again.margin == pytest.approx(found.margin, rel=1e-12)
             faces = [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
             if not pair.touched:

@@ -28,7 +28,6 @@ def real_error(start: Array, p: Array, R: Array, hole: Array, hand: Array, world
 def test_what_the_linear_picture_leaves_is_bounded(seed: int) -> None:
     rng = np.random.default_rng(seed)
     _, linkage = Linkage.of(BOX, FRAMING)
-    assert linkage is not None
     hole, hand, world = (on_its_bounds(rng, part) for part in FRAMING.parts(BOX))
     start, R0 = rng.uniform(-0.02, 0.02, 3), exp(rng.uniform(-0.3, 0.3, 3))
     p, R = start + rng.uniform(-0.03, 0.03, 3), exp(rng.uniform(-0.4, 0.4, 3)) @ R0
@@ -52,7 +51,6 @@ def test_a_tenth_of_that_bound_would_not_do() -> None:
         linear = hole + hand + world
         linear[:3] += np.cross(hole[3:], p)
         _, linkage = Linkage.of(BOX, FRAMING)
-        assert linkage is not None
         left = coupled(linkage.begun(np.zeros(3)).links(p, p), np.abs(error), 0.0)
         most = max(most, float(np.linalg.norm((error - linear)[:3]) / left[0]))
     assert most > 0.1
@@ -60,7 +58,6 @@ def test_a_tenth_of_that_bound_would_not_do() -> None:
 
 def test_generators_move_as_their_frames_do() -> None:
     generators, linkage = Linkage.of(BOX, FRAMING)
-    assert linkage is not None
     travel, turn = np.array([0.01, -0.02, 0.005]), exp([0.2, -0.1, 0.3])
     moved = linkage.moves(travel, turn, len(generators))
     for g, by, hole, hand in zip(generators, moved, linkage.hole, linkage.hand, strict=True):

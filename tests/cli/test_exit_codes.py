@@ -199,8 +199,7 @@ def test_an_internal_fault_is_one_line(fmopt: Command, monkeypatch: pytest.Monke
 
     monkeypatch.setattr("fmopt.task.problem.load", broken)
     done = fmopt("check", ROOT / PROBLEM)
-    assert done.code == 70
-    assert done.err.count("\n") == 1
+    assert (done.code, done.err.count("\n")) == (70, 1)
     assert "internal fault: ZeroDivisionError: broken on purpose" in done.err
 
 

@@ -22,8 +22,7 @@ def test_mid_depth_square_peg_has_sixteen_contacts() -> None:
     contacts = near_contacts(peg(), block(), MID_DEPTH, reach=1e-3, angle=0.02)
     kinds = [contact.kind for contact in contacts]
     assert len(contacts) == 16
-    assert kinds.count(Kind.VERTEX_FACE) == 8
-    assert kinds.count(Kind.EDGE_EDGE) == 8
+    assert (kinds.count(Kind.VERTEX_FACE), kinds.count(Kind.EDGE_EDGE)) == (8, 8)
     assert len({contact.id for contact in contacts}) == 16
 
 

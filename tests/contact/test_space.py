@@ -37,8 +37,7 @@ def test_contact_modes_of_a_cube_in_a_corner(walls: int, modes: int) -> None:
 
 def test_mid_depth_square_peg_has_243_faces() -> None:
     found = faces(mid_depth())
-    assert found.lineality == 1
-    assert found.count() == {6: 1, 5: 16, 4: 56, 3: 88, 2: 64, 1: 18}
+    assert (found.lineality, found.count()) == (1, {6: 1, 5: 16, 4: 56, 3: 88, 2: 64, 1: 18})
     check(found, mid_depth().normals, mid_depth().offsets)
 
 
@@ -114,8 +113,7 @@ def test_lines_in_a_polyhedron_change_nothing_but_dimensions(seed: int) -> None:
     rows, levels = rng.integers(-1, 2, size=(9, 3)) + 0.0, -rng.integers(0, 2, size=9) - 0.0
     rows, levels = np.vstack([np.eye(3), rows[rows.any(axis=1)]]), np.append(-np.ones(3), levels[rows.any(axis=1)])
     within, found = enumerate_faces(rows, levels), enumerate_faces(rows @ rng.normal(size=(3, 6)), levels)
-    assert found.lineality == 3
-    assert found.active.tolist() == within.active.tolist()
+    assert (found.lineality, found.active.tolist()) == (3, within.active.tolist())
     assert found.dimensions.tolist() == (within.dimensions + 3).tolist()
 
 

@@ -78,8 +78,7 @@ WHOLE: dict[str, tuple[str, bytes]] = {
 def test_odd_files_are_read(name: str, tmp_path: Path) -> None:
     file, content = WHOLE[name]
     body = load_mesh(written(tmp_path, file, content), "mm").body
-    assert len(body.faces) == 6
-    assert body.volume == pytest.approx(0.012 * 0.008 * 0.03, rel=1e-6)
+    assert (len(body.faces), body.volume) == (6, pytest.approx(0.012 * 0.008 * 0.03, rel=1e-6))
 
 
 def test_polygons_become_triangles_and_idle_points_go(tmp_path: Path) -> None:

@@ -211,8 +211,7 @@ def test_plane_parts_stand_for_nothing_curved(solid: Solid) -> None:
 def test_stated_features_and_deviations_are_taken() -> None:
     stated = Feature("shank", "solid", at(), 0.02)
     part = mesh_part("rod", mesh_of(ROD), [stated], 2e-6)
-    assert part.features == (stated,)
-    assert part.chord_error == 2e-6
+    assert (part.features, part.chord_error) == ((stated,), 2e-6)
 
 
 def finely(solid: Solid, times: int, cut: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -233,8 +232,7 @@ def test_a_chamfer_that_is_plane_but_for_rounding_is_plane(tmp_path: Path, times
     path = tmp_path / "bar.stl"
     path.write_text(stl_text(np.round(points, 3), triangles))
     part = mesh_part("bar", load_mesh(path, "mm"))
-    assert len(part.pieces) == 1
-    assert len(part.polyhedron.faces) == 10
+    assert (len(part.pieces), len(part.polyhedron.faces)) == (1, 10)
     assert 0.0 < part.form < 2e-6
     (note,) = part.notes
     assert note.startswith("warning: bar: facets are up to")

@@ -150,8 +150,7 @@ def test_round_clearance_is_that_of_the_radii_but_for_the_flats() -> None:
 def test_interference_fits_are_negative_and_refused(size: tuple[float, float], depth: float) -> None:
     moving, fixed = peg(Box((*size, 0.05))), block()
     measured = mating_clearance(moving, fixed, 0.03)
-    assert measured.per_side == pytest.approx(-depth, abs=1e-9)
-    assert measured.play == (0.0, 0.0)
+    assert (measured.per_side, measured.play) == (pytest.approx(-depth, abs=1e-9), (0.0, 0.0))
     overlap = interference(moving, fixed, SEATED)
     assert overlap.depth == pytest.approx(depth, abs=1e-9)
     excess = np.prod(size) - np.prod(np.minimum(size, 0.0202))
@@ -198,8 +197,7 @@ def test_mesh_comes_back_as_the_solid_it_was(tmp_path: Path, suffix: str, write:
     assert loaded.volume == pytest.approx(body.volume, rel=1e-5)
     assert [edge.convex for edge in loaded.edges].count(False) == 12
     part = mesh_part("box", mesh, chord_error=1e-6)
-    assert len(part.pieces) == 7
-    assert part.chord_error == 1e-6
+    assert (len(part.pieces), part.chord_error) == (7, 1e-6)
     assert part.polyhedron.volume == pytest.approx(loaded.volume, rel=1e-6)
     assert len(part.polyhedron.faces) == 13
 

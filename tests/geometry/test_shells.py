@@ -115,7 +115,6 @@ def test_of_several_bodies_two_are_named_or_the_others_are_listed(tmp_path: Path
     meshes = boxes([((10, 10, 10), (20 * k, 0, 0)) for k in range(4)], turned=False)
     (tmp_path / "four.obj").write_text(obj_of(meshes, ["a", "b", "c", "d"]))
     asked = asked_problem([tmp_path / "four.obj"], ("1 mm, 1 deg", None, "b", "d"))
-    assert asked is not None
     assert asked.bodies == ("b", "d")
     with pytest.raises(InputError, match=r"holds 3 other bodies: 1 'a', 3 'c', 4 'd'; say which"):
         asked_problem([tmp_path / "four.obj"], ("1 mm, 1 deg", None, "b", None))

@@ -305,7 +305,6 @@ def test_bodies_of_one_file_are_named_or_the_two_that_there_are(
     scene = trimesh.util.concatenate([*meshes.values()]) if form == "stl" else trimesh.Scene(meshes)
     scene.export(tmp_path / f"all.{form}")
     question = asked_problem([tmp_path / f"all.{form}"], (ERROR, None if form == "glb" else "mm", moving, fixed))
-    assert question is not None
     (tmp_path / "problem.toml").write_text(question.text(tmp_path))
     problem = fmopt.load(tmp_path / "problem.toml")
     assert 1e3 * problem.measured.per_side == pytest.approx(0.1, abs=1e-5)

@@ -39,8 +39,7 @@ def test_a_hole_of_two_widths_gets_both(problem: fmopt.Problem) -> None:
 def test_values_are_set_by_path_or_by_name_and_add_up(problem: fmopt.Problem) -> None:
     one = problem.with_({"uncertainty.start.x": "0.2 mm"}, settings_max_tilt="10 deg")
     two = one.with_(specification_friction=0.25)
-    assert two.start_box[0] == 2e-4
-    assert two.settings.max_tilt == pytest.approx(math.radians(10.0))
+    assert (two.start_box[0], two.settings.max_tilt) == (2e-4, pytest.approx(math.radians(10.0)))
     assert two.specification.friction == 0.25
     assert two.sha256 not in (one.sha256, problem.sha256)
     assert {"uncertainty.start.x", "settings.max_tilt", "model.fixed.width"} <= set(problem.targets)
@@ -82,8 +81,7 @@ def test_plans_say_what_they_are() -> None:
     assert (plan.verdict, plan.proved, plan.margin) == ("CERTIFIED", True, 4.2e-5)
     assert str(plan) == "cube to a wall: CERTIFIED, 2 moves, least margin 42.0 µm"
     assert [segment.move for segment in plan.segments] == [1, 2, 2]
-    assert plan.segments[-1].goal_state == ("v0-f5",)
-    assert plan.segments[0].start.p[2] == 0.003
+    assert (plan.segments[-1].goal_state, plan.segments[0].start.p[2]) == (("v0-f5",), 0.003)
 
 
 @pytest.mark.parametrize("verdict", ["NOT_PROVED", "REFUTED"])
@@ -128,8 +126,7 @@ def test_a_plan_goes_through_a_file(tmp_path: Path) -> None:
 def test_segments_as_a_data_frame(square_peg_plan_file: Path) -> None:
     plan = fmopt.read(square_peg_plan_file)
     frame = plan.to_dataframe()
-    assert len(frame) == len(plan.segments)
-    assert frame["margin"].min() == plan.margin
+    assert (len(frame), frame["margin"].min()) == (len(plan.segments), plan.margin)
     assert frame["goal_z"][-1] == pytest.approx(-0.03, abs=1e-9)
     assert frame["timeout"].null_count() == 0
 

@@ -32,7 +32,6 @@ def test_a_failure_says_what_is_missing_and_what_would_work(failed: tuple[Proble
     _, error = failed
     failure: Failure = error.failure
     assert failure.stage in {"search", "placement", "control", "begin"}
-    assert failure.lack is not None
     assert failure.steps
     assert 1 <= failure.lack.move <= len(failure.steps) + 1
     if failure.lack.short is not None:
@@ -45,15 +44,13 @@ def test_a_failure_says_what_is_missing_and_what_would_work(failed: tuple[Proble
     assert error.advice == "; or ".join(failure.advice)
     assert "time_limit" in error.advice or not failure.late
     record = json.loads(json.dumps(failure.record(), allow_nan=False))
-    assert record["reason"] == failure.reason
-    assert len(record["moves"]) == len(failure.steps)
+    assert (record["reason"], len(record["moves"])) == (failure.reason, len(failure.steps))
     assert pickle.loads(pickle.dumps(error)).failure.reason == failure.reason
 
 
 def test_the_advice_works(failed: tuple[Problem, SearchError]) -> None:
     problem, error = failed
     near = error.failure.nearest
-    assert near is not None
     assert 0.0 < near.share < 1.0
     plan = fmopt.solve(replace(problem, start_box=np.array(near.box)))
     assert plan.proved
@@ -67,7 +64,6 @@ def test_errors_of_velocity_are_lowered_too_where_they_alone_forbid_any_plan(tmp
     with pytest.raises(SearchError) as caught:
         fmopt.solve(problem)
     near = caught.value.failure.nearest
-    assert near is not None
     assert near.velocity == pytest.approx((0.01 * near.share, 0.01 * near.share))
     advice = caught.value.failure.advice[0]
     assert advice.startswith(f"lower all start errors and errors of velocity to {100.0 * near.share:.3g} %")

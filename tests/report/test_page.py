@@ -120,8 +120,7 @@ def test_moves_are_read_from_their_pieces() -> None:
     plan = cube()
     down, slide = moves(plan)
     assert (down.number, len(down.segments), slide.number, len(slide.segments)) == (1, 1, 2, 2)
-    assert slide.margin == 4.2e-5
-    assert slide.new == ("v0-f5",)
+    assert (slide.margin, slide.new) == (4.2e-5, ("v0-f5",))
     np.testing.assert_allclose([down.travel, slide.travel, slide.turn], [0.002, 0.0011, 0.004], rtol=1e-12)
     assert states(plan) == [((), 6), (("v0-f5",), 5)]
     assert move_words(plan, down) == "move freely 2.00 mm in −z"
@@ -190,8 +189,7 @@ def test_hybrid_strategies_of_alike_pieces_share_a_row(whole: str) -> None:
     plan = cube()
     down, near, touch = plan.segments
     text = text_of(hybrid_table(replace(plan, segments=(down, near, near, touch))))
-    assert text.count("pieces 1–2") == 1
-    assert text.count("goes on after") == 1
+    assert (text.count("pieces 1–2"), text.count("goes on after")) == (1, 1)
     text = text_of(whole)
     assert text.count("reaction along x reaches 2 N") == 1
     assert "−x at 20 mm/s" in text

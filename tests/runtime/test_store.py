@@ -57,8 +57,7 @@ def test_an_entry_that_is_none_is_made_anew_and_nothing_of_it_is_executed(folder
         entry.write_bytes(store.hashlib.sha256(content).digest() + content)
     else:
         entry.write_bytes(data[:-9] if harm == "cut" else data[:-9] + bytes(9))
-    assert box(made).volume == volume
-    assert len(made) == 2
+    assert (box(made).volume, len(made)) == (volume, 2)
 
 
 def test_without_a_folder_all_is_made_anew_and_what_was_not_asked_for_goes_first(

@@ -46,7 +46,6 @@ def started(**settings: str) -> subprocess.Popen[str]:
 def running_scheduler() -> Iterator[str]:
     """The address of a scheduler without workers, which forgives no loss."""
     with started(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as running:
-        assert running.stdout is not None
         yield running.stdout.readline().strip()
         running.communicate(timeout=60)
 
@@ -96,7 +95,6 @@ def test_a_host_that_is_lost_costs_one_run(scheduler: str, tmp_path: Path) -> No
     assert (tally.done, tally.failed) == (6, 1)
     rows = [record.row for record in recorded(tmp_path)[1]]
     assert [row and row.outcome for row in rows] == ["killed", "done", "done", "done", "done", "done"]
-    assert rows[0] is not None
     assert rows[0].reason == "its host was lost, 3 times"
 
 
@@ -175,7 +173,6 @@ def test_a_scheduler_that_dies_ends_the_study_in_words_and_without_failures(
     monkeypatch.setattr("fmopt.study.running.cluster._PATIENCE", 3.0)
     work, over = evaluations.work(400), threading.Event()
     with started() as running:
-        assert running.stdout is not None
         address = running.stdout.readline().strip()
         host = threading.Thread(target=kept_alive, args=(address, over, 1))
         host.start()

@@ -356,8 +356,7 @@ def test_entries_of_arrays_and_truths_may_vary(written: Writer, tmp_path: Path) 
     problems = [problem_of(assigned(study.base.problem, run.assigned)) for run in study.runs()]
     assert [p.settings.reduce_errors for p in problems] == [False, True, False, True]
     entries = [assigned(study.base.problem, run.assigned).data["start"]["at"] for run in study.runs()]
-    assert entries[0] == ["0.01 m", 4, 12]
-    assert entries[3] == ["0.014 m", 4, 12]
+    assert (entries[0], entries[3]) == (["0.01 m", 4, 12], ["0.014 m", 4, 12])
     assert "start.at" not in study.base.targets()
     assert study.base.problem.data["start"]["at"] == [15, 4, 12]
 

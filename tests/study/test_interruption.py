@@ -46,8 +46,7 @@ def _failing(folder: Path, kind: str, code: int, number: int, wanted: bytes) -> 
     done = study(folder, kind, code, number)
     assert done.returncode in (0, 4), done.stderr
     if done.returncode:
-        assert done.stdout == ""
-        assert len(done.stderr.splitlines()) == 1
+        assert (done.stdout, len(done.stderr.splitlines())) == ("", 1)
         assert str(folder) in done.stderr
         _intact(folder, "store")
         again = study(folder)

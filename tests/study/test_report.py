@@ -54,12 +54,10 @@ def test_rank_correlation_agrees_and_sees_only_order() -> None:
     x = rng.integers(0, 12, 60).astype(float)
     y = x + rng.normal(0.0, 5.0, 60)
     found = rank_correlation(x, y)
-    assert found is not None
     assert found.value == pytest.approx(float(stats.spearmanr(x, y).statistic), abs=1e-12)
     assert found.low < found.value < found.high
     assert rank_correlation(np.exp(x), y**3) == found
     falling = rank_correlation(x[:5] * 0 + np.arange(5.0), -np.arange(5.0))
-    assert falling is not None
     assert falling.low == falling.value == pytest.approx(-1.0)
     assert -0.5 < falling.high < 0.5
     assert rank_correlation(x, np.ones(60)) is None
@@ -209,7 +207,6 @@ def test_logarithmic_axes_have_cells_and_ticks_of_their_own() -> None:
     points = [(mu, y) for mu in (0.001, 0.01, 0.1) for y in (0.001, 0.002)]
     view = View(results((axis, Y), points, ROWS))
     grid = _grid(view)
-    assert grid is not None
     assert grid.borders[0] == pytest.approx(10.0 ** np.array([-3.5, -2.5, -1.5, -0.5]))
     assert figures(view) != figures(View(results((replace(axis, log=False), Y), points, ROWS)))
 

@@ -37,7 +37,6 @@ def test_every_run_gets_its_row_whatever_the_number_of_workers_and_nothing_is_le
     assert children() == before
     assert table(tmp_path / "1") == table(tmp_path / "2")
     row = table(tmp_path / "1")[7].row
-    assert row is not None
     assert row.answers == {"square": 49, "root": 7**0.5, "word": "run 7", "even": False}
 
 
@@ -74,7 +73,6 @@ def test_a_hundred_of_a_thousand_fail_and_the_others_do_not_notice(tmp_path: Pat
     assert (tally.done, tally.failed) == (1000, 100)
     reasons: dict[tuple[str, str], int] = {}
     for n, record in enumerate(table(tmp_path)):
-        assert record.row is not None
         assert (record.row.outcome == "done") == (n % 10 != 3)
         if record.row.outcome != "done":
             name = (record.row.outcome, record.row.reason)
@@ -99,7 +97,6 @@ def test_memory_is_limited_run_by_run(tmp_path: Path) -> None:
 def test_a_worker_computes_in_one_thread(tmp_path: Path) -> None:
     run(evaluations.work(1), tmp_path, evaluations.multiplied, Options(2))
     found = table(tmp_path)[0].row
-    assert found is not None
     assert found.answers == {"sum": 600.0**3, "threads": 2}  # its own and the one that watches its owner
 
 

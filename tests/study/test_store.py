@@ -99,7 +99,6 @@ def test_a_folder_has_one_owner_who_is_named(tmp_path: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:
-        assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
         with pytest.raises(ResourceError, match=f"process {other.pid} runs a study"), owned(tmp_path):
             pass

@@ -17,8 +17,6 @@ def test_a_hole_alike_from_both_sides_is_entered_where_a_stated_peg_fits(tmp_pat
     one = next(one for one in (pair("triangle", seed) for seed in range(100)) if one.through)
     file = write_stl(one, tmp_path, (0.01, 0.1))
     found = load(file).mated[0]
-    assert found is not None
-    assert found.frame is not None
     at, turn = (
         ", ".join(map(repr, part))
         for part in (np.multiply(found.frame[:3], 1e3).tolist(), np.degrees(found.frame[3:]).tolist())
@@ -38,8 +36,6 @@ def test_a_peg_that_is_turned_over_says_so_and_has_to_be_whole_at_the_end_that_l
     points = points @ exp(np.array([np.pi, 0.0, 0.0])).T
     (tmp_path / "peg.stl").write_bytes(binary_stl(points, triangles))
     moving = load(file).mated[0]
-    assert moving is not None
-    assert moving.frame is not None
     at = ", ".join(f"{1e3 * value + 0.0:.9g}" for value in moving.frame[:3])
     (said,) = (note for note in load(file).moving.notes if "features.peg" in note)
     assert f"at = [{at}] mm" in said

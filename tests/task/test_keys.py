@@ -108,8 +108,7 @@ def test_a_problem_names_pair_grasp_and_angle(tmp_path: Path) -> None:
     assert problem.task.turn == pytest.approx(math.radians(90))
     np.testing.assert_allclose(problem.task.grasp.vector(), [0, 0, -0.06, 0, math.radians(10), 0], atol=1e-15)
     _, wanted = task_command(problem)
-    assert wanted.goal == (0.0, 0.0, -0.025, 0.0, 0.0, 0.0)
-    assert wanted.attachment == "revolute"
+    assert (wanted.goal, wanted.attachment) == ((0.0, 0.0, -0.025, 0.0, 0.0, 0.0), "revolute")
     assert wanted.grasp is problem.task.grasp
 
 

@@ -50,8 +50,7 @@ def test_square_peg_in_numbers(square: Problem) -> None:
 def test_parts_stand_in_their_mating_frames(square: Problem, rectangular: Problem) -> None:
     for problem, depth in ((square, 0.03), (rectangular, 0.0089916)):
         assert problem.moving.polyhedron.vertices[:, 2].min() == 0.0
-        assert problem.fixed.polyhedron.vertices[:, 2].max() == 0.0
-        assert problem.hole.length == depth
+        assert (problem.fixed.polyhedron.vertices[:, 2].max(), problem.hole.length) == (0.0, depth)
         for feature in (problem.peg, problem.hole):
             np.testing.assert_array_equal(feature.frame.vector(), np.zeros(6))
     volume = 0.06 * 0.06 * 0.04 - 0.0202**2 * 0.03
@@ -90,8 +89,7 @@ def test_a_given_depth_and_settings_left_out(tmp_path: Path) -> None:
     written = path.read_text(encoding="utf-8").replace('depth = "full"', 'depth = "1.2 cm"')
     path.write_text(written[: written.index("[settings]")], encoding="utf-8")
     problem = load(path)
-    assert problem.goal[2] == -0.012
-    assert problem.settings.max_tilt == math.radians(25)
+    assert (problem.goal[2], problem.settings.max_tilt) == (-0.012, math.radians(25))
     assert problem.settings.time_limit == 600.0
     assert "12 mm below the mouth (40% of full depth)" in explain(problem, measured_clearance(problem))
 
@@ -136,8 +134,7 @@ def test_a_problem_in_words(square: Problem, rectangular: Problem) -> None:
 def test_a_problem_as_data(square: Problem) -> None:
     told = facts(square, measured_clearance(square))
     assert told["measured_clearance"] == pytest.approx(1e-4, abs=1e-12)
-    assert told["play"] == pytest.approx([2e-4, 2e-4], abs=1e-12)
-    assert told["warnings"] == []
+    assert (told["play"], told["warnings"]) == (pytest.approx([2e-4, 2e-4], abs=1e-12), [])
     json.dumps(told, allow_nan=False)
 
 
@@ -304,8 +301,7 @@ def test_handlings_accumulate() -> None:
             S = exp(0.02 * next(d)) @ exp(0.02 * next(d)) @ exp(0.01 * next(d))
             R, t = S @ R, S @ (t - now) + now + 3e-4 * next(d) + 3e-4 * next(d) + 1e-4 * next(d)
         far, turn = max(far, float(np.linalg.norm(t))), max(turn, float(np.linalg.norm(log(R))))
-    assert far <= position * (1.0 + 1e-12)
-    assert far >= 0.8 * position
+    assert 0.8 * position <= far <= position * (1.0 + 1e-12)
     assert 0.999 * angle <= turn <= angle * (1.0 + 1e-12)
     # Grasped twice at one point, turns make no position.
     same = placed.model_copy(update={"placed": (handlings[0],) * 2})
@@ -330,7 +326,6 @@ def test_all_kinds_of_configuration_in_a_file(tmp_path: Path) -> None:
         path.write_text(written[:start] + sources + written[end:], encoding="utf-8")
         problem = load(path)
         np.testing.assert_array_equal(total(problem.budget), problem.start_box)
-        assert problem.sources is not None
         found[name] = problem.sources.configuration
         assert len(facts(problem, measured_clearance(problem))["budget"]) == len(problem.budget)
         shares[name] = {share.source.removeprefix("fixed part, "): share for share in problem.budget}

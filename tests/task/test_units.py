@@ -48,8 +48,7 @@ NAMES = {"width": Quantity(0.02, LENGTH), "taper": Quantity(0.1, ANGLE), "none":
 )
 def test_text_with_a_unit(text: str, value: float, dimension: Dimension) -> None:
     quantity = evaluate(text)
-    assert quantity.value == pytest.approx(value, rel=1e-15)
-    assert quantity.dimension == dimension
+    assert (quantity.value, quantity.dimension) == (pytest.approx(value, rel=1e-15), dimension)
 
 
 @pytest.mark.parametrize(
@@ -66,8 +65,7 @@ def test_text_with_a_unit(text: str, value: float, dimension: Dimension) -> None
 )
 def test_expressions(text: str, value: float) -> None:
     quantity = evaluate(text, NAMES)
-    assert quantity.value == pytest.approx(value, rel=1e-14)
-    assert quantity.dimension == LENGTH
+    assert (quantity.value, quantity.dimension) == (pytest.approx(value, rel=1e-14), LENGTH)
 
 
 @pytest.mark.parametrize(

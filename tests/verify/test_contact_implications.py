@@ -53,8 +53,7 @@ def test_an_end_and_a_crossing_put_the_edge_on_the_wall(assembly: Assembly) -> N
     assert known.implies(vertex_on(T0, LEFT))
     assert not known.implies(V3_LEFT)
     # The crossing is also somewhere on the top plane, which says nothing of the edge's ends.
-    assert known.not_below(TOP, PEG.vertices, []) == set()
-    assert known.turns == []
+    assert (known.not_below(TOP, PEG.vertices, []), known.turns) == (set(), [])
 
 
 def test_an_edge_across_the_rim_beside_a_line_makes_a_face_flush(assembly: Assembly) -> None:
@@ -91,8 +90,7 @@ def test_a_point_above_raises_the_ray_from_a_point_on_the_wall(assembly: Assembl
 @pytest.mark.parametrize("third", [V3_LEFT, T3_LEFT, edge_on(V0, V3, RIM_LEFT, LEFT)])
 def test_three_points_make_a_flush(assembly: Assembly, third: Touch) -> None:
     known = facts(assembly, V0_LEFT, A, third)
-    assert known.not_below(LEFT, PEG.vertices, []) == {V0, T0, V3, T3}
-    assert len(known.turns) == 1
+    assert (known.not_below(LEFT, PEG.vertices, []), len(known.turns)) == ({V0, T0, V3, T3}, 1)
     turn = known.turns[0]
     assert turn.body == turn.world == vector((-1.0, 0.0, 0.0))
     assert turn.onto is not None
@@ -120,8 +118,7 @@ def test_a_flush_carries_heights_along_its_normal(assembly: Assembly) -> None:
     assert known.implies(vertex_on(V1, FRONT))  # v1 − v0 runs along the aligned normal
     assert not known.implies(vertex_on(T0, FRONT))
     both = facts(assembly, *flush, vertex_on(V0, FRONT), edge_on(V0, T0, RIM_FRONT, FRONT))
-    assert both.not_below(FRONT, PEG.vertices, []) == {V0, T0, V1, T1}
-    assert len(both.turns) == 2
+    assert (both.not_below(FRONT, PEG.vertices, []), len(both.turns)) == ({V0, T0, V1, T1}, 2)
     assert all(not both.implies(vertex_on(k, FLOOR)) for k in (V0, V1, V2, V3))
 
 

@@ -162,8 +162,7 @@ def test_a_vertex_beside_an_edge_in_a_wall_is_not_in_it(assembly: Assembly, alon
     peg = notched(along, off)
     known = facts(with_peg(assembly, peg), vertex_on(V0, LEFT), A)
     assert len(known.on(LEFT).points) == 2  # the ends of the edge
-    assert known.turns == []
-    assert known.on(LEFT).flush == []
+    assert (known.turns, known.on(LEFT).flush) == ([], [])
     # It may well be on or above the wall up to a picometre, from which nothing follows.
     done = known.not_below(LEFT, peg.vertices, [])
     assert (8 in done) == (off < 1e-12)
@@ -217,8 +216,7 @@ def test_walls_that_nearly_coincide_are_two(assembly: Assembly, off: float) -> N
     known = facts(
         assembly, vertex_on(V0, LEFT), Touch("w", "vertex-face", V3_LEFT.moving, (), beside, (beside,), 0, ((V3,), ()))
     )
-    assert len(known.walls) == 2
-    assert known.on(LEFT).lines(assembly) == ()
+    assert (len(known.walls), known.on(LEFT).lines(assembly)) == (2, ())
 
 
 @pytest.fixture(scope="module")
@@ -238,8 +236,7 @@ def as_stated(plan: dict[str, Any]) -> list[str]:
 
 def test_exact_coordinates_may_be_those_of_the_floats(honest: dict[str, Any]) -> None:
     verdict = verify(with_exact(honest, *as_stated(honest)))
-    assert verdict.verdict == CERTIFIED
-    assert verdict.margin == verify(honest).margin
+    assert (verdict.verdict, verdict.margin) == (CERTIFIED, verify(honest).margin)
 
 
 @pytest.mark.parametrize("axis", range(3))

@@ -26,8 +26,7 @@ def plan() -> Plan:
 
 def test_the_untouched_plan_is_certified(plan: Plan) -> None:
     verdict = verify(plan, "ab" * 32)
-    assert verdict.verdict == CERTIFIED
-    assert verdict.findings == ()
+    assert (verdict.verdict, verdict.findings) == (CERTIFIED, ())
     assert verdict.margin == pytest.approx(min(s["margin"] for s in plan["segments"]), rel=1e-9)
     text = "\n".join(verdict.lines())
     for word in ("friction", "compliance", "dynamics", "whether the real error lies in the stated set"):
@@ -98,7 +97,6 @@ def test_a_collision_is_refuted_with_a_pose(plan: Plan) -> None:
 
     verdict = verify(changed(plan, raise_table))
     assert verdict.verdict == REFUTED
-    assert verdict.witness is not None
     assert verdict.witness.segment == 0
     assert verdict.witness.pose == tuple(plan["segments"][0]["goal"])
     assert 1e-5 < verdict.witness.depth < 1e-3
@@ -112,7 +110,6 @@ def test_a_corner_of_the_start_box_can_refute(plan: Plan) -> None:
 
     verdict = verify(changed(plan, widen))
     assert verdict.verdict == REFUTED
-    assert verdict.witness is not None
     assert verdict.witness.error[2] == pytest.approx(-0.03)
 
 

@@ -77,8 +77,7 @@ def test_the_whole_plan_is_read_and_judged(document: dict[str, Any]) -> None:
     found = parse(document)
     assert found.digest_holds
     assert found.recovery is not None
-    assert found.segments[0].hybrid.impact == (0.5, 1.0)
-    assert found.parts["fixed"].name == "table"
+    assert (found.segments[0].hybrid.impact, found.parts["fixed"].name) == ((0.5, 1.0), "table")
     assert isinstance(verify(document), Verdict)
 
 

@@ -12,8 +12,7 @@ from tests.shared.lies.mutations import claims, numbers
 
 def test_the_untouched_plan_is_certified(square_peg_plan: dict[str, Any]) -> None:
     verdict = verify(square_peg_plan, square_peg_plan["problem"]["sha256"])
-    assert verdict.findings == ()
-    assert verdict.verdict == CERTIFIED
+    assert (verdict.findings, verdict.verdict) == ((), CERTIFIED)
 
 
 def test_planner_and_check_agree_far_closer_than_is_asked(

@@ -103,8 +103,7 @@ def test_boundaries_of_degenerate_sets(part: int) -> None:
 
 def test_a_point_has_no_boundary_and_contains_itself() -> None:
     shape = vertex_position((0.1, 0.2), 0.3, Reach(0.5, 1.0), 0.0, 0.0)
-    assert shape.boundary() == ()
-    assert shape.area() == 0.0
+    assert (shape.boundary(), shape.area()) == ((), 0.0)
     at = np.array([0.1 + 0.5 * math.cos(1.3), 0.2 + 0.5 * math.sin(1.3)])
     assert shape.contains(at)
     assert not shape.contains(at + 1e-6)

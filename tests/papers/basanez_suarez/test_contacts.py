@@ -116,7 +116,6 @@ def test_nominal_surface_lies_inside_and_is_the_limit() -> None:
     for kind, case in ((Kind.TYPE_1, None), (Kind.TYPE_2, Case.A), (Kind.TYPE_2, Case.B)):
         for instance in instances(kind, case, 30, seed=41):
             nominal = instance.cu.without_uncertainty()
-            assert nominal is not None
             (loop,) = nominal.at(instance.phi).boundary()
             assert len(loop) == 2
             assert all(isinstance(piece.curve, Segment) for piece in loop)

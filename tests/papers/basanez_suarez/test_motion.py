@@ -51,8 +51,7 @@ def test_phases_tell_gross_from_fine() -> None:
     for _ in range(4):
         path = random_path(rng)
         phases = classify(path, STATIC, BODY, TOTAL, 1e-5)
-        assert phases[0].start == 0.0
-        assert phases[-1].end == 2.0
+        assert (phases[0].start, phases[-1].end) == (0.0, 2.0)
         assert all(one.end == other.start for one, other in pairwise(phases))
         fixed = STATIC.region((0.0, 0.0, 0.0))
         for phase in phases:
@@ -106,8 +105,7 @@ def test_clearance_is_the_least_distance() -> None:
         path = random_path(rng) + UP * 0.06
         found = clearance(POSSIBLE, path, 1e-6)
         sampled = float(POSSIBLE.gap(along(path, np.linspace(0.0, 2.0, 4001))).min())
-        assert found <= sampled
-        assert sampled <= found + 1e-6 + 2e-4
+        assert found <= sampled <= found + 1e-6 + 2e-4
         gross += found > 0.0
     assert gross >= 2
 

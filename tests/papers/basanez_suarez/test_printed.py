@@ -133,7 +133,6 @@ def turned_edge(profile: Profile, edge: int, epsilon: float, sign: float) -> Pro
 
 def sampled_range(cu: CU, moving: Profile, static: Profile, angle: float) -> tuple[float, float]:
     """Orientations of the contact between two deviating objects at a deviating angle, near the nominal ones."""
-    assert cu.nominal is not None
     if cu.kind is Kind.TYPE_1:
         high = static.normals[cu.static] + math.pi - moving.normals[moving.before[cu.moving]]
         low = static.normals[cu.static] + math.pi - moving.normals[cu.moving]
@@ -150,7 +149,6 @@ def printed_range(
     cu: CU, moving: Profile, static: Profile, epsilon_a: float, angles: tuple[float, float]
 ) -> list[Range]:
     """Eqs. (31)-(34) or (42)-(45), as printed, and with the minimum at the lower end."""
-    assert cu.nominal is not None
     if cu.kind is Kind.TYPE_1:
         lengths = static.lengths[cu.static], moving.lengths[moving.before[cu.moving]], moving.lengths[cu.moving]
         below = above = 2.0 * epsilon_a / lengths[0] + sum(angles)

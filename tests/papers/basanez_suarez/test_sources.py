@@ -70,8 +70,7 @@ def test_a_point_of_the_grasped_object_along_the_chain() -> None:
     apart = np.hypot(*(world - turned(np.broadcast_to(point, (n, 2)), phi + turns)).T)
     assert np.abs(turns).max() <= total.angle + 1e-15
     assert np.abs(turns).max() == pytest.approx(total.angle, rel=1e-9)
-    assert apart.max() <= total.position * (1.0 + 1e-9)
-    assert apart.max() >= 0.95 * total.position
+    assert 0.95 * total.position <= apart.max() <= total.position * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize("point", [(0.0, 0.0), (0.05, 0.02), (-0.3, 0.1)])
@@ -82,8 +81,7 @@ def test_an_observed_object_moves_its_points_by_no_more(point: tuple[float, floa
     angle = drawn_angle(rng, configuration.angle, n)
     moved = turned(np.broadcast_to(lever, (n, 2)), angle) - lever + drawn(rng, configuration.position, n)
     bound = epsilon_a(configuration, point)
-    assert np.hypot(*moved.T).max() <= bound * (1.0 + 1e-12)
-    assert np.hypot(*moved.T).max() >= 0.999 * bound
+    assert 0.999 * bound <= np.hypot(*moved.T).max() <= bound * (1.0 + 1e-12)
 
 
 @pytest.mark.parametrize("point", [(0.01, 0.0), (0.05, 0.08), (0.3, 0.0), (-0.1, 0.2)])
@@ -102,8 +100,7 @@ def test_a_configuration_from_two_observed_points(point: tuple[float, float]) ->
     assert kept.sum() > 50_000
     bound = epsilon_a(configuration, point)
     far = moved(np.asarray(point))[kept].max()
-    assert far <= bound * (1.0 + 1e-12)
-    assert far >= 0.9 * bound
+    assert 0.9 * bound <= far <= bound * (1.0 + 1e-12)
     assert np.abs(angle[kept]).max() <= most
 
 
@@ -121,10 +118,8 @@ def test_an_object_handled_several_times() -> None:
         angle = angle + drawn_angle(rng, 2.0 * ROBOT.angle + SLIDE.angle, n)
         at = place + grasp - turned(np.broadcast_to(grasp, (n, 2)), angle)
     off = np.hypot(*(turned(np.broadcast_to(grasps[-1], (n, 2)), angle) + at - grasps[-1]).T)
-    assert np.abs(angle).max() <= final.angle * (1.0 + 1e-12)
-    assert np.abs(angle).max() >= 0.999 * final.angle
-    assert off.max() <= final.position * (1.0 + 1e-12)
-    assert off.max() >= 0.7 * final.position
+    assert 0.999 * final.angle <= np.abs(angle).max() <= final.angle * (1.0 + 1e-12)
+    assert 0.7 * final.position <= off.max() <= final.position * (1.0 + 1e-12)
     # One handling more costs more; at the same point orientation does not turn into position.
     once = GRASPED.placed
     assert once.position == pytest.approx(2.0 * ROBOT.position + SLIDE.position + FEEDER.position)

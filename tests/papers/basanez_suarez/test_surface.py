@@ -51,7 +51,6 @@ def test_without_deviations_it_is_the_nominal_surface(kind: Kind) -> None:
     function = envelope_function(kind)
     for instance in instances(kind, None, 30, seed=52):
         nominal = instance.cu.without_uncertainty()
-        assert nominal is not None
         pose = np.array([*rng.normal(size=2) * nominal.reach, instance.phi])
         low, high = nominal.value_interval(pose)
         assert low == pytest.approx(high, abs=1e-12 * nominal.reach)

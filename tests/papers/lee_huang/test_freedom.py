@@ -109,8 +109,7 @@ def test_signs_name_the_motion_that_is_stopped():
 
 def test_intervals_cover_the_trajectory_and_differ():
     intervals = freedom(PEG, BLOCK, DOWN, half_widths(3e-4, 0.005))
-    assert intervals[0].start == 0.0
-    assert intervals[-1].end == DOWN.duration
+    assert (intervals[0].start, intervals[-1].end) == (0.0, DOWN.duration)
     for one, other in pairwise(intervals):
         assert one.end == other.start
         assert one.s != other.s

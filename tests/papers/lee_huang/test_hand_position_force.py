@@ -77,8 +77,7 @@ def test_rows_split_where_the_trajectory_bends_so_that_each_is_straight():
 def test_an_interval_of_no_length_at_the_goal_is_one_row():
     T = PATH.duration
     rows = position_force(PATH, [Interval(T, T, (0, 0, -1, 0, 0, 0))], F)
-    assert len(rows) == 1
-    assert rows[0].fa[2] == F[2]
+    assert (len(rows), rows[0].fa[2]) == (1, F[2])
 
 
 def test_rows_give_what_a_controller_applies():

@@ -34,8 +34,7 @@ def test_too_shallow_a_hole_is_met_when_the_tip_reaches_its_floor():
     (found,) = meetings([("peg", PEG)], [("block", hole(0.02))], DOWN)
     assert found.time == pytest.approx((0.005 + 0.02) / SPEED, abs=1e-6)
     assert found.pose[2] == pytest.approx(-0.02, abs=2e-8)
-    assert found.depth == pytest.approx(0.01, abs=1e-12)
-    assert found.planes == ("xz", "yz")
+    assert (found.depth, found.planes) == (pytest.approx(0.01, abs=1e-12), ("xz", "yz"))
 
 
 def test_an_obstacle_off_the_three_planes_is_named_placed_and_said_to_be_off_them():

@@ -63,7 +63,6 @@ def test_holds_change_with_the_move_as_differences_say(turning: bool) -> None:
             rng.normal(size=(1, 1, 6)) * scale,
         )
         found = held_by(move, RHO, SPECIFICATION)
-        assert found is not None
         assert found.least / SPECIFICATION.contact_force == pytest.approx(least(move, RHO, SPECIFICATION))
         told = float(hold_derivatives(move, found, changing, RHO, SPECIFICATION)[0])
         ends = [least(changed(move, changing, step), RHO, SPECIFICATION) for step in (1e-6, 0.0, -1e-6)]

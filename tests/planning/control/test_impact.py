@@ -151,8 +151,7 @@ def soft_plan(square_peg_plan: dict[str, Any], square_peg: Problem) -> dict[str,
 
 def test_a_slowed_plan_is_certified_and_tells_what_was_slowed(soft_plan: dict[str, Any]) -> None:
     verdict = verify(soft_plan)
-    assert verdict.findings == ()
-    assert verdict.verdict == CERTIFIED
+    assert (verdict.findings, verdict.verdict) == ((), CERTIFIED)
     met = [s["hybrid"]["impact"] for s in soft_plan["segments"] if "impact" in s["hybrid"]]
     assert max(impact["force"] for impact in met) == pytest.approx(2.0, rel=1e-9)
     slow = {s["move"] + 1 for s in soft_plan["segments"] if s["hybrid"]["speed"] < 0.0199}

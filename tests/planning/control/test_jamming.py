@@ -199,7 +199,6 @@ DOWN = (0, 0, -0.01, 0, 0, 0)
 
 def test_stated_numbers_follow_from_stated_twists_and_hold_for_sampled_forces() -> None:
     _, found, free = strategy(WALLS, DOWN, FLOOR)
-    assert free is not None
     assert free.push == found.push
     assert free.least_push is not None
     assert 0.0 < free.least_push < free.push
@@ -220,7 +219,6 @@ def test_stated_numbers_follow_from_stated_twists_and_hold_for_sampled_forces() 
 def test_a_move_without_contact_at_its_end_is_pushed_as_hard_as_allowed() -> None:
     _, found, free = strategy(WALLS, DOWN)
     assert found.push == 0.0
-    assert free is not None
     assert free.push == SPECIFICATION.contact_force
     assert free.angle > 0.0
 
@@ -239,8 +237,6 @@ def test_angles_do_not_depend_on_the_unit_of_length() -> None:
     move = GuardedMove(grown, 10.0 * np.array(DOWN), bigger, 10.0 * points, floor, 1e-2)
     asked = Specification(0.02, 20.0, 10.0, 0.3, 2.0)
     other = jam_free(move, hybrid_strategy(move, 10.0 * RHO, asked), 10.0 * RHO, asked)
-    assert one is not None
-    assert other is not None
     assert other.angle == pytest.approx(one.angle, rel=1e-6)
     assert other.least_push == pytest.approx(one.least_push, rel=1e-6)
 

@@ -134,8 +134,7 @@ def test_below_the_underside_lifting_collides() -> None:
 def test_the_plan_offers_to_back_off_and_to_try_again(square_peg_plan: Plan) -> None:
     said = square_peg_plan["recovery"]
     assert square_peg_plan["verdict"] == "CERTIFIED"
-    assert said["lift"]["above"] == -0.04
-    assert len(said["retries"]) == 9
+    assert (said["lift"]["above"], len(said["retries"])) == (-0.04, 9)
     assert said["retries"][-1] == [0.0] * 6
     assert all(move["order"][felt][-1] == 8 for move in said["moves"] for felt in ("early", "late"))
     assert said["why"] == ""
@@ -273,12 +272,10 @@ def test_coverings_are_compared_exactly(square_peg_plan: Plan) -> None:
 def test_people_are_told_what_to_do(square_peg_plan: Plan) -> None:
     plan = parsed(square_peg_plan)
     said = plan.recovery
-    assert said is not None
     [lifted, again] = recovery_words(plan)
     assert lifted == "When a move fails the part can be lifted straight out of the hole in moves 1 to 7."
     assert again == "Tried again from 8 starts aside, the plan holds for start errors of x ±0.9 mm, y ±0.9 mm."
     page = recovery_chapter(plan)
-    assert plan.description.diagnostics is not None
     firsts = plan.description.diagnostics.unplanned
     assert page.count(" touches ") == len(firsts) > 5
     assert all(f"{first.factor:.3g}" in page for first in firsts)

@@ -224,7 +224,6 @@ def test_a_ball_too_large_for_the_hole_is_refuted(ball_plan: Document) -> None:
     ball_plan["parts"]["moving"]["balls"][0]["radius"] = 0.0056
     found = verify(sealed(ball_plan))
     assert found.verdict == REFUTED
-    assert found.witness is not None
     assert found.witness.pair[0] == 1
 
 

@@ -48,8 +48,7 @@ def test_the_corner_is_caught_on_the_chamfer_and_let_go(motion: CertifiedMotion)
     assert motion.found.names == ("approach", "-x", "leave", "-x", "+ry", "-z")
     assert motion.placed.margin > 1e-4
     caught, free = motion.placed.moves[1], motion.placed.moves[2]
-    assert free.left == caught.making
-    assert free.held == ()
+    assert (free.left, free.held) == (caught.making, ())
     # The chamfer takes away what the part's place was uncertain by; what is left comes from its turn.
     before, after = (claim.advance.ends.start_set for claim in motion.placed.reached.claims[1:3])
     assert before.support(np.eye(6)[:1])[0] > 0.03

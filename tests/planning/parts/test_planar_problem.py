@@ -57,15 +57,13 @@ def thoroughly(task: Task, moves: Sequence[Move]) -> Placed:
 
 def test_the_slot_in_numbers(slot: Problem) -> None:
     np.testing.assert_allclose(slot.start_box, [0.03, 0.0, 0.0, 0.0, 0.09, 0.0], rtol=1e-15)
-    assert slot.plane is not None
     np.testing.assert_allclose(np.ptp(slot.plane.moving, axis=0), [0.062, 0.2])
     corners = np.vstack(slot.plane.fixed)
     inner = np.unique(np.round(np.abs(corners[:, 0]), 9))
     assert inner == pytest.approx([0.031509, 0.055509, 0.148509])
     # A chamfer of 24 mm at 45 degrees on each side of the mouth.
     levels = {round(float(x), 6): float(z) for x, z in np.abs(corners) if z < 0.1}
-    assert levels[0.055509] == 0.0
-    assert levels[0.031509] == pytest.approx(0.024)
+    assert (levels[0.055509], levels[0.031509]) == (0.0, pytest.approx(0.024))
     clearance = measured_clearance(slot)
     assert clearance.per_side == pytest.approx(0.000509, rel=1e-9)
     assert clearance.play[0] == pytest.approx(0.001018, rel=1e-9)

@@ -33,8 +33,7 @@ def test_a_plan_is_found_and_certified(name: str) -> None:
 
 def test_a_plan_is_certified_without_errors_of_velocity() -> None:
     solved = synthesise(replace(PROBLEM, velocity_error=VelocityError(0.0, 0.0)))
-    assert solved.verdict.findings == ()
-    assert solved.document["verdict"] == "CERTIFIED"
+    assert (solved.verdict.findings, solved.document["verdict"]) == ((), "CERTIFIED")
 
 
 START = tuple(f"uncertainty.start.{axis}" for axis in ("x", "y", "rx", "ry", "rz"))

@@ -74,7 +74,6 @@ def test_the_factor_is_relative_to_the_errors(motion: Motion, found: ErrorTolera
 
 def test_what_ends_the_factor_is_what_fails(motion: Motion, found: ErrorTolerance) -> None:
     end = found.end
-    assert end is not None
     beyond = replace(motion, box=(1.0 + 1.5 * FINENESS) * np.array(found.start_box))
     assert what_fails(beyond) == end
     up_to, before = (replace(beyond, moves=beyond.moves[: end.move + k]) for k in (1, 0))
@@ -133,7 +132,6 @@ def test_people_read_it(solved: tuple[Problem, CertifiedMotion], found: ErrorTol
     assert {row[0] for row in rates(plan)} >= {"clearance on each side", "error x", "velocity error, rotation"}
     assert all("more: " in row[2] for row in rates(plan))
     assert "What each tolerance costs" in tolerance_chapter(plan)
-    assert plan.description.diagnostics is not None
     assert plan.description.diagnostics.tolerated is not None
     none = replace(plan.description.diagnostics.tolerated, factor=0.0, start_box=(0.0,) * 6)
     described = replace(plan.description, diagnostics=replace(plan.description.diagnostics, tolerated=none))

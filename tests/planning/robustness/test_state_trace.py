@@ -79,8 +79,7 @@ def test_a_vertex_that_passes_the_rim_hands_over_to_the_next_edge(found: Visited
 def test_spaces_near_the_nominal_path_serve_again(found: Visited, spaces: tuple[Space, ...]) -> None:
     assert found.spaces[:3] == spaces
     assert [space.name for space in found.spaces[3:]] == ["move 2", "move 3", "move 5"]
-    assert found.visits[-1].spaces == (2,)
-    assert found.visits[0].spaces == (3,)
+    assert (found.visits[-1].spaces, found.visits[0].spaces) == ((2,), (3,))
 
 
 def test_pieces_run_in_spaces_that_hold_their_states(found: Visited) -> None:

@@ -93,7 +93,6 @@ def test_a_floor_exactly_at_the_end_of_the_way_down_is_met() -> None:
             above = [c for c in near if 0.0 < Surfaces.of([c], *polyhedra(assembly)).values(seated)[0] < 1e-15]
             short += len(above)
             move = guarded(assembly, place, straight, Surfaces.of(near, *polyhedra(assembly)))
-            assert move is not None
             assert move.goal.p[2] == pytest.approx(-depth, abs=1e-15)
     assert short > 0  # rounding leaves some of these a little above the floor
 
@@ -118,9 +117,7 @@ def test_a_peg_of_other_proportions_is_found_at_any_scale() -> None:
     one, ten = (
         best_sequences(*asked(rectangular((0.4, 0.35), k), box, 0.01, 0.030 * k, 60, k))[0] for k in (1.0, 10.0)
     )
-    assert one.names == ten.names
-    assert one.names[0] == "approach"
-    assert len(one.names) == 7
+    assert (one.names, one.names[0], len(one.names)) == (ten.names, "approach", 7)
     check_graph(one)
     margins = [[claim.margin for claim in sequence.reached.claims] for sequence in (one, ten)]
     np.testing.assert_allclose(10.0 * np.array(margins[0]), margins[1], rtol=1e-6, atol=1e-9)
@@ -158,7 +155,6 @@ def test_moves_to_the_same_place_are_tried_once() -> None:
 def test_the_order_of_moves_not_rounding_tells_states_of_equal_cost_apart() -> None:
     task, rounds = asked(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20)
     node = begin(task, next(rounds)[0])
-    assert node is not None
     images = [
         replace(node, cost=node.cost * (1.0 + share), names=(name,)) for name, share in (("-x", 4e-16), ("-y", 0.0))
     ]
@@ -181,7 +177,6 @@ def test_a_search_cut_short_says_how_far_it_came() -> None:
 def test_what_is_short_on_the_way_is_said(binding: str, words: str) -> None:
     task, rounds = asked(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20)
     node = begin(task, next(rounds)[0])
-    assert node is not None
     assert shortfall(node) == ""
     (claim,) = node.reached.claims
     worse = (claim, replace(claim, margin=-1.25e-5, binding=binding), replace(claim, margin=-1e-6))

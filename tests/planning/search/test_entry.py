@@ -31,7 +31,6 @@ def test_of_what_can_begin_the_lowest_corner_alone_is_in(name: str) -> None:
     problem, found = stood.posed.problem, stood._beginnings(1.0, 0)
     assert found
     for entry in found:
-        assert entry.shape is not None
         depth = entry.shape.depth
         heights = entry.inside.apply(problem.moving.polyhedron.vertices)[:, 2]
         assert entry.inside.apply(entry.corner)[2] == pytest.approx(-depth, abs=1e-12)

@@ -108,7 +108,6 @@ class Piece:
     @cached_property
     def way_row(self) -> Array:
         """Row (6,) that sees how far the contact being made is, through the compliance of the held ones."""
-        assert self.measure is not None
         row = self.measure.row(*self.goal)[0]
         if not self.held:
             return row
@@ -117,12 +116,10 @@ class Piece:
 
     def touched(self, poses: Poses) -> Array:
         """The function (n,) of the contact being made."""
-        assert self.made is not None
         return self.made.value(*poses)
 
     def distance(self, poses: Poses) -> Array:
         """What measures how far the contact being made is (n,), m; an angle on an arm of ρ."""
-        assert self.measure is not None
         arms = {"hinge": np.diff(self.measure.moving, axis=0), "direction": self.measure.moving}
         arm = arms.get(self.measure.kind)
         scale = 1.0 if arm is None else self.scene.rho / float(np.linalg.norm(arm[0]))

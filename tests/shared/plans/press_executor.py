@@ -18,8 +18,6 @@ from tests.shared.urscript.press_robot import ONE, REST, PressModeRobot
 def loaded(folder: Path) -> ModuleType:
     """The module of an exported folder."""
     spec = importlib.util.spec_from_file_location("exported_executor", folder / "executor.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -92,8 +92,7 @@ def test_a_two_step_assembly() -> None:
     assert contains(second.fixed.solid, beside).tolist() == [True]
     done = completed(after, second)
     assert close(done.frame(Ref("peg", "shaft")), at(0, 0, 0.01))
-    assert done.group("plate") == ("plate", "bush", "peg")
-    assert len(done.links) == 2
+    assert (done.group("plate"), len(done.links)) == (("plate", "bush", "peg"), 2)
 
     floor = thing("floor", at(0, 0, -1), feature("top", "+", at(0, 0, 0.1), Box((4, 4, 0.1)), None))
     lifted = cell(*done.moved(done.group("peg"), at(0, 0, 0.5)).objects, floor)

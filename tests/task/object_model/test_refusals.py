@@ -34,8 +34,7 @@ def test_missing_operands() -> None:
 def test_features_that_do_not_mate() -> None:
     for wanted in (task("peg.shaft", "bush.shank"), task("peg.socket", "bush.bore")):
         error = refused(above(), wanted)
-        assert error.rule == KINDS
-        assert error.feature == str(wanted.moving)
+        assert (error.rule, error.feature) == (KINDS, str(wanted.moving))
     error = refused(above(), task("peg.flange", "bush.bore"))
     assert "'flange' of 'peg' has no length" in str(error)
 
@@ -69,8 +68,7 @@ def test_a_start_inside_an_obstacle_and_a_goal_in_one() -> None:
 )
 def test_goals_that_break_a_rule(goal: Goal, pair: LowerPair, rule: str, words: str) -> None:
     error = refused(above(), task("peg.shaft", "bush.bore", goal, pair))
-    assert error.rule == rule
-    assert error.feature == "peg.shaft"
+    assert (error.rule, error.feature) == (rule, "peg.shaft")
     assert words in str(error)
 
 
