@@ -2,8 +2,9 @@
 
 import contextlib
 import fcntl
+import io
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from fmopt import plan
 from fmopt.runtime.ahead import compile_ahead
 from fmopt.runtime.store import FOLDER
 from tests import ROOT
+from tests.shared.commands import Outcome, ended
 from tests.shared.pages import browser
 
 os.environ[FOLDER] = ""  # nothing that a test reads was read by another one
@@ -45,6 +47,20 @@ def _session_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def _test_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Starts each test in an empty folder: commands write to `out/` of the current one, and find there what is old."""
     monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
+    """Runs a command of fmopt in this process, in a wide terminal without colours, with what comes in."""
+
+    def run(*words: object, given: bytes = b"") -> Outcome:
+        monkeypatch.setattr("sys.argv", ["fmopt", *map(str, words)])
+        monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(given), encoding="utf-8"))
+        for name, value in (("COLUMNS", "200"), ("NO_COLOR", "1")):
+            monkeypatch.setenv(name, value)
+        return ended(capfd)
+
+    return run
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,6 @@
 
 import json
 import math
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,11 +14,11 @@ import fmopt
 from fmopt.errors import GeometryError, InputError, InterferenceError
 from fmopt.notebook.gallery import gallery
 from fmopt.runtime.store import FOLDER
-from tests.shared.commands import ended
+from tests.shared.commands import Outcome
 from tests.shared.files.asked import FORMS, Asked, generated, rectangle, write, write_assembly
 
 ERROR = "0.02 mm, 0.02 deg"  # small beside every clearance, so that the way is straight and soon found
-Run = Callable[..., tuple[int, str, str]]
+Run = Callable[..., Outcome]
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -28,18 +27,6 @@ def read_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(FOLDER, str(tmp_path_factory.mktemp("store")))
         yield
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
-    """Runs a command in this process: exit code, output, errors."""
-
-    def command(*words: str | Path) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["fmopt", *map(str, words)])
-        monkeypatch.setenv("COLUMNS", "200")
-        return ended(capfd)
-
-    return command
 
 
 def four_lines(paths: tuple[Path, Path], error: str = ERROR) -> Path:
@@ -84,7 +71,7 @@ def test_every_form_of_file_asks_the_same_in_four_lines(pair: Asked, tmp_path: P
 
 
 @pytest.mark.wide
-def test_one_verdict_from_files_the_command_line_and_python(tmp_path: Path, run: Run) -> None:
+def test_one_verdict_from_files_the_command_line_and_python(tmp_path: Path, command: Run) -> None:
     pair = generated(seed=3)[0]
     margins = []
     for form in FORMS[:2]:
@@ -92,11 +79,11 @@ def test_one_verdict_from_files_the_command_line_and_python(tmp_path: Path, run:
         assert plan.verdict == "CERTIFIED"
         margins.append(min(segment.margin for segment in plan.segments))
     peg, plate = write(pair, tmp_path / "step", "step")
-    code, out, err = run("solve", peg, plate, "--error", ERROR, "--out", tmp_path / "out", "--json")
+    code, out, err = command("solve", peg, plate, "--error", ERROR, "--out", tmp_path / "out", "--json")
     told = json.loads(out)
     assert (code, told["verdict"]) == (0, "CERTIFIED"), err
     margins.append(told["margin"])
-    assert run("verify", tmp_path / "out/plan.json", "--problem", tmp_path / "out/problem.toml")[0] == 0
+    assert command("verify", tmp_path / "out/plan.json", "--problem", tmp_path / "out/problem.toml")[0] == 0
     loops, heights = pair.loops(), pair.heights
     problem = fmopt.problem((loops[0], heights[0]), (loops[1], heights[1]), tuple(ERROR.split(", ")), unit="mm")
     plan = fmopt.solve(problem)
@@ -145,9 +132,9 @@ def test_the_pair_that_fits_is_found_among_several_holes(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("text", ["", "1 deg", "1, 1", "1 mm 1 deg", "-1 mm, 1 deg", "1 mm, 90 deg"])
-def test_a_start_error_that_is_none_is_refused_with_an_example(text: str, tmp_path: Path, run: Run) -> None:
+def test_a_start_error_that_is_none_is_refused_with_an_example(text: str, tmp_path: Path, command: Run) -> None:
     peg, plate = write(generated(seed=1)[0], tmp_path, "stl")
-    code, _, err = run("solve", peg, plate, "--error", text, "--out", tmp_path / "out")
+    code, _, err = command("solve", peg, plate, "--error", text, "--out", tmp_path / "out")
     assert code == 2
     assert '"1 mm, 1 deg"' in err or "at most" in err or "negative" in err
 
@@ -159,7 +146,7 @@ def test_start_errors_may_be_written_as_one_writes_them(text: str, tmp_path: Pat
     np.testing.assert_allclose(box, [1e-3] * 3 + [math.radians(1.0)] * 3, rtol=1e-12)
 
 
-def test_wrong_calls_are_answered_by_what_is_wrong(tmp_path: Path, run: Run) -> None:
+def test_wrong_calls_are_answered_by_what_is_wrong(tmp_path: Path, command: Run) -> None:
     peg, plate = write(generated(seed=1)[0], tmp_path, "stl")
     problem = four_lines((peg, plate))
     calls = [
@@ -175,7 +162,7 @@ def test_wrong_calls_are_answered_by_what_is_wrong(tmp_path: Path, run: Run) -> 
         ((peg, plate, "--error", ERROR, "--moving", "a"), "it has no body 'a'"),
     ]
     for words, said in calls:
-        code, out, err = run("solve", *words, "--out", tmp_path / "out")
+        code, out, err = command("solve", *words, "--out", tmp_path / "out")
         assert (code, out) == (2, ""), err
         assert said in err
         assert ";" in err or "advice" in err
@@ -186,35 +173,35 @@ def test_wrong_calls_are_answered_by_what_is_wrong(tmp_path: Path, run: Run) -> 
     ("gap", "said"),
     [(0.0, "there is no clearance, which is 0.000000 mm a side"), (-0.05, "it is too thick by 0.050000 mm a side")],
 )
-def test_a_fit_without_clearance_is_refused_as_such(gap: float, said: str, tmp_path: Path, run: Run) -> None:
+def test_a_fit_without_clearance_is_refused_as_such(gap: float, said: str, tmp_path: Path, command: Run) -> None:
     size = 10.0 + 2.0 * gap
     for form in FORMS:
         pair = Asked("none", rectangle(10.0, 10.0), rectangle(size, size), gap, shift=(3.7, -1.3))
         peg, plate = write(pair, tmp_path / form, form)
-        code, _, err = run("solve", peg, plate, "--error", ERROR, "--out", tmp_path / "out")
+        code, _, err = command("solve", peg, plate, "--error", ERROR, "--out", tmp_path / "out")
         assert code == 1
         assert said in err
         assert "mm of the hole" in err
-        code, _, err = run("check", tmp_path / "out" / "problem.toml")
+        code, _, err = command("check", tmp_path / "out" / "problem.toml")
         assert code == 1
         assert said in err
 
 
-def test_meshes_without_a_unit_are_taken_for_mm_and_that_is_said(tmp_path: Path, run: Run) -> None:
+def test_meshes_without_a_unit_are_taken_for_mm_and_that_is_said(tmp_path: Path, command: Run) -> None:
     peg, plate = write(generated(seed=1)[0], tmp_path, "stl")
-    code, out, _ = run("check", four_lines((peg, plate)))
+    code, out, _ = command("check", four_lines((peg, plate)))
     assert code == 0
     assert out.count("has no unit; its numbers are taken for mm, so that the part is") == 2
-    _, out, _ = run("check", peg, "--unit", "cm", "--json")
+    _, out, _ = command("check", peg, "--unit", "cm", "--json")
     assert json.loads(out)["parts"][0]["extent"][2] == pytest.approx(0.3)
 
 
 @pytest.mark.wide
 @pytest.mark.parametrize("form", FORMS)
-def test_init_writes_a_problem_that_passes_and_says_what_was_found(form: str, tmp_path: Path, run: Run) -> None:
+def test_init_writes_a_problem_that_passes_and_says_what_was_found(form: str, tmp_path: Path, command: Run) -> None:
     pair = generated(seed=2)[3]
     peg, plate = write(pair, tmp_path / "parts", form)
-    code, out, err = run("init", peg, plate, "--error", ERROR, "--out", tmp_path / "mine.toml", "--json")
+    code, out, err = command("init", peg, plate, "--error", ERROR, "--out", tmp_path / "mine.toml", "--json")
     assert code == 0, err
     assert json.loads(out) == {"written": [str(tmp_path / "mine.toml"), str(tmp_path / "mine.svg")]}
     assert (tmp_path / "mine.svg").read_text().startswith("<?xml")
@@ -223,57 +210,57 @@ def test_init_writes_a_problem_that_passes_and_says_what_was_found(form: str, tm
     assert "AN EXAMPLE" not in text
     before = figures(fmopt.load(tmp_path / "mine.toml"))
     same(before, figures(fmopt.load(four_lines((peg, plate)))))
-    assert run("check", tmp_path / "mine.toml", "--quiet") == (0, "", "")
+    assert command("check", tmp_path / "mine.toml", "--quiet") == (0, "", "")
     keys = text[: text.index("# What fmopt check says")].split("\n", 1)[1]
     stated = "\n".join(
         line.removeprefix("# ") if " = " in line or "[" in line[:4] else line for line in keys.split("\n")
     )
     (tmp_path / "stated.toml").write_text(stated)
     same(before, figures(fmopt.load(tmp_path / "stated.toml")))
-    code, _, err = run("init", peg, plate, "--out", tmp_path / "mine.toml")
+    code, _, err = command("init", peg, plate, "--out", tmp_path / "mine.toml")
     assert code == 2
     assert "is there already" in err
 
 
 @pytest.mark.wide
 @pytest.mark.parametrize("form", FORMS)
-def test_one_part_is_checked_and_drawn(form: str, tmp_path: Path, run: Run) -> None:
+def test_one_part_is_checked_and_drawn(form: str, tmp_path: Path, command: Run) -> None:
     _, plate = write(generated(seed=1)[1], tmp_path, form)
-    code, out, err = run("check", plate, "--out", tmp_path / "plate.png")
+    code, out, err = command("check", plate, "--out", tmp_path / "plate.png")
     assert code == 0, err
     assert "40 x 36 x 12 mm" in out or "36 x 40 x 12 mm" in out
     assert "none stated: what goes where is found with the other part of a problem" in out
     assert (tmp_path / "plate.png").read_bytes().startswith(b"\x89PNG")
-    _, out, _ = run("check", plate, "--json")
+    _, out, _ = command("check", plate, "--json")
     (told,) = json.loads(out)["parts"]
     assert told["features"] == []
-    code, out, _ = run("show", plate, "--list")
+    code, out, _ = command("show", plate, "--list")
     assert code == 0
     assert "part" in out
 
 
-def test_two_step_files_become_a_plan_a_report_and_a_program_in_three_commands(tmp_path: Path, run: Run) -> None:
+def test_two_step_files_become_a_plan_a_report_and_a_program_in_three_commands(tmp_path: Path, command: Run) -> None:
     write(generated(seed=2)[1], tmp_path, "step")
     begun = time.process_time()
     asked = ("--error", "0.3 mm, 0.3 deg", "--evidence", "certified")
-    code, _, err = run("solve", "peg.step", "plate.step", *asked, "--out", "made", "--report")
+    code, _, err = command("solve", "peg.step", "plate.step", *asked, "--out", "made", "--report")
     assert code == 0, err
-    assert run("show", "made/plan.json", "--what", "cut", "--out", "cut.svg")[0] == 0
-    code, out, err = run(
+    assert command("show", "made/plan.json", "--what", "cut", "--out", "cut.svg")[0] == 0
+    code, out, err = command(
         "export", "made/plan.json", "--to", "urscript", "--base", "0.4", "-0.1", "0.2", "0", "0", "0", "--out", "-"
     )
     assert code == 0, err
     assert "force_mode(" in out
     assert (tmp_path / "made" / "report.html").stat().st_size > 100_000
     assert time.process_time() - begun < 60.0
-    assert run("verify", "made/plan.json", "--problem", "made/problem.toml")[0] == 0
+    assert command("verify", "made/plan.json", "--problem", "made/problem.toml")[0] == 0
 
 
 @pytest.mark.wide
-def test_bodies_of_an_assembly_go_together_as_they_stand_there(tmp_path: Path, run: Run) -> None:
+def test_bodies_of_an_assembly_go_together_as_they_stand_there(tmp_path: Path, command: Run) -> None:
     pair = generated(seed=1)[1]
     write_assembly(tmp_path / "both.step", pair, depth=7.0)
-    code, _, err = run("init", "both.step", "--error", ERROR, "--json")
+    code, _, err = command("init", "both.step", "--error", ERROR, "--json")
     assert code == 0, err
     shown = gallery(tmp_path / "both.step")
     assert [*shown] == [f"{body}-{name}" for body in ("peg", "plate") for name in ("part", "scene", "found")]
@@ -288,10 +275,10 @@ def test_bodies_of_an_assembly_go_together_as_they_stand_there(tmp_path: Path, r
         (("--moving", "nut"), "it has no body 'nut'; name one that it has, or give its number: 1 'peg', 2 'plate'"),
         (("--moving", "peg", "--fixed", "1"), "is to move and to stand; name two of 1 'peg', 2 'plate'"),
     ):
-        code, _, err = run("init", "both.step", "--error", ERROR, *words, "--out", f"{len(err)}{words[1]}.toml")
+        code, _, err = command("init", "both.step", "--error", ERROR, *words, "--out", f"{len(err)}{words[1]}.toml")
         assert (code, said in err) == (2 if said else 0, True), err
     write_assembly(tmp_path / "apart.step", pair, depth=-5.0)
-    assert run("init", "apart.step", "--error", ERROR)[0] == 0
+    assert command("init", "apart.step", "--error", ERROR)[0] == 0
     apart = fmopt.load(tmp_path / "apart.toml")
     assert -float(apart.goal[2]) == pytest.approx(0.012, abs=1e-9)
     assert apart.measured.per_side == pytest.approx(1e-3 * pair.clearance, abs=1e-9)

@@ -1,14 +1,15 @@
 """Every numeric option of every command: numbers that are none, too large or too small are bad input, at once."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import get_args
 
 import pytest
 from typer.main import get_command
 
-from fmopt.cli import app, main
+from fmopt.cli import app
 from tests import ROOT
+from tests.shared.commands import Outcome
 
 # Of each option: whether a negative number, nought, and a huge one can be meant.
 MEANT = {
@@ -30,7 +31,7 @@ MEANT = {
     "study run --jobs": (False, False, False),
     "study run --limit": (False, True, True),
 }
-NUMBERS = {"nan": (False,), "inf": (False,), "-inf": (False,), "-0.1": (0,), "-1": (0,), "0": (1,), "1e300": (2,)}
+NUMBERS = {"nan": None, "inf": None, "-inf": None, "-0.1": 0, "-1": 0, "0": 1, "1e300": 2}  # which of them it is
 
 
 def numeric() -> Iterator[str]:
@@ -51,26 +52,16 @@ def test_every_numeric_option_is_in_the_table() -> None:
 
 @pytest.mark.parametrize("option", MEANT)
 def test_numbers_that_cannot_be_meant_are_bad_input(
-    option: str,
-    square_peg_plan_file: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
+    option: str, square_peg_plan_file: Path, tmp_path: Path, command: Callable[..., Outcome]
 ) -> None:
-    command, flag = option.rsplit(" ", 1)
-    file = ROOT / "problems/studies/square_peg_clearance.toml" if command.startswith("study") else square_peg_plan_file
+    verb, flag = option.rsplit(" ", 1)
+    file = ROOT / "problems/studies/square_peg_clearance.toml" if verb.startswith("study") else square_peg_plan_file
     to = "csv" if flag == "--rate" else "ros2"
-    rest = {"export": ["--to", to, "--base", *"000000"], "study run": ["--dry-run"]}.get(command, [])
+    rest = {"export": ["--to", to, "--base", *"000000"], "study run": ["--dry-run"]}.get(verb, [])
     values = 6 if flag == "--base" else 1
-    refused = [
-        number for number, (meant, *_) in NUMBERS.items() if not (meant if meant is False else MEANT[option][meant])
-    ]
+    refused = [number for number, meant in NUMBERS.items() if meant is None or not MEANT[option][meant]]
     for number in refused + (["99999999999999999999"] if not MEANT[option][2] else []):
-        line = [*command.split(), str(file), *rest, "--out", str(tmp_path / "out"), flag, *([number] * values)]
-        monkeypatch.setattr("sys.argv", ["fmopt", *line])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        said = capfd.readouterr().err
-        assert (stop.value.code, number) == (2, number), said
-        assert said
+        done = command(*verb.split(), file, *rest, "--out", tmp_path / "out", flag, *([number] * values))
+        assert (done.code, number) == (2, number), done.err
+        assert done.err
         assert not (tmp_path / "out").exists()

@@ -1,6 +1,6 @@
 """Trials on a robot of one's own: read from CSV, put into the plan file, told beside those in the physics engine."""
 
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,18 +11,15 @@ from fmopt.execution.confidence import lower_bound, success_interval
 from fmopt.notebook.own_trials import own_trials, with_trials
 from fmopt.report.presses import evidence_words
 from fmopt.verify import verify
-from tests.shared.commands import ended
+from tests.shared.commands import Outcome
 from tests.shared.plans.press_plan import press_plan_document
 
 
-def test_trials_are_added_to_a_plan(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_trials_are_added_to_a_plan(tmp_path: Path, command: Callable[..., Outcome]) -> None:
     file, trials = tmp_path / "plan.json", tmp_path / "trials.csv"
     plan.write(press_plan_document(), file)
     trials.write_text("\ufeffOutcome,who,seconds\r\n" + "seated,a,8\r\n" * 3 + "failed,b,60\r\n\r\n1,,\r\n", "utf-8")
-    monkeypatch.setattr(sys, "argv", ["fmopt", "evidence", "add", str(file), str(trials)])
-    code, out, _ = ended(capfd)
+    code, out, _ = command("evidence", "add", file, trials)
     assert (code, out.startswith("4 of 5 trials on a robot (trials.csv) seat, at least ")) == (0, True)
     found = plan.read(file)
     (own,) = found.description.own_trials

@@ -18,7 +18,7 @@ import fmopt.study
 from fmopt.errors import InputError
 from fmopt.study.running.store import owned
 from tests import ROOT
-from tests.shared.commands import ended
+from tests.shared.commands import Outcome
 
 STUDY = f"""\
 title = "clearance alone"
@@ -47,16 +47,15 @@ Study = Callable[..., tuple[str, str]]
 
 
 @pytest.fixture
-def fmopt_study(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Study:
+def fmopt_study(command: Callable[..., Outcome]) -> Study:
     """Runs the command in this process: output and errors."""
 
-    def command(*arguments: object, code: int = 0) -> tuple[str, str]:
-        monkeypatch.setattr(sys, "argv", ["fmopt", "study", *map(str, arguments)])
-        ended_with, out, err = ended(capfd)
-        assert ended_with == code, err
-        return out, err
+    def run(*arguments: object, code: int = 0) -> tuple[str, str]:
+        done = command("study", *arguments)
+        assert done.code == code, done.err
+        return done.out, done.err
 
-    return command
+    return run
 
 
 def test_a_study_is_run_in_two_goes_and_tabulated(study: Path, tmp_path: Path, fmopt_study: Study) -> None:
@@ -82,9 +81,7 @@ def test_a_study_is_run_in_two_goes_and_tabulated(study: Path, tmp_path: Path, f
         fmopt.study.frame(tmp_path)
 
 
-def test_a_dry_run_shows_runs_and_their_time_and_writes_nothing(
-    study: Path, tmp_path: Path, fmopt_study: Study
-) -> None:
+def test_a_dry_run_shows_runs_and_time_and_writes_nothing(study: Path, tmp_path: Path, fmopt_study: Study) -> None:
     folder = tmp_path / "out"
     out, _ = fmopt_study(study, "--out", folder, "--dry-run")
     assert "4 runs, 0 of them done" in out

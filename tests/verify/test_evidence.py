@@ -1,7 +1,6 @@
 """The check of evidence: only the honest one is TESTED, and TESTED is not CERTIFIED."""
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ from typing import Any
 import pytest
 
 from fmopt.verify import verify
-from tests.shared.commands import ended
+from tests.shared.commands import Outcome
 from tests.shared.plans.press_plan import press_plan_document, restated
 
 Document = dict[str, Any]
@@ -40,6 +39,7 @@ def _crowd(document: Document) -> None:
     document["evidence"]["outcomes"][3]["distance"] = 1e-4
 
 
+OTHERS = "other parts, presses or goals"
 LIES: list[tuple[Callable[[Document], Any], bool, str]] = [
     (lambda d: d["evidence"].update(seated=11), True, "other counts are stated"),
     (lambda d: d["evidence"].update(draws=11), True, "other counts are stated"),
@@ -52,16 +52,12 @@ LIES: list[tuple[Callable[[Document], Any], bool, str]] = [
     (lambda d: d["evidence"].update(min_rate=0.7), True, "the rate is at least 0.6915, where 0.7 is asked for"),
     (lambda d: d["evidence"].update(max_time=7.0), True, "95 % of the cycle times are within 8 s, where 7 s are asked"),
     (_crowd, True, "9 of 10 outcomes seat"),
-    (lambda d: d["presses"].update(cell=CROWD), False, "other parts, presses or goals"),
+    (lambda d: d["presses"].update(cell=CROWD), False, OTHERS),
     (lambda d: d["presses"].update(cell=CROWD), True, "0 of 10 outcomes seat"),
-    (lambda d: d["segments"][1]["wrench"].__setitem__(0, 1.0), False, "other parts, presses or goals"),
-    (lambda d: d["presses"]["robot"].update(mass=1.0), False, "other parts, presses or goals"),
-    (
-        lambda d: d["parts"]["moving"]["pieces"][0]["vertices"][0].__setitem__(2, -1e-4),
-        False,
-        "other parts, presses or goals",
-    ),
-    (lambda d: d.update(goal=[1e-6, *d["goal"][1:]]), False, "other parts, presses or goals"),
+    (lambda d: d["segments"][1]["wrench"].__setitem__(0, 1.0), False, OTHERS),
+    (lambda d: d["presses"]["robot"].update(mass=1.0), False, OTHERS),
+    (lambda d: d["parts"]["moving"]["pieces"][0]["vertices"][0].__setitem__(2, -1e-4), False, OTHERS),
+    (lambda d: d.update(goal=[1e-6, *d["goal"][1:]]), False, OTHERS),
     (lambda d: d.update(verdict="CERTIFIED"), True, "does not claim to be tested"),
     (lambda d: d.update(not_covered=d["not_covered"][:1]), True, "plans of this kind"),
 ]
@@ -97,17 +93,16 @@ def test_without_a_seal_or_without_evidence_nothing_is_tested() -> None:
 
 @pytest.mark.parametrize(("more", "code"), [((), 3), (("--evidence", "tested"), 0)])
 def test_the_command_takes_tested_for_enough_only_where_that_is_asked_for(
-    more: tuple[str, ...], code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    more: tuple[str, ...], code: int, tmp_path: Path, command: Callable[..., Outcome]
 ) -> None:
     file = tmp_path / "plan.json"
     file.write_text(json.dumps(press_plan_document()))
-    monkeypatch.setattr(sys, "argv", ["fmopt", "verify", str(file), *more])
-    found, out, err = ended(capfd)
-    words = out + err
-    assert found == code, words
+    done = command("verify", file, *more)
+    words = done.out + done.err
+    assert done.code == code, words
     assert "TESTED" in words
     assert "margin" not in words
     lie = press_plan_document()
     _unseated(lie, "outcomes", "seated")
     file.write_text(json.dumps(restated(lie)))
-    assert ended(capfd)[0] == 3
+    assert command("verify", file, *more).code == 3
