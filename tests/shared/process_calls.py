@@ -1,16 +1,11 @@
-"""The command called as by hands that close streams, fill disks and send signals; what holds of every call.
-
-python process_calls.py CALLS SEED, to do it at length.
-"""
+"""The command called as by hands that close streams, fill disks and send signals; what holds of every call."""
 
 import json
 import os
 import random
-import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections import Counter
 from dataclasses import dataclass, field
@@ -101,9 +96,7 @@ def _broken(plan: Path, chance: random.Random, found: Calls) -> None:
         "deaf": "<&-",
     }[kind]
     words = " ".join(f"'{word}'" for word in (sys.executable, "-m", "fmopt", *arguments))
-    done = subprocess.run(
-        ["bash", "-c", f"{words} {redirected}"], capture_output=True, text=True, timeout=120, check=False
-    )
+    done = subprocess.run(["bash", "-c", f"{words} {redirected}"], capture_output=True, text=True, timeout=120)
     # A reader that leaves late leaves nothing undone.
     wanted = {"full": {4}, "closed": {4}, "left": {0, 141}, "said nowhere": {0}, "deaf": {4}}[kind]
     _judge(found, f"{kind} {name}", done.returncode, wanted, done.stderr)
@@ -173,24 +166,3 @@ def _judge(found: Calls, what: str, code: int, wanted: set[int], said: str) -> N
         found.wrong.append(f"{what}: exit code {code}, not {wanted}: {said[-500:]}")
     if "Traceback" in said or "Exception ignored" in said:
         found.wrong.append(f"{what}: {said[-800:]}")
-
-
-def main(calls: int, seed: int, plan: Path) -> None:
-    """Does it at length, and says what came of it."""
-    folder = Path(tempfile.mkdtemp())
-    try:
-        found = called(plan, folder, calls, seed, 45.0)
-        rows = {name: len(kept(folder / name)) for name in ("execute", "compare", "study")}
-    finally:
-        shutil.rmtree(folder)
-    for what, count in sorted(found.counts.items()):
-        print(f"{count:4} {what}")
-    print(
-        f"ended {found.slowest:.2f} s after its signal at the latest, workers {found.orphans:.2f} s after their parent"
-    )
-    print(f"kept at the end: {rows}")
-    print("\n".join(found.wrong) or "nothing was wrong")
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]))

@@ -1,16 +1,10 @@
-"""The same two parts in TOML, as binary STL and as STEP, read as the same.
+"""The same two parts in TOML, as binary STL and as STEP, read as the same."""
 
-`python -m tests.shared.parts.forms 0 1 2` reads all families from these seeds in all forms, and says what is not alike.
-"""
-
-import sys
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from fmopt.errors import FmoptError
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
 from tests.shared.parts import families
@@ -53,26 +47,3 @@ def differences(pair: families.Pair, problems: Mapping[str, Problem]) -> list[st
             if names[0] != names[1]:
                 found.append(f"{form}: the {side} part mates with {names[1]}, not {names[0]}")
     return found
-
-
-def main(seeds: list[int]) -> int:
-    """How many pairs are not read alike."""
-    missed = 0
-    for seed in seeds:
-        for pair in families.pairs(seed):
-            problems, faults = {}, []
-            with tempfile.TemporaryDirectory() as folder:
-                for form in WRITERS:
-                    try:
-                        problems[form] = read(pair, form, Path(folder))
-                    except FmoptError as error:
-                        faults.append(f"{form}: {error}")
-            faults += differences(pair, problems) if problems else []
-            missed += bool(faults)
-            print(pair.name, "; ".join(faults) or "alike", flush=True)
-    print(f"{missed} of {len(seeds) * len(families.FAMILIES)} pairs are not read alike")
-    return missed
-
-
-if __name__ == "__main__":
-    sys.exit(main([int(seed) for seed in sys.argv[1:]] or [0]) > 0)
