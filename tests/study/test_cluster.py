@@ -55,12 +55,8 @@ def kept_alive(address: str, over: threading.Event, lives: int) -> None:
     for _ in range(lives):
         if over.is_set():
             break
-        with subprocess.Popen(
-            [sys.executable, *WORKER, address],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, **PATH},
-        ) as worker:
+        words, environment = [sys.executable, *WORKER, address], {**os.environ, **PATH}
+        with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment) as worker:
             while worker.poll() is None and not over.wait(0.1):
                 pass
             worker.kill()
@@ -127,11 +123,8 @@ def test_inputs_are_told_apart_by_name_and_content() -> None:
 
 def test_a_scheduler_without_workers_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fmopt.study.running.cluster._COMING", 1.0)
-    with (
-        running_scheduler() as address,
-        pytest.raises(ResourceError, match="the scheduler has no workers"),
-        cluster(address),
-    ):
+    no_workers = pytest.raises(ResourceError, match="the scheduler has no workers")
+    with running_scheduler() as address, no_workers, cluster(address):
         pass
 
 
@@ -141,8 +134,7 @@ def test_a_study_without_hosts_ends_and_goes_on_later(monkeypatch: pytest.Monkey
     with running_scheduler() as address:
         host = threading.Thread(target=kept_alive, args=(address, over, 1))
         host.start()
-        lost = pytest.raises(ResourceError, match="lost all its workers")
-        with lost:
+        with pytest.raises(ResourceError, match="lost all its workers"):
             run(work, tmp_path, evaluations.hostile, Options(cluster=address))
         over.set()
         host.join()
@@ -153,10 +145,7 @@ def test_a_study_without_hosts_ends_and_goes_on_later(monkeypatch: pytest.Monkey
 def test_no_scheduler_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fmopt.study.running.cluster._PATIENCE", 1.0)
     began = time.monotonic()
-    with (
-        pytest.raises(ResourceError, match=r"tcp://127\.0\.0\.1:9: no scheduler answers"),
-        cluster("tcp://127.0.0.1:9"),
-    ):
+    with pytest.raises(ResourceError, match=r"127\.0\.0\.1:9: no scheduler answers"), cluster("tcp://127.0.0.1:9"):
         pass
     assert time.monotonic() - began < 30.0
 
@@ -167,9 +156,7 @@ def test_what_is_no_address_is_refused_at_once(address: str) -> None:
         pass
 
 
-def test_a_scheduler_that_dies_ends_the_study_in_words_and_without_failures(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_scheduler_that_dies_ends_the_study_without_failures(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("fmopt.study.running.cluster._PATIENCE", 3.0)
     work, over = evaluations.work(400), threading.Event()
     with started() as running:
@@ -183,8 +170,7 @@ def test_a_scheduler_that_dies_ends_the_study_in_words_and_without_failures(
                 running.kill()
 
         try:
-            gone = pytest.raises(ResourceError, match="the scheduler is gone")
-            with gone:
+            with pytest.raises(ResourceError, match="the scheduler is gone"):
                 run(work, tmp_path, evaluations.slow, Options(cluster=address), store_of=Fatal)
         finally:
             running.kill()

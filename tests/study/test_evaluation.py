@@ -48,9 +48,7 @@ def test_a_search_that_fails_is_made_once_and_says_why(tmp_path: Path, monkeypat
     assert len(searches) == 2
 
 
-def test_a_search_that_ran_out_of_time_says_nothing_that_depends_on_the_machine(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_search_out_of_time_says_nothing_of_the_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def moved(*_: object) -> None:
         raise SearchError("nothing among 17 states", "raise settings.time_limit", late=True)
 

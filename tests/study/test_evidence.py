@@ -42,9 +42,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_known_plan_is_tried_as_it_is_with_parts_and_errors_of_each_run(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_known_plan_is_tried_with_parts_and_errors_of_each_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Any] = []
     real = solve.examine
 
@@ -55,11 +53,7 @@ def test_a_known_plan_is_tried_as_it_is_with_parts_and_errors_of_each_run(
     monkeypatch.setattr(solve, "examine", examined)
     asked_for = load_study(folder / "study.toml").question
     assert [Path(name).name for name in (asked_for.problem, asked_for.plan)] == ["base.toml", "plan.json"]
-    wide = (
-        (("fixed", "parameters", "width"), "20.3 mm"),
-        (("clearance", "x"), "0.15 mm"),
-        (("clearance", "y"), "0.15 mm"),
-    )
+    wide = (("fixed", "parameters", "width"), "20.3 mm"), *((("clearance", axis), "0.15 mm") for axis in "xy")
     question = Question("base.toml", ("evidence",), ("plan",), "plan.json")
     row = evaluation.evaluate(Run("a", ((FRICTION, "0.2"), *wide), question), folder)
     ((_, carried, conditions, request, _),) = asked

@@ -32,12 +32,10 @@ def study(folder: Path, *failing: object) -> subprocess.CompletedProcess[str]:
 def test_a_failing_call_ends_the_study_in_one_line(tmp_path: Path, kind: str, code: int) -> None:
     whole = study(tmp_path / "whole", kind, code, 0)
     assert (whole.returncode, whole.stdout) == (0, f"{RUNS} of {RUNS}, 0 failed\n"), whole.stderr
-    wanted = _table(tmp_path / "whole", "store")
+    right = _table(tmp_path / "whole", "store")
     calls = int(whole.stderr)
     assert calls >= 1
-    ends = {
-        _failing(tmp_path / str(n), kind, code, n, wanted) for n in range(1, calls + 1, 1 if EVERY else STEPS[kind])
-    }
+    ends = {_failing(tmp_path / str(n), kind, code, n, right) for n in range(1, calls + 1, 1 if EVERY else STEPS[kind])}
     assert 4 in ends
 
 

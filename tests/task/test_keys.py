@@ -138,12 +138,10 @@ def test_the_manual_has_the_values_of_all_presets() -> None:
 def test_the_angle_at_the_goal_is_in_the_mating_frame(tmp_path: Path) -> None:
     """A part that is asymmetric about its axis: at the goal its vertices are where the file's angle puts them."""
     rectangular = shipped("factory_rect_8mm_tight")
-    plain = edited(tmp_path, text=rectangular)
+    flat = edited(tmp_path, text=rectangular)
     turned = edited(tmp_path, ('depth = "full"', 'depth = "full"\nturn = 30'), text=rectangular)
     angle = exp([0.0, 0.0, math.radians(30)])
-    np.testing.assert_allclose(
-        turned.moving.polyhedron.vertices, plain.moving.polyhedron.vertices @ angle.T, atol=1e-15
-    )
+    np.testing.assert_allclose(turned.moving.polyhedron.vertices, flat.moving.polyhedron.vertices @ angle.T, atol=1e-15)
     cell, wanted = task_command(turned)
     frames = cell.frame(wanted.moving), cell.object(wanted.moving.object).frame
     assert close(frames[0], Pose.from_vector(turned.start))

@@ -147,9 +147,7 @@ REFUSED: tuple[tuple[Callable[[Path, Any], Any], Any, str], ...] = (
 
 
 @pytest.mark.parametrize(("read", "given", "words"), REFUSED, ids=[row[2][:40] for row in REFUSED])
-def test_what_cannot_be_used_is_refused_with_advice(
-    read: Callable[[Path, Any], Any], given: Any, words: str, tmp_path: Path
-) -> None:
+def test_what_is_no_use_gets_advice(read: Callable[[Path, Any], Any], given: Any, words: str, tmp_path: Path) -> None:
     with pytest.raises(FmoptError, match=re.escape(words)) as caught:
         read(tmp_path, given)
     assert caught.value.exit_code in (2, 4)

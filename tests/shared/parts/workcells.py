@@ -43,12 +43,8 @@ def plate(frame: Pose, radius: float = 0.0302) -> ObjectTree:
 
 def bush(frame: Pose) -> ObjectTree:
     """A bush 40 mm long, 60 mm wide outside, with a blind bore of 20.4 mm, 30 mm deep."""
-    return thing(
-        "bush",
-        frame,
-        feature("shank", "+", at(0), Cylinder(0.03, 0.04, SIDES), 0.04),
-        feature("bore", "-", at(0, 0, 0.04), round_hole(0.0102, 0.04, 0.03), 0.03),
-    )
+    bore = feature("bore", "-", at(0, 0, 0.04), round_hole(0.0102, 0.04, 0.03), 0.03)
+    return thing("bush", frame, feature("shank", "+", at(0), Cylinder(0.03, 0.04, SIDES), 0.04), bore)
 
 
 def peg(frame: Pose, radius: float = 0.01) -> ObjectTree:

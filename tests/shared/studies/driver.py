@@ -29,13 +29,8 @@ def main(folder: Path, runs: int, jobs: int, evaluation: str, store: str) -> Non
             super().add(rows)
             os.write(told, "".join(f"{row.key}\n" for row, _ in rows).encode())
 
-    tally = run(
-        evaluations.work(runs),
-        folder,
-        getattr(evaluations, evaluation),
-        Options(jobs, retry_failed=True),
-        store_of=Acknowledging,
-    )
+    answer, options = getattr(evaluations, evaluation), Options(jobs, retry_failed=True)
+    tally = run(evaluations.work(runs), folder, answer, options, store_of=Acknowledging)
     print(f"{tally.done} of {tally.total}, {tally.failed} failed")
 
 
