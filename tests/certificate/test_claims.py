@@ -245,12 +245,10 @@ def test_claims_survive_a_trip_to_another_process() -> None:
 
 def test_pieces_that_overlap_nominally_are_refused() -> None:
     piece = claims()[0].piece
-    sunk = replace(
-        piece, start=piece.start.moved([0, 0, -0.02, 0, 0, 0]), goal=piece.goal.moved([0, 0, -0.02, 0, 0, 0])
-    )
-    step = stepped(peg().assembly, sunk, ErrorSet.from_box(START_BOX), TOLERANCE)
+    low = replace(piece, start=piece.start.moved([0, 0, -0.02, 0, 0, 0]), goal=piece.goal.moved([0, 0, -0.02, 0, 0, 0]))
+    step = stepped(peg().assembly, low, ErrorSet.from_box(START_BOX), TOLERANCE)
     with pytest.raises(InfeasibleError, match="not apart on the nominal path"):
-        claimed(peg().assembly, [(sunk, step)], TOLERANCE, choose_separations)
+        claimed(peg().assembly, [(low, step)], TOLERANCE, choose_separations)
 
 
 def test_held_contacts_stay_zero_along_the_motion() -> None:

@@ -96,8 +96,7 @@ def test_power_is_the_derivative_of_what_a_motion_does(index: int) -> None:
     found = np.concatenate(power.py_func(forms.table[0], end, slide, spin))
     step = 1e-6
     for axis, unit in enumerate(np.eye(6)):
-        there, back = (
-            Pose(made.piece.goal.p + d[:3], exp(d[3:]) @ made.piece.goal.R) for d in (step * unit, -step * unit)
-        )
+        goal = made.piece.goal
+        there, back = (Pose(goal.p + d[:3], exp(d[3:]) @ goal.R) for d in (step * unit, -step * unit))
         slope = float((forms.at(there).N[0] - forms.at(back).N[0]) @ motion) / (2.0 * step)
         assert found[axis] == pytest.approx(slope, rel=1e-6, abs=1e-8)

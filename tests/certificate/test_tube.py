@@ -140,9 +140,7 @@ def test_the_same_test_catches_the_published_recipe(pool: Pool) -> None:
     assert len(caught) >= 0.9 * SEGMENTS
 
 
-def test_the_same_test_catches_drift_counted_over_the_commanded_way(
-    pool: Pool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_catches_drift_counted_over_the_commanded_way(pool: Pool, monkeypatch: pytest.MonkeyPatch) -> None:
     """An execution that starts far from the surface goes on until it is there, and drifts on the way."""
     drifting = [index for index in range(SEGMENTS) if max(segment(index).tolerance.velocity_error) > 0.0]
 
@@ -159,10 +157,8 @@ def test_the_same_test_catches_drift_counted_over_the_commanded_way(
 
 def test_the_same_test_catches_surfaces_without_thickness(pool: Pool) -> None:
     def flat(made: Segment) -> ErrorSet:
-        goal = sound(made)
-        return ErrorSet(
-            goal.shape_root, goal.generators[: len(goal.generators) - goal.thick], goal.slide_root, goal.swing_root
-        )
+        at = sound(made)
+        return ErrorSet(at.shape_root, at.generators[: len(at.generators) - at.thick], at.slide_root, at.swing_root)
 
     caught = [index for index in range(SEGMENTS) if leaves(segment(index), pool.few(), flat)]
     assert len(caught) > SEGMENTS // 3

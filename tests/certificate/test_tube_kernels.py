@@ -51,11 +51,8 @@ def test_kernels_of_rows_do_what_is_written(seed: int) -> None:
     turn = float(np.linalg.norm(twist[3:]))
     coupling = tube.coupled(links, half, turn)
     np.testing.assert_allclose(coupling, written(tube.coupled)(links, half, turn), rtol=1e-13)
-    for kernel, arguments in (
-        (tube.left, (bending, half, coupling)),
-        (tube.varied, (bending, half, motion)),
-        (tube.powers, (bending,)),
-    ):
+    calls = (tube.left, (bending, half, coupling)), (tube.varied, (bending, half, motion)), (tube.powers, (bending,))
+    for kernel, arguments in calls:
         np.testing.assert_allclose(kernel(*arguments), written(kernel)(*arguments), rtol=1e-12, atol=1e-18)
     poses = [Pose.from_vector(rng.normal(size=6)) for _ in range(3)]
     at = np.array([pose.p for pose in poses]), np.array([pose.R for pose in poses])

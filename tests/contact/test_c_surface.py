@@ -25,9 +25,7 @@ def test_all_kinds_are_under_test() -> None:
 
 
 @pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
-def test_gradients_against_finite_differences(
-    fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
-) -> None:
+def test_gradients_against_differences(fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> None:
     surfaces = Surfaces.of(contacts, PEG, fixed)
     f, N = surfaces.values_and_rows(pose)
     np.testing.assert_allclose(f, surfaces.values(pose), rtol=0.0, atol=1e-17)
@@ -38,9 +36,7 @@ def test_gradients_against_finite_differences(
 
 
 @pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
-def test_the_gradient_is_the_contact_wrench(
-    fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
-) -> None:
+def test_the_gradient_is_the_wrench(fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> None:
     for contact in contacts:
         # Virtual work: the unit contact force does the work df in every small displacement.
         wrench = contact_wrench(contact, PEG, fixed, pose)
@@ -144,9 +140,7 @@ def test_the_generated_kernels_are_current() -> None:
 
 
 @pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
-def test_many_poses_at_once_are_the_same_as_one_by_one(
-    fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
-) -> None:
+def test_poses_at_once_are_as_one_by_one(fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> None:
     rng = np.random.default_rng(4)
     surfaces, table = Surfaces.of(contacts, PEG, fixed), BoundTable.of(contacts, PEG, fixed, pose)
     poses = [pose.moved(rng.normal(size=6) * np.repeat([1e-3, 0.1], 3)) for _ in range(30)]
@@ -186,9 +180,7 @@ def test_bounds_of_a_face_with_a_hole_offer_a_choice() -> None:
 
 
 @pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
-def test_edges_cross_at_the_angle_between_them(
-    fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
-) -> None:
+def test_edges_cross_at_their_angle(fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> None:
     for contact, sine in zip(contacts, Surfaces.of(contacts, PEG, fixed).sines(pose), strict=True):
         if contact.kind is not Kind.EDGE_EDGE:
             assert sine == 1.0

@@ -56,9 +56,7 @@ def test_the_corner_in_the_mouth_has_confirmed_states() -> None:
     verdicts = [found.verdict for found in confirm(graph, PEG, BLOCK)]
     assert verdicts.count(Verdict.CONFIRMED) >= 0.75 * len(verdicts)
     # The two upright-edge contacts of the low corner hold the peg in the hole's corner.
-    sliding = [
-        state for state in graph.states if len(state.contacts) == 2 and {c[:2] for c in state.contacts} == {"e6"}
-    ]
+    sliding = [s for s in graph.states if len(s.contacts) == 2 and {c[:2] for c in s.contacts} == {"e6"}]
     assert [state.dimension for state in sliding] == [4]
 
 

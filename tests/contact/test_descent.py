@@ -23,9 +23,8 @@ SPIKE = from_faces(*spike())
 def neighbourhood(contacts: tuple[PrimitiveContact, ...], fixed: Polyhedron, pose: Pose) -> Neighbourhood:
     """The contacts that count at a pose, 3 mm and 0.03 rad around it."""
     kept, limits = cell(contacts, peg(), fixed, pose, 1e-3)
-    return Neighbourhood.of(
-        local_space(kept, peg(), fixed, pose, Scale(CLEARANCE, RHO), Cell(limits, 3e-3, 0.03)), peg(), fixed
-    )
+    space = local_space(kept, peg(), fixed, pose, Scale(CLEARANCE, RHO), Cell(limits, 3e-3, 0.03))
+    return Neighbourhood.of(space, peg(), fixed)
 
 
 def cases() -> dict[str, Neighbourhood]:

@@ -5,15 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear, nnls
 from shapely.geometry import Point, Polygon
 
-from fmopt.contact.detection import (
-    Vector,
-    arc_angle,
-    arc_distance,
-    edges_at_edges,
-    face_distance,
-    segment_distance,
-    vertices_at_faces,
-)
+from fmopt.contact import detection
 from fmopt.contact.primitive import _features
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose
@@ -24,7 +16,7 @@ REACH, ANGLE = 1e-3, 0.05
 POSES = [tilted((0.03, -0.05, 0.02)), tilted((0.0, 0.0, 0.0), 0.015), tilted((0.1, 0.0, 0.7), -0.0005)]
 
 
-def vector(x: Array) -> Vector:
+def vector(x: Array) -> detection.Vector:
     a, b, c = x.tolist()
     return a, b, c
 
@@ -43,7 +35,7 @@ def test_distances_from_arcs_agree_with_least_squares() -> None:
     arcs, x = units(rng, 400, 2), units(rng, 400)
     arcs[:50, 1] = arcs[:50, 0]
     x[50:100] = arcs[50:100].sum(axis=1) / np.linalg.norm(arcs[50:100].sum(axis=1), axis=-1, keepdims=True)
-    found = [arc_distance(vector(one), vector(a), vector(b)) for one, (a, b) in zip(x, arcs, strict=True)]
+    found = [detection.arc_distance(vector(one), vector(a), vector(b)) for one, (a, b) in zip(x, arcs, strict=True)]
     assert found == pytest.approx([nnls(pair.T, one)[1] for pair, one in zip(arcs, x, strict=True)], abs=1e-12)
     assert max(found) == 1.0
     assert max(found[50:100]) < 1e-13
@@ -59,7 +51,7 @@ def test_angles_between_arcs_agree_with_samples() -> None:
         along, across = (1.0 - share) * a + share * b, (1.0 - share) * c + share * d
         along, across = (x / np.linalg.norm(x, axis=1)[:, None] for x in (along, across))
         least = float(np.arccos(np.clip((along @ across.T).max(), -1.0, 1.0)))
-        found = arc_angle(vector(a), vector(b), vector(c), vector(d))
+        found = detection.arc_angle(vector(a), vector(b), vector(c), vector(d))
         assert found == pytest.approx(min(least, 0.5 * np.pi), abs=0.02)
         crossing += found == 0.0
     assert crossing > 5
@@ -72,7 +64,7 @@ def test_distances_between_segments_agree_with_least_squares() -> None:
         if n % 4 == 0:
             d = c + 0.5 * (b - a)
         best = lsq_linear(np.column_stack([b - a, c - d]), c - a, (0.0, 1.0), tol=1e-14)
-        found = segment_distance(vector(a), vector(b), vector(c), vector(d))
+        found = detection.segment_distance(vector(a), vector(b), vector(c), vector(d))
         assert found == pytest.approx(np.sqrt(2.0 * best.cost), abs=1e-7)
 
 
@@ -86,7 +78,7 @@ def test_distances_from_faces_agree_with_shapely(face: int) -> None:
     middle = solid.vertices[list(plane.vertices)].mean(axis=0)
     for x in middle + 0.03 * rng.normal(size=(100, 3)):
         expected = np.hypot(plane.normal @ x - plane.offset, polygon.distance(Point(*(axes @ x))))
-        assert face_distance(walls, face, vector(x)) == pytest.approx(expected, abs=1e-12)
+        assert detection.face_distance(walls, face, vector(x)) == pytest.approx(expected, abs=1e-12)
 
 
 def vertices_near(pointed: Polyhedron, faced: Polyhedron, T: Pose, lever: bool) -> Array:
@@ -98,7 +90,7 @@ def vertices_near(pointed: Polyhedron, faced: Polyhedron, T: Pose, lever: bool) 
         limit = REACH + ANGLE * float(np.linalg.norm(pointed.vertices[v] if lever else x))
         for f, face in enumerate(faced.faces):
             turn = np.arcsin(min(nnls(cone, -face.normal)[1], 1.0))
-            near.append(turn <= ANGLE and face_distance(_features(faced).walls, f, vector(x)) <= limit)
+            near.append(turn <= ANGLE and detection.face_distance(_features(faced).walls, f, vector(x)) <= limit)
     return np.array(near)
 
 
@@ -106,10 +98,10 @@ def vertices_near(pointed: Polyhedron, faced: Polyhedron, T: Pose, lever: bool) 
 def test_vertices_are_near_faces_by_their_normals_and_distance(pose: Pose) -> None:
     body, fixed = peg(), block()
     own, other, back = _features(body), _features(fixed), pose.inverse()
-    found = vertices_at_faces(own.corners, other.walls, matrix(pose), REACH, ANGLE, True)
+    found = detection.vertices_at_faces(own.corners, other.walls, matrix(pose), REACH, ANGLE, True)
     np.testing.assert_array_equal(found.ravel(), vertices_near(body, fixed, pose, True))
     assert 0 < found.sum() < found.size
-    found = vertices_at_faces(other.corners, own.walls, matrix(back), REACH, ANGLE, False)
+    found = detection.vertices_at_faces(other.corners, own.walls, matrix(back), REACH, ANGLE, False)
     np.testing.assert_array_equal(found.ravel(), vertices_near(fixed, body, back, False))
 
 
@@ -117,7 +109,7 @@ def test_vertices_are_near_faces_by_their_normals_and_distance(pose: Pose) -> No
 def test_edges_are_near_by_their_normals_and_distance(pose: Pose) -> None:
     body, fixed = peg(), block()
     own, other, sine = _features(body), _features(fixed), np.sin(np.radians(1.0))
-    found = edges_at_edges(own.ridges, other.ridges, matrix(pose), REACH, ANGLE, sine)
+    found = detection.edges_at_edges(own.ridges, other.ridges, matrix(pose), REACH, ANGLE, sine)
     for i, one in enumerate(own.edges):
         a, b = pose.apply(body.vertices[list(body.edges[one].vertices)])
         limit = REACH + ANGLE * np.linalg.norm(body.vertices[list(body.edges[one].vertices)], axis=1).max()
@@ -126,5 +118,5 @@ def test_edges_are_near_by_their_normals_and_distance(pose: Pose) -> None:
             c, d = fixed.vertices[list(fixed.edges[two].vertices)]
             cross = np.linalg.norm(np.cross(b - a, d - c)) / np.linalg.norm(b - a) / np.linalg.norm(d - c)
             beside = [vector(fixed.faces[f].normal) for f in fixed.edges[two].faces]
-            near = segment_distance(vector(a), vector(b), vector(c), vector(d)) <= limit
-            assert found[i, j] == (near and cross >= sine and arc_angle(*normals, *beside) <= ANGLE)
+            near = detection.segment_distance(vector(a), vector(b), vector(c), vector(d)) <= limit
+            assert found[i, j] == (near and cross >= sine and detection.arc_angle(*normals, *beside) <= ANGLE)

@@ -79,9 +79,7 @@ def test_a_pocketed_block_has_a_surface() -> None:
         ((-0.04, -0.04, -0.05), (0.04, 0.04, 0.01), True, "stands inside another one"),
     ],
 )
-def test_shells_are_outside_one_another_or_voids(
-    low: tuple[float, ...], high: tuple[float, ...], inside_out: bool, what: str
-) -> None:
+def test_shells_are_apart(low: tuple[float, ...], high: tuple[float, ...], inside_out: bool, what: str) -> None:
     told = flaws(with_box(pocket(), low, high, inside_out))
     assert what in told or "is inside out" in told
 

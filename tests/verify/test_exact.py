@@ -9,35 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from fmopt.verify import CERTIFIED, NOT_PROVED, PlanError, verify
-from fmopt.verify.arithmetic.exact import (
-    Point,
-    area,
-    balanced,
-    height,
-    inner,
-    level,
-    outer,
-    parallel,
-    point,
-    rounded,
-    through,
-    turned_over,
-    unit_of,
-    way,
-)
-from fmopt.verify.arithmetic.rational import (
-    ONE,
-    ArithmeticRefusal,
-    Vector,
-    add,
-    cross,
-    fixed,
-    length,
-    neg,
-    number,
-    sub,
-    vector,
-)
+from fmopt.verify.arithmetic import exact, rational
 from fmopt.verify.parts.assembly import Assembly, Touch
 from fmopt.verify.parts.incidence import Turn, about, cancel, image_of
 from fmopt.verify.parts.solids import Plane, Shape
@@ -53,54 +25,54 @@ COORDINATES = st.floats(-4.0, 4.0, allow_nan=False, allow_subnormal=False).map(l
 
 @given(st.tuples(COORDINATES, COORDINATES, COORDINATES))
 def test_a_float_is_the_point_that_it_is(x: tuple[float, float, float]) -> None:
-    at = point(vector(x))
-    assert rounded(at) == vector(x)
+    at = exact.point(rational.vector(x))
+    assert exact.rounded(at) == rational.vector(x)
     assert all(p / at[3] == y for p, y in zip(at, x, strict=False))
 
 
 @given(POINTS, POINTS, POINTS)
-def test_a_plane_holds_what_spans_it_and_has_two_sides(a: Point, b: Point, c: Point) -> None:
-    normal = outer(way(a, b), way(a, c))
+def test_a_plane_holds_what_spans_it_and_has_two_sides(a: exact.Point, b: exact.Point, c: exact.Point) -> None:
+    normal = exact.outer(exact.way(a, b), exact.way(a, c))
     assume(any(normal))
-    plane = level(normal, a)
-    assert [height(plane, p) for p in (a, b, c)] == [0, 0, 0]
-    assert plane == level(tuple(3 * x for x in normal), c)
+    plane = exact.level(normal, a)
+    assert [exact.height(plane, p) for p in (a, b, c)] == [0, 0, 0]
+    assert plane == exact.level(tuple(3 * x for x in normal), c)
     beyond = (a[0] + normal[0] * a[3], a[1] + normal[1] * a[3], a[2] + normal[2] * a[3], a[3])
-    assert height(plane, beyond) > 0 > height(turned_over(plane), beyond)
+    assert exact.height(plane, beyond) > 0 > exact.height(exact.turned_over(plane), beyond)
 
 
 @given(POINTS, DIRECTIONS, st.integers(-50, 50), st.integers(1, 50))
-def test_points_along_a_direction_are_in_line(a: Point, d: Vector, p: int, q: int) -> None:
+def test_points_along_a_direction_are_in_line(a: exact.Point, d: rational.Vector, p: int, q: int) -> None:
     assume(p != 0)
     b = (a[0] * q + d[0] * p * a[3], a[1] * q + d[1] * p * a[3], a[2] * q + d[2] * p * a[3], a[3] * q)
-    assert parallel(way(a, b), d)
-    assert (inner(way(a, b), d) > 0) == (p > 0)
-    assert not parallel(way(a, (b[0], b[1], b[2], b[3] + 1)), d) or parallel(b[:3], d)
+    assert exact.parallel(exact.way(a, b), d)
+    assert (exact.inner(exact.way(a, b), d) > 0) == (p > 0)
+    assert not exact.parallel(exact.way(a, (b[0], b[1], b[2], b[3] + 1)), d) or exact.parallel(b[:3], d)
 
 
 @given(DIRECTIONS)
-def test_unit_vectors_are_as_long_and_as_directed(d: Vector) -> None:
-    u = unit_of(d)
-    assert abs(length(u) - ONE) <= 8
-    assert length(cross(u, unit_of(tuple(x << 300 for x in d)))) <= 8
+def test_unit_vectors_are_as_long_and_as_directed(d: rational.Vector) -> None:
+    u = exact.unit_of(d)
+    assert abs(rational.length(u) - rational.ONE) <= 8
+    assert rational.length(rational.cross(u, exact.unit_of(tuple(x << 300 for x in d)))) <= 8
     first, second = about(d)
     assert any(first)
     assert any(second)
-    assert inner(first, d) == inner(second, d) == inner(first, second) == 0
+    assert exact.inner(first, d) == exact.inner(second, d) == exact.inner(first, second) == 0
 
 
 @given(POINTS, st.lists(st.tuples(INTEGERS, INTEGERS), min_size=3, max_size=6), DIRECTIONS)
-def test_the_area_of_a_loop_is_across_its_plane(a: Point, at: list[tuple[int, int]], d: Vector) -> None:
+def test_the_area_of_a_loop_is_across_its_plane(a: exact.Point, at: list[tuple[int, int]], d: rational.Vector) -> None:
     u, v = about(d)
-    points: list[Vector] = []
+    points: list[rational.Vector] = []
     for s, t in at:
         x, y, z = (a[k] + s * u[k] + t * v[k] for k in range(3))
         points.append((x, y, z))
-    found = area(points, [range(len(points))])
-    assert parallel(found, d)
-    plane = through((*p, 1) for p in points)
+    found = exact.area(points, [range(len(points))])
+    assert exact.parallel(found, d)
+    plane = exact.through((*p, 1) for p in points)
     assert plane is not None or not any(found)
-    assert plane is None or all(height(plane, (*p, 1)) == 0 for p in points)
+    assert plane is None or all(exact.height(plane, (*p, 1)) == 0 for p in points)
 
 
 @given(INTEGERS, INTEGERS, INTEGERS, *(st.integers(1, 10**4),) * 4)
@@ -108,35 +80,37 @@ def test_sums_of_roots_vanish_only_when_they_do(a: int, b: int, c: int, u: int, 
     with mp.workdps(80):
         p, q = mp.mpf(u) / v, mp.mpf(x) / y
         value = a * mp.sqrt(p) + b * mp.sqrt(q) + c * mp.sqrt(p * q)
-        assert balanced(a, b, c, (u, v), (x, y)) == (abs(value) < mp.mpf(10) ** -40)
+        assert exact.balanced(a, b, c, (u, v), (x, y)) == (abs(value) < mp.mpf(10) ** -40)
 
 
 @given(*(st.integers(-20, 20),) * 3, *(st.integers(1, 5),) * 4)
 def test_sums_of_rational_roots_are_told_as_well(a: int, b: int, c: int, u: int, v: int, x: int, y: int) -> None:
     whole = a * u * y + b * x * v + c * u * x
-    assert balanced(a, b, c, (u * u, v * v), (x * x, y * y)) == (whole == 0)
+    assert exact.balanced(a, b, c, (u * u, v * v), (x * x, y * y)) == (whole == 0)
 
 
 @given(st.integers(-20, 20), st.integers(-20, 20), st.integers(2, 50))
 def test_equal_roots_take_each_other_away(a: int, b: int, n: int) -> None:
-    assert balanced(a, -a, 0, (n, 3), (n, 3))
-    assert balanced(a, b, 0, (n, 3), (n, 3)) == (a + b == 0)
+    assert exact.balanced(a, -a, 0, (n, 3), (n, 3))
+    assert exact.balanced(a, b, 0, (n, 3), (n, 3)) == (a + b == 0)
     # a √n + b √n + c n with c n = −(a + b) √n needs √n to be whole.
-    assert balanced(a, b, -(a + b), (1, 1), (1, 1))
+    assert exact.balanced(a, b, -(a + b), (1, 1), (1, 1))
 
 
 @given(DIRECTIONS, DIRECTIONS, DIRECTIONS, DIRECTIONS)
-def test_directions_cancel_when_the_turned_one_is_level(n1: Vector, n2: Vector, normal: Vector, d: Vector) -> None:
+def test_directions_cancel_when_the_turned_one_is_level(
+    n1: rational.Vector, n2: rational.Vector, normal: rational.Vector, d: rational.Vector
+) -> None:
     """Under the identity what is across a normal is so exactly, and nothing else is."""
-    assume(any(outer(n1, n2)))
-    one, two = (Turn(unit_of(n), unit_of(n), n, n, None) for n in (n1, n2))
-    level_with = outer(normal, d)
+    assume(any(exact.outer(n1, n2)))
+    one, two = (Turn(exact.unit_of(n), exact.unit_of(n), n, n, None) for n in (n1, n2))
+    level_with = exact.outer(normal, d)
     assert cancel(one, two, normal, level_with)
-    assert cancel(one, two, normal, d) == (inner(normal, d) == 0)
-    sine = number(length(cross(one.body, two.body)))
+    assert cancel(one, two, normal, d) == (exact.inner(normal, d) == 0)
+    sine = rational.number(rational.length(rational.cross(one.body, two.body)))
     if sine > 0.125:
-        image = image_of(one, two, unit_of(d))
-        assert length(sub(image, unit_of(d))) < ONE >> 230
+        image = image_of(one, two, exact.unit_of(d))
+        assert rational.length(rational.sub(image, exact.unit_of(d))) < rational.ONE >> 230
 
 
 # A line through points a fraction of a nanometre apart, the second of which is not quite where it should be: it would
@@ -178,15 +152,15 @@ def test_a_line_through_two_close_points_holds_what_is_on_it(assembly: Assembly,
     assert known.on(LEFT).points == [peg.vertices[V0], peg.vertices[8]]
     (line,) = known.on(LEFT).lines(assembly)
     assert known.turns == []
-    x, y, z = (c << 16 for c in sub(line.far, line.point))
-    far = add(line.point, (x, y, z))
+    x, y, z = (c << 16 for c in rational.sub(line.far, line.point))
+    far = rational.add(line.point, (x, y, z))
     assert known.not_below(LEFT, [*peg.vertices, far], []) == {V0, 8, 9}
     assert not known.implies(V3_LEFT)
 
 
 def test_points_too_close_for_a_direction_are_refused(assembly: Assembly) -> None:
     peg = notched(1e-10, 1e-12)
-    with pytest.raises(ArithmeticRefusal, match="no length"):
+    with pytest.raises(rational.ArithmeticRefusal, match="no length"):
         facts(with_peg(assembly, peg), vertex_on(V0, LEFT), beside_on(peg, 8))
 
 
@@ -210,12 +184,11 @@ def test_a_corner_off_a_flush_is_not_in_its_wall(assembly: Assembly, off: float)
 def test_walls_that_nearly_coincide_are_two(assembly: Assembly, off: float) -> None:
     body = box_body((-0.01 + off, -0.02, -0.03), (0.01, 0.02, 0.0))
     other = next(f.plane for f in shape(body["vertices"], body["faces"]).faces if f.plane.normal[0] < 0)
-    beside = Plane(neg(other.normal), -other.offset)
-    assembly._levels[beside] = level((1, 0, 0), point((fixed(-0.01 + off), 0, 0)))
+    beside = Plane(rational.neg(other.normal), -other.offset)
+    assembly._levels[beside] = exact.level((1, 0, 0), exact.point((rational.fixed(-0.01 + off), 0, 0)))
     assert not assembly.agree(LEFT, beside)
-    known = facts(
-        assembly, vertex_on(V0, LEFT), Touch("w", "vertex-face", V3_LEFT.moving, (), beside, (beside,), 0, ((V3,), ()))
-    )
+    touch = Touch("w", "vertex-face", V3_LEFT.moving, (), beside, (beside,), 0, ((V3,), ()))
+    known = facts(assembly, vertex_on(V0, LEFT), touch)
     assert (len(known.walls), known.on(LEFT).lines(assembly)) == (2, ())
 
 

@@ -131,6 +131,8 @@ REFUSED: list[tuple[str, Callable[[Plan], Any], str]] = [
     ("text for number", _segment(lambda s: s.update(margin="1")), r"segments\[0\]\.margin: must be a number"),
     ("flag for number", _segment(lambda s: s.update(margin=True)), r"segments\[0\]\.margin: must be a number"),
     ("huge integer", _segment(lambda s: s.update(margin=10**400)), "must be a finite number"),
+    ("no number", _segment(lambda s: s.update(margin=float("nan"))), "must be a finite number"),
+    ("no finite number", _segment(lambda s: s.update(margin=float("inf"))), "must be a finite number"),
     ("short pose", _segment(lambda s: s["start"].pop()), r"segments\[0\]\.start: must have 6 entries"),
     ("long turn", _segment(lambda s: s.update(start=[0, 0, 0, 7, 3, 0])), "longer than a full turn"),
     ("far away", _segment(lambda s: s.update(start=[100, 0, 0, 0, 0, 0])), "must lie between"),
@@ -160,14 +162,6 @@ def test_what_is_no_plan_is_refused_with_its_place(plan: Plan, change: Callable[
         verify(mutant)
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf")])
-def test_special_numbers_are_refused(plan: Plan, value: float) -> None:
-    mutant = copy.deepcopy(plan)
-    mutant["segments"][0]["margin"] = value
-    with pytest.raises(PlanError, match="must be a finite number"):
-        verify(mutant)
-
-
 @pytest.mark.parametrize("document", [None, [], "plan", 3, {}])
 def test_other_documents_are_refused(document: Any) -> None:
     with pytest.raises(PlanError):
@@ -182,25 +176,16 @@ def test_deep_nesting_is_refused(plan: Plan) -> None:
         verify({**plan, "description": deep})
 
 
-@pytest.mark.parametrize(
-    ("text", "message"), [('{"a": -Infinity}', "-Infinity"), ("[1]", "must be a JSON object"), ("{", "no JSON")]
-)
-def test_files_that_are_no_plans(tmp_path: Path, text: str, message: str) -> None:
-    path = tmp_path / "plan.json"
-    path.write_text(text)
-    with pytest.raises(PlanError, match=message):
-        load(path)
-
-
 def test_files_are_read_as_they_were_written(plan: Plan, tmp_path: Path) -> None:
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(plan, indent=1, sort_keys=True))
     assert verify(load(path)).verdict == CERTIFIED
-    path.write_bytes(b"\xff\xfe")
-    with pytest.raises(PlanError, match="cannot be read"):
-        load(path)
-    with pytest.raises(PlanError, match="cannot be read"):
-        load(tmp_path / "missing.json")
+    no_objects = (b'{"a": -Infinity}', "-Infinity"), (b"[1]", "must be a JSON object"), (b"{", "no JSON")
+    for content, message in (*no_objects, (b"\xff\xfe", "cannot be read"), (None, "cannot be read")):
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(PlanError, match=message):
+            load(path if content is not None else tmp_path / "missing.json")
 
 
 def test_contacts_must_name_features_of_the_parts(plan: Plan) -> None:

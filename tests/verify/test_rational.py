@@ -11,18 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fmopt.verify.arithmetic import rational as q
-from fmopt.verify.certificate.error_set import (
-    NOTHING,
-    congruent,
-    diagonal,
-    dual,
-    magnified,
-    metric,
-    outer_sum,
-    row_of,
-    spheres,
-    square_of,
-)
+from fmopt.verify.certificate import error_set
 
 ULP = Fraction(1, q.ONE)
 floats = st.floats(-8.0, 8.0, allow_subnormal=False).filter(lambda x: x == 0.0 or abs(x) > 1e-30)
@@ -118,38 +107,43 @@ def test_supports_are_upper_bounds(n: list[float], generators: list[list[float]]
     N, G = q.row(n), [q.row(g) for g in generators]
     zonotope = sum(abs(sum(Fraction(a) * Fraction(b) for a, b in zip(n, g, strict=True))) for g in generators)
     assert 0 <= exact(q.spread(G, N)) - zonotope < 4 * ULP
-    Q = square_of([sum(q.times(g[a], g[b]) for g in G) for b in range(6)] for a in range(6))
+    Q = error_set.square_of([sum(q.times(g[a], g[b]) for g in G) for b in range(6)] for a in range(6))
     square = sum(sum(Fraction(a) * Fraction(b) for a, b in zip(n, g, strict=True)) ** 2 for g in generators)
     assert square <= exact(q.width(Q, N)) ** 2 <= square + Fraction(1, 2**70)
 
 
 @given(st.lists(st.floats(1e-6, 1.0), min_size=12, max_size=12), rows)
 def test_the_outer_sum_contains_the_sum(radii: list[float], n: list[float]) -> None:
-    A, B = (diagonal([q.times(q.fixed(x), q.fixed(x)) for x in radii[k : k + 6]]) for k in (0, 6))
+    A, B = (error_set.diagonal([q.times(q.fixed(x), q.fixed(x)) for x in radii[k : k + 6]]) for k in (0, 6))
     N = q.row(n)
-    total = outer_sum(A, B, metric(q.fixed(0.014)))
+    total = error_set.outer_sum(A, B, error_set.metric(q.fixed(0.014)))
     assert q.width(total, N) + (1 << (q.BITS - 70)) >= q.width(A, N) + q.width(B, N) - (1 << (q.BITS - 70))
-    assert outer_sum(A, NOTHING, metric(q.ONE)) == A
-    assert outer_sum(NOTHING, B, metric(q.ONE)) == B
+    assert error_set.outer_sum(A, error_set.NOTHING, error_set.metric(q.ONE)) == A
+    assert error_set.outer_sum(error_set.NOTHING, B, error_set.metric(q.ONE)) == B
 
 
 def test_rounding_does_not_grow_in_a_sum() -> None:
-    rounding = diagonal([q.BLUR] * 6)
-    line = diagonal([q.times(q.fixed(1e-4), q.fixed(1e-4)), 0, 0, 0, 0, 0])
-    for total in (outer_sum(rounding, line, metric(q.ONE)), outer_sum(line, rounding, metric(q.ONE))):
-        along, across = (q.number(q.width(total, row_of(q.ONE if a == k else 0 for a in range(6)))) for k in (0, 1))
+    rounding = error_set.diagonal([q.BLUR] * 6)
+    line = error_set.diagonal([q.times(q.fixed(1e-4), q.fixed(1e-4)), 0, 0, 0, 0, 0])
+    for total in (
+        error_set.outer_sum(rounding, line, error_set.metric(q.ONE)),
+        error_set.outer_sum(line, rounding, error_set.metric(q.ONE)),
+    ):
+        along, across = (
+            q.number(q.width(total, error_set.row_of(q.ONE if a == k else 0 for a in range(6)))) for k in (0, 1)
+        )
         assert 1e-4 <= along < 1e-4 * (1.0 + 1e-14)
         assert across < 1e-16
 
 
 @given(st.lists(rows, min_size=6, max_size=6), rows, st.integers(1, 10**6))
 def test_symmetric_forms_are_the_plain_ones_but_for_rounding(A: list[list[float]], n: list[float], t: int) -> None:
-    M, N = square_of(q.row(r) for r in A), q.row(n)
-    Q = square_of([q.row_dot(a, b) for b in M] for a in M)
+    M, N = error_set.square_of(q.row(r) for r in A), q.row(n)
+    Q = error_set.square_of([q.row_dot(a, b) for b in M] for a in M)
     for map_, shape, found in (
-        (M, Q, congruent(M, Q)),
-        (M, diagonal([t] * 3 + [0] * 3), magnified(t, spheres(M)[0])),
-        (M, diagonal([0] * 3 + [t] * 3), magnified(t, spheres(M)[1])),
+        (M, Q, error_set.congruent(M, Q)),
+        (M, error_set.diagonal([t] * 3 + [0] * 3), error_set.magnified(t, error_set.spheres(M)[0])),
+        (M, error_set.diagonal([0] * 3 + [t] * 3), error_set.magnified(t, error_set.spheres(M)[1])),
     ):
         for a in range(6):
             for b in range(6):
@@ -176,13 +170,13 @@ def test_inverses_of_any_size_and_order_of_rows(n: int, seed: int) -> None:
 def test_dual_columns_and_congruence() -> None:
     C = (q.row([1.0, 0.5, 0.0, 0.0, 2.0, 0.0]), q.row([0.0, 1.0, 0.25, 3.0, 0.0, 0.0]))
     N = (q.row([1.0, 0.0, 0.0, 0.0, 0.125, 0.0]), q.row([0.0, 0.5, 1.0, 0.0, 0.0, 1.0]))
-    columns, _ = dual(C, N)
+    columns, _ = error_set.dual(C, N)
     for i, n in enumerate(N):
         for j, c in enumerate(columns):
             assert abs(q.row_dot(n, c) - (q.ONE if i == j else 0)) < 1 << 12
-    double = diagonal([2 * q.ONE] * 6)
-    assert congruent(double, double) == diagonal([8 * q.ONE] * 6)
+    double = error_set.diagonal([2 * q.ONE] * 6)
+    assert error_set.congruent(double, double) == error_set.diagonal([8 * q.ONE] * 6)
     with pytest.raises(q.ArithmeticRefusal, match="not independent"):
-        dual((C[0], C[0]), N)
+        error_set.dual((C[0], C[0]), N)
     with pytest.raises(q.ArithmeticRefusal, match="hardly depend"):
-        dual((row_of(x >> 20 for x in C[0]),), (N[0],))
+        error_set.dual((error_set.row_of(x >> 20 for x in C[0]),), (N[0],))

@@ -18,12 +18,8 @@ CORNERS = tuple(product((0, 1), repeat=3))
 
 
 def shape(vertices: Sequence[Sequence[float]], faces: Sequence[Sequence[Sequence[int]]]) -> Shape:
-    return Shape(
-        Body(
-            tuple(tuple(float(x) for x in v) for v in vertices),
-            tuple(tuple(tuple(int(i) for i in loop) for loop in face) for face in faces),
-        )
-    )
+    points = tuple(tuple(map(float, v)) for v in vertices)
+    return Shape(Body(points, tuple(tuple(tuple(map(int, loop)) for loop in face) for face in faces)))
 
 
 def of_polyhedron(body: Polyhedron) -> Shape:
@@ -48,13 +44,8 @@ def pocket() -> tuple[Vertices, Faces]:
     return vertices, faces
 
 
-SLABS = [
-    box(-30, 30, -30, 30, -40, -30),
-    box(-30, -10, -30, 30, -40, 0),
-    box(10, 30, -30, 30, -40, 0),
-    box(-30, 30, -30, -10, -40, 0),
-    box(-30, 30, 10, 30, -40, 0),
-]
+WALLS = (-30, -10, -30, 30), (10, 30, -30, 30), (-30, 30, -30, -10), (-30, 30, 10, 30)
+SLABS = [box(-30, 30, -30, 30, -40, -30), *(box(*wall, -40, 0) for wall in WALLS)]
 
 
 def with_box(

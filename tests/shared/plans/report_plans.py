@@ -167,12 +167,7 @@ def with_graph() -> dict[str, Any]:
         {"id": "s2", "contacts": ["v0-f4"], "dimension": 5},
         {"id": "s3", "contacts": ["v0-f5", "v0-f4"], "dimension": 4},
     ]
-    graph: dict[str, Any] = {
-        "critical_point": "mouth",
-        "states": states,
-        "sons": [[1, 2], [3], [3], []],
-        "chosen": [0, 1],
-    }
+    graph = {"critical_point": "mouth", "states": states, "sons": [[1, 2], [3], [3], []], "chosen": [0, 1]}
     graph["verdicts"] = ["confirmed"] * 4
     budget = [{"source": "robot", "symbol": "", "frame": "hole", "box": [1e-4] * 6}]
     return cube_plan(diagnostics=diagnostics(graphs=[graph], budget=budget))

@@ -25,11 +25,9 @@ CONTROL = {"speed": 0.01, "contact_force": 20.0, "torque_limit": 1.0, "friction"
 
 def box_body(low: Sequence[float], high: Sequence[float]) -> dict[str, Any]:
     """A box as the plan file holds a body."""
-    corners = [
-        [(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)
-    ]
+    at = [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
     faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    return {"vertices": corners, "faces": [[face] for face in faces]}
+    return {"vertices": at, "faces": [[face] for face in faces]}
 
 
 def vector(x: Sequence[Any]) -> mp.matrix:

@@ -60,11 +60,8 @@ def whole_plan() -> dict[str, Any]:
     }  # fmt: skip
     segments = [dict(segment) for segment in plan["segments"]]
     free = {"push": 1.0, "least_push": 2.0, "angle": 0.1, "planes": [{"towards": "push", "angles": [0.1, 0.2]}]}
-    hybrid = {
-        **segments[0]["hybrid"],
-        "jam_free": {**free, "twists": [ZERO]},
-        "impact": {"approach": 0.5, "force": 1.0},
-    }
+    impact = {"approach": 0.5, "force": 1.0}
+    hybrid = {**segments[0]["hybrid"], "jam_free": {**free, "twists": [ZERO]}, "impact": impact}
     segments[0] = {**segments[0], "hybrid": hybrid, "leaving": []}
     limits = {"impact_force": 10.0, "apparent_mass": 2.0, "contact_stiffness": 1e5}
     specification = {**plan["specification"], **limits}
