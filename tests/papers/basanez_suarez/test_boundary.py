@@ -34,9 +34,7 @@ def degenerate_sets() -> dict[str, PlanarSet]:
         for radius in (0.0, 1e-9, 0.01, 1.0, 3.0):
             key = f"ε_φ = {spread:.3g}, ε = {radius}"
             found[f"vertex, {key}"] = vertex_position((0.1, 0.2), math.pi, Reach(1.0, 0.0), spread, radius)
-            found[f"vertex at the reference point, {key}"] = vertex_position(
-                ORIGIN, 1.0, Reach(0.0, 0.0), spread, radius
-            )
+            found[f"vertex at the origin, {key}"] = vertex_position(ORIGIN, 1.0, Reach(0.0, 0.0), spread, radius)
             for name, end in (("along x", (0.7, 0.0)), ("along −y", (0.0, -0.7)), ("short", (1e-4, 0.0))):
                 for angle in (-math.pi, -0.5 * math.pi, 0.3, math.pi - 1e-7):
                     found[f"edge {name} at {angle:.3g}, {key}"] = ArcSum(ORIGIN, end, 1.0, angle, spread, radius)
@@ -128,12 +126,7 @@ def test_areas_by_hand(area: str) -> None:
 def test_valid_arcs_of_uv_and_cuv() -> None:
     rng = np.random.default_rng(7)
     for _ in range(50):
-        h, s, r, phi, gamma = (
-            rng.uniform(0.5, 1.0),
-            rng.uniform(0.01, 1.0),
-            rng.uniform(0.01, 0.4),
-            *rng.uniform(-9, 9, 2),
-        )
+        h, s, r, phi, gamma = rng.uniform([0.5, 0.01, 0.01, -9, -9], [1.0, 1.0, 0.4, 9, 9])
         for cu in (False, True):
             # CUv is Uv seen from the point that is touched: turned by π, eqs. (22)-(24) against (17)-(19).
             phi_seen = phi + (math.pi if cu else 0.0)

@@ -135,9 +135,7 @@ def test_value_intervals_hold_what_deviations_make() -> None:
             low, high = cu.value_interval(pose)
             assert low <= 1e-9 * cu.reach
             assert high >= -1e-9 * cu.reach
-            values = sampled_values(
-                instance.cu, pose, sampled_deviations(rng, 4000), instance.epsilon_p, instance.epsilon_a
-            )
+            values = sampled_values(cu, pose, sampled_deviations(rng, 4000), instance.epsilon_p, instance.epsilon_a)
             assert low <= values.min() + 1e-12
             assert values.max() <= high + 1e-12
             assert max(values.min() - low, high - values.max()) <= 0.02 * (high - low)

@@ -182,12 +182,10 @@ def test_orientations(kind: Kind) -> None:
                 ends[cu.name] = np.array([min(ends[cu.name][0], low), max(ends[cu.name][1], high)])
         for cu in cus:
             low, high = ends[cu.name]
-            extremes = [
-                sampled_range(cu, *tilted(cu, moving, static, total, end), end * sum(angles)) for end in (1.0, -1.0)
-            ]
-            assert extremes[0][0] == pytest.approx(cu.range.low, abs=1e-9)
-            assert extremes[1][1] == pytest.approx(cu.range.high, abs=1e-9)
-            low, high = min(low, extremes[0][0]), max(high, extremes[1][1])
+            far = [sampled_range(cu, *tilted(cu, moving, static, total, end), end * sum(angles)) for end in (1.0, -1.0)]
+            assert far[0][0] == pytest.approx(cu.range.low, abs=1e-9)
+            assert far[1][1] == pytest.approx(cu.range.high, abs=1e-9)
+            low, high = min(low, far[0][0]), max(high, far[1][1])
             for i, printed in enumerate(printed_range(cu, moving, static, epsilon_a, angles)):
                 flagged[i] += low < printed.low - 1e-6 or high > printed.high + 1e-6
     assert np.all(flagged > 20)

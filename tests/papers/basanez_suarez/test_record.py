@@ -148,10 +148,8 @@ def test_account_tells_how_high_to_carry() -> None:
 
 def test_the_chapter_names_contacts_and_the_agreement() -> None:
     page = possible_contacts(described(told()))
-    assert "S(t) stops motions only where the sets allow a contact" in page
-    assert "by up to 2 mm" in page
-    assert "meets nothing" in page
-    assert "v0-e" in page
+    for said in ("S(t) stops motions only where the sets allow a contact", "by up to 2 mm", "meets nothing", "v0-e"):
+        assert said in page
     assert possible_contacts(cube()) == ""
     lifted = possible_contacts(described(told(aside=0.012)))
     assert "it has to be lifted by 2." in lifted

@@ -53,9 +53,7 @@ def test_through_plate_seated_at_its_exit_and_beyond():
 
 
 def test_chamfered_mouth_is_a_step():
-    hole = block(
-        raised(Box((0.0202, 0.0202, 0.03)), 0.01), raised(frustum((0.0202, 0.0202), (0.0242, 0.0242), 0.002), 0.038)
-    )
+    hole = block(raised(Box((0.0202, 0.0202, 0.03)), 0.01), raised(frustum((0.0202,) * 2, (0.0242,) * 2, 2e-3), 0.038))
     assert found(PEG, hole, -0.03) == {"mouth": 0.0, "step 1": -0.002, "mid-depth": -0.016, "bottom": -0.03}
 
 

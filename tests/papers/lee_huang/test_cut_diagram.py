@@ -5,19 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fmopt.geometry.csg import (
-    Box,
-    Cone,
-    Cylinder,
-    Difference,
-    Placed,
-    Prism,
-    Solid,
-    Sphere,
-    Union,
-    Wedge,
-    convex_polyhedron,
-)
+from fmopt.geometry import csg
 from fmopt.geometry.part import part_of
 from fmopt.geometry.plane.boolean import difference, intersection, union
 from fmopt.geometry.plane.region import polygon_region
@@ -34,33 +22,33 @@ def random_pose(rng: np.random.Generator, reach: float) -> Pose:
     return Pose(rng.uniform(-reach, reach, 3), exp(rng.normal(size=3)))
 
 
-def random_tree(rng: np.random.Generator, primitives: list[Solid], depth: int) -> Solid:
+def random_tree(rng: np.random.Generator, primitives: list[csg.Solid], depth: int) -> csg.Solid:
     """A tree of unions and differences; the first operand stays in the middle so that something is left."""
     if depth == 0:
-        return Placed(primitives[int(rng.integers(len(primitives)))], random_pose(rng, 0.5))
+        return csg.Placed(primitives[int(rng.integers(len(primitives)))], random_pose(rng, 0.5))
     one, two = (random_tree(rng, primitives, depth - 1) for _ in range(2))
-    return Union((one, two)) if rng.random() < 0.6 else Difference(one, (two,))
+    return csg.Union((one, two)) if rng.random() < 0.6 else csg.Difference(one, (two,))
 
 
-def held(solid: Solid, points: Array) -> Array:
+def held(solid: csg.Solid, points: Array) -> Array:
     """Which points (n, 3) lie in a solid, from its definition; curved surfaces as they are."""
     x, y, z = points.T
     match solid:
-        case Cylinder(radius, height, _):
+        case csg.Cylinder(radius, height, _):
             return np.asarray((x**2 + y**2 <= radius**2) & (z >= 0.0) & (z <= height))
-        case Cone(bottom, top, height, _):
+        case csg.Cone(bottom, top, height, _):
             radius = bottom + (top - bottom) * z / height
             return np.asarray((x**2 + y**2 <= radius**2) & (z >= 0.0) & (z <= height))
-        case Sphere(radius, _):
+        case csg.Sphere(radius, _):
             return np.asarray(x**2 + y**2 + z**2 <= radius**2)
-        case Box() | Prism() | Wedge():
-            body = convex_polyhedron(solid, Pose.identity())
+        case csg.Box() | csg.Prism() | csg.Wedge():
+            body = csg.convex_polyhedron(solid, Pose.identity())
             return np.asarray(np.all(points @ body.normals.T <= body.offsets, axis=1))
-        case Placed(inner, pose):
+        case csg.Placed(inner, pose):
             return held(inner, (points - pose.p) @ pose.R)
-        case Union(parts):
+        case csg.Union(parts):
             return np.asarray(np.any([held(part, points) for part in parts], axis=0))
-        case Difference(base, tools):
+        case csg.Difference(base, tools):
             return np.asarray(held(base, points) & ~np.any([held(tool, points) for tool in tools], axis=0))
     raise AssertionError(solid)
 
@@ -68,8 +56,8 @@ def held(solid: Solid, points: Array) -> Array:
 @pytest.mark.parametrize("seed", range(12))
 def test_polyhedral_trees_have_the_sections_of_their_pieces(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    solids: list[Solid] = [Box((1.0, 0.8, 0.6)), Prism(HEXAGON, 0.7), Wedge((1.0, 0.9, 0.8), 0.4)]
-    solid = Union((Box((1.2, 1.2, 0.4)), random_tree(rng, solids, 2)))
+    solids: list[csg.Solid] = [csg.Box((1.0, 0.8, 0.6)), csg.Prism(HEXAGON, 0.7), csg.Wedge((1.0, 0.9, 0.8), 0.4)]
+    solid = csg.Union((csg.Box((1.2, 1.2, 0.4)), random_tree(rng, solids, 2)))
     pieces = part_of("tree", solid).pieces
     for _ in range(3):
         plane = random_pose(rng, 0.2)
@@ -82,8 +70,8 @@ def test_polyhedral_trees_have_the_sections_of_their_pieces(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(12))
 def test_curved_trees_hold_exactly_what_the_solid_holds(seed: int) -> None:
     rng = np.random.default_rng(100 + seed)
-    solids: list[Solid] = [Cylinder(0.4, 0.9), Cone(0.5, 0.2, 0.8), Sphere(0.5)]
-    solid = Union((Sphere(0.45), random_tree(rng, solids, 2)))
+    solids: list[csg.Solid] = [csg.Cylinder(0.4, 0.9), csg.Cone(0.5, 0.2, 0.8), csg.Sphere(0.5)]
+    solid = csg.Union((csg.Sphere(0.45), random_tree(rng, solids, 2)))
     plane = random_pose(rng, 0.2)
     region = cut_diagram(solid, plane)
     uv = rng.uniform(-1.2, 1.2, (4000, 2))
@@ -92,23 +80,23 @@ def test_curved_trees_hold_exactly_what_the_solid_holds(seed: int) -> None:
     np.testing.assert_array_equal(region.contains(uv)[clear], held(solid, points)[clear])
 
 
-def crossings(solid: Solid, start: Array, along: Array) -> Array:
+def crossings(solid: csg.Solid, start: Array, along: Array) -> Array:
     """Where a line enters or leaves one of the primitives of a tree, as parameters, from their equations."""
     match solid:
-        case Cylinder(radius, height, _):
+        case csg.Cylinder(radius, height, _):
             return _through(height, start, along, (radius, 0.0))
-        case Cone(bottom, top, height, _):
+        case csg.Cone(bottom, top, height, _):
             return _through(height, start, along, (bottom, (top - bottom) / height))
-        case Sphere(radius, _):
+        case csg.Sphere(radius, _):
             return _roots(along @ along, start @ along, start @ start - radius**2)
-        case Box() | Prism() | Wedge():
-            body = convex_polyhedron(solid, Pose.identity())
+        case csg.Box() | csg.Prism() | csg.Wedge():
+            body = csg.convex_polyhedron(solid, Pose.identity())
             return np.asarray((body.offsets - body.normals @ start) / (body.normals @ along))
-        case Placed(inner, pose):
+        case csg.Placed(inner, pose):
             return crossings(inner, (start - pose.p) @ pose.R, along @ pose.R)
-        case Union(parts):
+        case csg.Union(parts):
             return np.concatenate([crossings(part, start, along) for part in parts])
-        case Difference(base, tools):
+        case csg.Difference(base, tools):
             return np.concatenate([crossings(part, start, along) for part in (base, *tools)])
     raise AssertionError(solid)
 
@@ -131,9 +119,9 @@ def _roots(a: float, b: float, c: float) -> Array:
 def test_lines_cross_a_cut_diagram_where_they_cross_the_solid(seed: int) -> None:
     """Trees of all primitives: a line of the plane has the same stretches in both, their ends to 1e-9."""
     rng = np.random.default_rng(500 + seed)
-    solids: list[Solid] = [Cylinder(0.4, 0.9), Cone(0.5, 0.2, 0.8), Sphere(0.5), Box((0.8, 0.7, 0.6))]
-    solids += [Prism(HEXAGON, 0.4), Wedge((0.9, 0.8, 0.7), 0.4)]
-    solid = Union((Sphere(0.45), random_tree(rng, solids, 3)))
+    solids = [csg.Cylinder(0.4, 0.9), csg.Cone(0.5, 0.2, 0.8), csg.Sphere(0.5), csg.Box((0.8, 0.7, 0.6))]
+    solids += [csg.Prism(HEXAGON, 0.4), csg.Wedge((0.9, 0.8, 0.7), 0.4)]
+    solid = csg.Union((csg.Sphere(0.45), random_tree(rng, solids, 3)))
     plane = random_pose(rng, 0.2)
     region = cut_diagram(solid, plane)
     for angle, offset in zip(rng.uniform(0.0, math.pi, 30), rng.uniform(-0.6, 0.6, 30), strict=True):
@@ -153,14 +141,14 @@ def test_lines_cross_a_cut_diagram_where_they_cross_the_solid(seed: int) -> None
 
 def test_sections_of_round_primitives_are_exact() -> None:
     tilted = Pose(np.array([0.0, 0.0, 0.5]), exp([0.3, 0.0, 0.0]))
-    assert cut_diagram(Cylinder(0.1, 1.0), tilted).area == pytest.approx(math.pi * 0.01 / math.cos(0.3), rel=1e-12)
+    assert cut_diagram(csg.Cylinder(0.1, 1.0), tilted).area == pytest.approx(math.pi * 0.01 / math.cos(0.3), rel=1e-12)
     above = Pose(np.array([0.0, 0.0, 0.3]), np.eye(3))
-    assert cut_diagram(Sphere(0.5), above).area == pytest.approx(math.pi * (0.25 - 0.09), rel=1e-12)
-    assert cut_diagram(Cone(0.4, 0.2, 1.0), above).area == pytest.approx(math.pi * 0.34**2, rel=1e-12)
+    assert cut_diagram(csg.Sphere(0.5), above).area == pytest.approx(math.pi * (0.25 - 0.09), rel=1e-12)
+    assert cut_diagram(csg.Cone(0.4, 0.2, 1.0), above).area == pytest.approx(math.pi * 0.34**2, rel=1e-12)
 
 
 def test_the_interior_is_on_the_left_and_holes_turn_the_other_way() -> None:
-    drilled = Difference(Box((0.06, 0.06, 0.04)), (Cylinder(0.01, 0.04),))
+    drilled = csg.Difference(csg.Box((0.06, 0.06, 0.04)), (csg.Cylinder(0.01, 0.04),))
     region = cut_diagram(drilled, Pose(np.array([0.0, 0.0, 0.02]), np.eye(3)))
     assert len(region.loops) == 2
     assert region.area == pytest.approx(0.0036 - math.pi * 1e-4, rel=1e-12)
@@ -172,8 +160,8 @@ def test_the_interior_is_on_the_left_and_holes_turn_the_other_way() -> None:
 
 
 def test_a_plane_in_a_face_gives_what_both_sides_share() -> None:
-    box = Box((0.1, 0.1, 0.1))
-    stacked = Union((box, Placed(box, Pose(np.array([0.0, 0.0, 0.1]), np.eye(3)))))
+    box = csg.Box((0.1, 0.1, 0.1))
+    stacked = csg.Union((box, csg.Placed(box, Pose(np.array([0.0, 0.0, 0.1]), np.eye(3)))))
     seam = Pose(np.array([0.0, 0.0, 0.1]), np.eye(3))
     assert cut_diagram(stacked, seam).area == pytest.approx(0.01, rel=1e-12)
     assert cut_diagram(box, seam).empty

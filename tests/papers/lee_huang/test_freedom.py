@@ -13,7 +13,7 @@ from fmopt.papers.lee_huang import freedom as slack_module
 from fmopt.papers.lee_huang.freedom import freedom, half_widths
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, insertion
 from fmopt.papers.lee_huang.touch import Linear
-from tests.shared.parts.figure2 import at
+from tests.shared.parts.figure2 import at, steps
 
 SPEED = 0.02
 ENGAGED = (2, 2, 0, 2, 2, 2)
@@ -29,11 +29,6 @@ PLATE = part_of(
     "plate", at(Difference(Box((0.06, 0.06, 0.01)), (at(Box((0.0202, 0.0202, 0.02)), 0, 0, -0.005),)), 0, 0, -0.01)
 )
 DOWN = insertion([0, 0, 0.005, 0, 0, 0], [0, 0, -0.03, 0, 0, 0], SPEED, 0.014)
-
-
-def steps(intervals, path):
-    """S with the heights of the tip at both ends."""
-    return [(one.s, path.at(one.start)[2], path.at(one.end)[2]) for one in intervals]
 
 
 class Gap:
@@ -89,12 +84,8 @@ def test_a_through_hole_stops_nothing_at_its_end():
 @pytest.mark.parametrize("sides", [16, 32])
 def test_a_round_peg_stays_free_about_its_axis(sides):
     hole = Difference(Box((0.06, 0.06, 0.04)), (at(Cylinder(0.0101, 0.031, sides), 0, 0, 0.01),))
-    intervals = freedom(
-        part_of("peg", Cylinder(0.01, 0.04, sides)),
-        part_of("hole", at(hole, 0, 0, -0.04)),
-        DOWN,
-        half_widths(2e-4, 0.002),
-    )
+    peg, block = part_of("peg", Cylinder(0.01, 0.04, sides)), part_of("hole", at(hole, 0, 0, -0.04))
+    intervals = freedom(peg, block, DOWN, half_widths(2e-4, 0.002))
     assert [one.s for one in intervals] == [FREE, (2, 2, -1, 2, 2, 0), (2, 2, 0, 2, 2, 0), (2, 2, -1, 2, 2, 0)]
 
 

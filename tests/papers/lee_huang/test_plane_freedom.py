@@ -17,7 +17,7 @@ from fmopt.papers.lee_huang.line_contact import Leg
 from fmopt.papers.lee_huang.nominal_trajectory import insertion
 from fmopt.papers.lee_huang.plane_freedom import Slice, View, freedom_on_planes, spans
 from fmopt.papers.lee_huang.uncertainty_zone import PLANES, zones
-from tests.shared.parts.figure2 import at
+from tests.shared.parts.figure2 import at, steps
 from tests.shared.parts.random_sections import loop, polygon, random_case
 
 FREE = (0,) * 6
@@ -53,10 +53,6 @@ def views(box, walls=(BLIND,), round_peg=False):
 
 
 MOUTH = polygon(square(0.03), square(HOLE)[::-1])
-
-
-def steps(intervals, path=DOWN):
-    return [(one.s, path.at(one.start)[2], path.at(one.end)[2]) for one in intervals]
 
 
 def agree(found, expected):

@@ -58,13 +58,8 @@ def six_sided(depth: float) -> Insertion:
     """A hexagon has flats on the plane x-z and corners on y-z."""
     flat = np.cos(np.pi / 6)
     sizes = 0.01 / flat, 0.0102 / flat
-    return Insertion(
-        hexagon(sizes[0], LENGTH),
-        hexagon(sizes[1], 0.06),
-        ((0.01, 0.0102), sizes),
-        (np.array(ring(sizes[0], 6)), np.array(ring(sizes[1], 6))),
-        depth,
-    )
+    bodies, rings = (hexagon(sizes[0], LENGTH), hexagon(sizes[1], 0.06)), [np.array(ring(size, 6)) for size in sizes]
+    return Insertion(*bodies, ((0.01, 0.0102), sizes), tuple(rings), depth)
 
 
 TASKS = {

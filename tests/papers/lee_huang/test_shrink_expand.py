@@ -214,11 +214,8 @@ def test_an_edge_turning_sweeps_a_sector() -> None:
 
 def test_expansion_over_an_orientation_interval() -> None:
     rng = np.random.default_rng(7)
-    G, section, interval = (
-        difference(box(-1.0, -1.0, 2.0, 1.0), box(-0.3, -0.6, 0.6, 0.6)),
-        box(-0.2, 0.0, 0.4, 0.7),
-        (-0.2, 0.3),
-    )
+    G = difference(box(-1.0, -1.0, 2.0, 1.0), box(-0.3, -0.6, 0.6, 0.6))
+    section, interval = box(-0.2, 0.0, 0.4, 0.7), (-0.2, 0.3)
     whole = expanded(G, [turn_swept(section, *interval)])
     low, high = whole.box
     centres = rng.uniform(low, high, (1000, 2))

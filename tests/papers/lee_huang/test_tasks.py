@@ -65,12 +65,8 @@ def test_pegs_of_both_pairs_in_blind_and_through_holes(kind: str, pair: LowerPai
     pin = thing("pin", at(0.03, 0.01, 0.06), feature("pin", "+", at(0), shape(kind, 0.01, 0.05), 0.05))
     depth = 0.04 if through else 0.03
     tool = Placed(shape(kind, 0.0102, 0.06), at(0, 0, 0.04 - depth - (0.01 if through else 0.0)))
-    block = thing(
-        "block",
-        at(0),
-        feature("body", "+", at(0), Box((0.06, 0.06, 0.04)), None),
-        feature("hole", "-", at(0, 0, 0.04), tool, depth, through),
-    )
+    body = feature("body", "+", at(0), Box((0.06, 0.06, 0.04)), None)
+    block = thing("block", at(0), body, feature("hole", "-", at(0, 0, 0.04), tool, depth, through))
     goal: Goal = (0.0, 0.0, FREE, 0.0, 0.0, FREE if kind == "round" else 0.0)
     _, made = mapped(cell(block, pin), task("pin.pin", "block.hole", goal, pair))
     inside = ROUND if kind == "round" else SQUARE

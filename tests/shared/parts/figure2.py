@@ -39,3 +39,8 @@ def radius(solid):
 
 def hexagon(radius, height):
     return Prism(tuple(map(tuple, ring(radius, 6))), height)
+
+
+def steps(intervals, path):
+    """S with the heights of the tip at both ends."""
+    return [(one.s, path.at(one.start)[2], path.at(one.end)[2]) for one in intervals]
