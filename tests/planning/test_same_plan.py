@@ -15,12 +15,8 @@ from tests.shared.parts.outlines import prism
 
 TURN = "0, 0, {turn}"
 UNITS = '[units]\nlength = "{unit}"\nangle = "deg"\n'
-PEG = 'name = "peg"\n' + part(
-    "peg",
-    UNITS,
-    cuboid("peg", "{width}, {width}, {length}", "{x}, {y}, {z}", TURN),
-    feature("peg", "solid", "{x}, {y}, {z}", "{length}", TURN),
-)
+WHOLE = feature("peg", "solid", "{x}, {y}, {z}", "{length}", TURN)
+PEG = 'name = "peg"\n' + part("peg", UNITS, cuboid("peg", "{width}, {width}, {length}", "{x}, {y}, {z}", TURN), WHOLE)
 BLOCK = 'name = "block"\n' + part(
     "drilled",
     UNITS,

@@ -56,10 +56,8 @@ def motion_from(problem: Problem, entry: Entry) -> CertifiedMotion:
     """What a problem's search and certificate make of an entry."""
     task = task_of(problem)
     found = search(task, [entry])
-    placed = certified(task.assembly, found.moves, Reached(task.start, (), ()), task.tolerance, FINE)
-    return CertifiedMotion(
-        task.assembly, measured_clearance(problem), task.start, task.tolerance, found.searched, placed
-    )
+    done = certified(task.assembly, found.moves, Reached(task.start, (), ()), task.tolerance, FINE)
+    return CertifiedMotion(task.assembly, measured_clearance(problem), task.start, task.tolerance, found.searched, done)
 
 
 def certified_plan(problem: Problem, motion: CertifiedMotion) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import json
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -65,9 +66,7 @@ def test_axes_are_reciprocal_orthonormal_and_span_the_contacts(count):
         assert len(split.force) == min(count, 6)
         assert np.allclose(split.position @ split.force.T, 0.0, atol=1e-13)
         assert np.allclose(split.position @ local.T, 0.0, atol=1e-13)
-        assert np.allclose(
-            (split.position * scale) @ (split.position * scale).T, np.eye(len(split.position)), atol=1e-12
-        )
+        assert np.allclose((split.position * scale**2) @ split.position.T, np.eye(len(split.position)), atol=1e-12)
         assert np.allclose((split.force / scale) @ (split.force / scale).T, np.eye(len(split.force)), atol=1e-12)
         assert len(row_space(np.vstack([split.force, local]), RHO)) == len(split.force)
 
@@ -320,37 +319,23 @@ def test_document_has_exactly_the_plan_files_keys():
     json.dumps(document, allow_nan=False)
 
 
-def test_refuses_a_move_of_no_length():
-    with pytest.raises(ValueError, match="no length"):
-        hybrid_strategy(move(X_WALL, np.zeros(6)), RHO, SPECIFICATION)
-
-
-def test_refuses_a_move_away_from_its_contact():
-    with pytest.raises(InfeasibleError, match=r"does not approach.*free side"):
-        hybrid_strategy(move([], -DOWN, FLOOR), RHO, SPECIFICATION)
-
-
-def test_refuses_a_move_into_a_held_contact():
-    with pytest.raises(InfeasibleError, match=r"runs into a contact that it holds.*release"):
-        hybrid_strategy(move(FLOOR, DOWN, [((0.0, 0.0, -0.03), (0, 0, 1))]), RHO, SPECIFICATION)
-
-
-def test_refuses_forces_that_cannot_make_the_contact_felt():
-    with pytest.raises(InfeasibleError, match=r"no bias wrench within 2 N.*termination_force"):
-        hybrid_strategy(move(X_WALL, DOWN, FLOOR), RHO, replace(SPECIFICATION, contact_force=2.0))
+@pytest.mark.parametrize(
+    ("task", "limits", "error", "words"),
+    [
+        (move(X_WALL, np.zeros(6)), {}, ValueError, "no length"),
+        (move([], -DOWN, FLOOR), {}, InfeasibleError, r"does not approach.*free side"),
+        (move(FLOOR, DOWN, FLOOR[:1]), {}, InfeasibleError, r"runs into a contact that it holds.*release"),
+        (move(X_WALL, DOWN, FLOOR), {"contact_force": 2.0}, InfeasibleError, r"wrench within 2 N.*termination_force"),
+    ],
+)
+def test_refuses_moves_that_no_strategy_makes(task, limits, error, words):
+    with pytest.raises(error, match=words):
+        hybrid_strategy(task, RHO, replace(SPECIFICATION, **limits))
 
 
 def test_a_solver_that_lies_is_caught(monkeypatch):
-    class Answer:
-        status, message = 0, "optimal"
-
-        def __init__(self, size):
-            self.x = np.ones(size)
-
-    monkeypatch.setattr(
-        "daqp.solve", lambda _, c, M, *__, **___: (np.ones(len(c)), 0, 1, {"lam": np.zeros(sum(M.shape))})
-    )
-    monkeypatch.setattr("scipy.optimize.linprog", lambda c, **_: Answer(len(c)))
+    monkeypatch.setattr("daqp.solve", lambda _, c, M, *a, **k: (np.ones(len(c)), 0, 1, {"lam": np.zeros(sum(M.shape))}))
+    monkeypatch.setattr("scipy.optimize.linprog", lambda c, **_: SimpleNamespace(status=0, x=np.ones(len(c))))
     with pytest.raises(SolverError, match="breaks its rows"):
         hybrid_strategy(move(X_WALL, DOWN, FLOOR), RHO, SPECIFICATION)
 

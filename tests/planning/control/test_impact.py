@@ -25,6 +25,7 @@ from fmopt.task.sizes import measured_clearance
 from fmopt.verify import CERTIFIED, NOT_PROVED, verify
 from fmopt.verify.reading.reader import PlanError
 from tests import ROOT
+from tests.shared.files.shipped import loaded, shipped
 from tests.shared.plans.table_plan import sealed
 
 RHO = 0.014
@@ -105,13 +106,8 @@ def test_speed_falls_as_far_as_the_impact_asks_for_and_no_further() -> None:
     slow = slowed(ASKED, 1.0)
     assert impact_force(slow, 1.0) == pytest.approx(2.0, rel=1e-14)
     assert slow.speed == pytest.approx(2.0 / math.sqrt(0.5 * 5e5), rel=1e-14)
-    assert PLAIN.record() == {
-        "speed": 0.02,
-        "contact_force": 20.0,
-        "torque_limit": 1.0,
-        "friction": 0.3,
-        "termination_force": 2.0,
-    }
+    stated = {"speed": 0.02, "contact_force": 20.0, "torque_limit": 1.0, "friction": 0.3, "termination_force": 2.0}
+    assert PLAIN.record() == stated
 
 
 def primitive(record: dict[str, Any]) -> PrimitiveContact:
@@ -121,13 +117,9 @@ def primitive(record: dict[str, Any]) -> PrimitiveContact:
 
 
 @pytest.fixture(scope="module")
-def square_peg() -> Problem:
-    return load(ROOT / "problems" / "square_peg.toml")
-
-
-@pytest.fixture(scope="module")
-def soft_plan(square_peg_plan: dict[str, Any], square_peg: Problem) -> dict[str, Any]:
+def soft_plan(square_peg_plan: dict[str, Any]) -> dict[str, Any]:
     """The plan of the square peg with its impacts limited to 2 N."""
+    square_peg = load(ROOT / "problems" / "square_peg.toml")
     plan = copy.deepcopy(square_peg_plan)
     plan["specification"] = ASKED.record()
     known = {record["id"]: primitive(record) for record in plan["contacts"]}
@@ -188,17 +180,13 @@ def test_an_impact_in_a_plan_without_a_limit_is_rejected(soft_plan: dict[str, An
         verify(sealed(plan))
 
 
-def problem_with(folder: Path, lines: str) -> Path:
-    text = (ROOT / "problems" / "square_peg.toml").read_text(encoding="utf-8")
-    text = text.replace('"../models/', f'"{(ROOT / "models").as_posix()}/')
-    path = folder / "problem.toml"
-    path.write_text(text.replace("termination_force = 2\n", f"termination_force = 2\n{lines}"), encoding="utf-8")
-    return path
+def problem_with(folder: Path, lines: str) -> Problem:
+    return loaded(folder, shipped("square_peg").replace("termination_force = 2\n", f"termination_force = 2\n{lines}"))
 
 
 def test_the_keys_are_read_with_their_units(tmp_path: Path) -> None:
     lines = 'impact_force = 2\napparent_mass = "500 g"\ncontact_stiffness = "500 N/mm"\n'
-    problem = load(problem_with(tmp_path, lines))
+    problem = problem_with(tmp_path, lines)
     assert problem.specification == ASKED
     assert "contacts met with at most 2 N by 0.5 kg on 500 N/mm" in explain(problem, measured_clearance(problem))
 
@@ -216,13 +204,11 @@ def test_the_keys_are_read_with_their_units(tmp_path: Path) -> None:
 )
 def test_keys_that_say_nothing_are_refused(tmp_path: Path, lines: str, message: str) -> None:
     with pytest.raises(InputError) as refused:
-        load(problem_with(tmp_path, lines))
+        problem_with(tmp_path, lines)
     assert message in str(refused.value)
 
 
-def test_what_runs_a_plan_runs_slowed_segments_slower(
-    square_peg_plan: dict[str, Any], soft_plan: dict[str, Any]
-) -> None:
+def test_what_runs_a_plan_slows_slowed_segments(square_peg_plan: dict[str, Any], soft_plan: dict[str, Any]) -> None:
     robot = Robot()
     plain, soft = planned(parsed(square_peg_plan), robot), planned(parsed(soft_plan), robot)
     rates = [s["hybrid"]["speed"] / ASKED.speed for s in soft_plan["segments"]]

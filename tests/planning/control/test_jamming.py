@@ -127,11 +127,8 @@ def test_rests_agree_with_cone_programs_of_another_solver() -> None:
 
 def two_points(depth: float, radius: float) -> list[tuple[Array, Array]]:
     """A peg tilted in the plane of x and z: its tip on the right wall, the mouth's left rim on its side."""
-    tip = GOAL.p
-    return [
-        (tip + np.array([-radius, 0.0, depth]), (1.0, 0.0, 0.0)),
-        (tip + np.array([radius, 0.0, 0.0]), (-1.0, 0.0, 0.0)),
-    ]
+    tip, (x, _, z) = GOAL.p, np.eye(3)
+    return [(tip - radius * x + depth * z, x), (tip + radius * x, -x)]
 
 
 @pytest.mark.parametrize("ratio", [1.2, 2.0, 4.0])

@@ -18,10 +18,8 @@ from tests.shared.random_rows import KINDS, forms, pose
 
 Kernel = Any
 # An edge of each part, both along x, the fixed one a metre below.
-EDGES = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0])
-LEVEL = tuple(
-    records(kind, EDGES if name == "edge_edge" else np.zeros((0, kind.width))) for name, kind in CONTACTS.items()
-)
+PAIR = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0])
+LEVEL = tuple(records(one, PAIR if name == "edge_edge" else np.zeros((0, one.width))) for name, one in CONTACTS.items())
 
 
 def both(kernel: Kernel) -> tuple[Kernel, Kernel]:

@@ -36,9 +36,7 @@ def asked(problem: fmopt.Problem, monkeypatch: pytest.MonkeyPatch, seconds: floa
 
 
 @pytest.mark.parametrize("name", ["14-gon", "triangle", "L"])
-def test_the_least_margin_is_that_of_the_best_planes_of_all_pairs(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_least_margin_is_that_of_best_planes(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = (
         prism(tmp_path, regular(14, 10.0), regular(14, 10.1))
         if name == "14-gon"

@@ -48,16 +48,11 @@ def test_a_corner_is_found_exactly() -> None:
     assert found == pytest.approx([1.0, 0.0], abs=1e-15)
 
 
-def test_rows_that_contradict_each_other_have_no_answer() -> None:
-    rows = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, -1.001])
-    assert least_vertex(np.ones(2), rows, NOWHERE, POSITIVE) is None
-    assert least_vertex(np.ones(2), CORNER[1], (np.eye(2), np.array([0.2, 0.3])), POSITIVE) is None
-
-
-def test_what_contradictions_tell_needs_no_highs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_that_contradict_each_other_have_no_answer_without_highs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("scipy.optimize.linprog", None)
     rows = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, -1.001])
     assert least_vertex(np.ones(2), rows, NOWHERE, POSITIVE) is None
+    assert least_vertex(np.ones(2), CORNER[1], (np.eye(2), np.array([0.2, 0.3])), POSITIVE) is None
 
 
 def test_a_cost_without_end_is_refused() -> None:

@@ -97,13 +97,10 @@ def test_rows_and_surfaces_are_distances_of_the_ball() -> None:
         for number, face in enumerate(fixed.faces):
             contact = ball_face(fixed, centre, number)
             value = float(Surfaces.of([contact], body, fixed).values(pose)[0])
-            row = balls_above(body.vertices[[centre]], face.normal, face.offset, body.radii[[centre]]).at(pose)
-            assert row.f[0] == pytest.approx(value, abs=1e-17)
+            rows = balls_above(body.vertices[[centre]], face.normal, face.offset, body.radii[[centre]])
+            assert rows.at(pose).f[0] == pytest.approx(value, abs=1e-17)
             point_row = points_above(body.vertices[[centre]], face.normal, face.offset + radius)
-            assert (
-                balls_above(body.vertices[[centre]], face.normal, face.offset, body.radii[[centre]]).table
-                == point_row.table
-            )
+            assert rows.table == point_row.table
             heights = (pose.apply(body.vertices[centre]) + sphere) @ face.normal - face.offset
             assert value <= heights.min() < value + 4e-3 * radius
             point = contact_point(contact, body, fixed, pose)
@@ -245,9 +242,7 @@ def of_the_wall(plan: Document) -> None:
         (lambda plan: plan["contacts"][0]["moving"].update(vertices=[0]), "is one of a ball of the moving part"),
     ],
 )
-def test_plans_that_say_what_cannot_be_are_refused(
-    ball_plan: Document, lie: Callable[[Document], object], told: str
-) -> None:
+def test_plans_of_what_cannot_be_are_refused(ball_plan: Document, lie: Callable[[Document], object], told: str) -> None:
     lie(ball_plan)
     with pytest.raises(PlanError, match=told):
         parse(sealed(ball_plan))

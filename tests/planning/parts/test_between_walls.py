@@ -52,9 +52,7 @@ def test_walls_are_those_that_the_part_has(given: tuple[Pair, motion._Stood]) ->
     body, around = stand.posed.problem.moving.polyhedron, walls_around(stand.posed.problem.moving)
     upright = [face for face in body.faces if abs(face.normal[2]) < 1e-9]
     for inward, offset in zip(around.inward, around.offsets, strict=True):
-        assert any(
-            np.abs(face.normal[:2] + inward).max() < 1e-9 and abs(face.offset + offset) < 1e-12 for face in upright
-        )
+        assert any(np.abs(f.normal[:2] + inward).max() < 1e-9 and abs(f.offset + offset) < 1e-12 for f in upright)
     assert gaps(stand, body.vertices).min() >= -1e-12
     sides = {"triangle": 3, "8-gon": 8, "12-gon": 12, "rectangle": 4, "L": 4, "T": 4}  # none over the notches
     assert len(around.offsets) == sides.get(pair.family, len(around.offsets))
@@ -121,15 +119,13 @@ def test_contacts_last_where_faces_meet_that_mate_in_the_seat(tmp_path: Path) ->
     body, hole = assembly.moving.polyhedron, assembly.fixed.polyhedron
     assert len(stand.task.mates) == 8 + 1  # the walls, and the tip on the floor
     seen = set[bool]()
-    for contact in near_contacts(body, hole, goal, 0.02, 3.0):
-        if contact.kind is not Kind.VERTEX_FACE:
+    for one in near_contacts(body, hole, goal, 0.02, 3.0):
+        if one.kind is not Kind.VERTEX_FACE:
             continue
-        normal = hole.faces[contact.fixed_feature].normal
-        own = [goal.R @ body.faces[k].normal for k in body.vertex_faces[contact.moving_feature]]
-        depth = (
-            float(normal @ goal.apply(body.vertices[contact.moving_feature])) - hole.faces[contact.fixed_feature].offset
-        )
+        normal = hole.faces[one.fixed_feature].normal
+        own = [goal.R @ body.faces[k].normal for k in body.vertex_faces[one.moving_feature]]
+        depth = float(normal @ goal.apply(body.vertices[one.moving_feature])) - hole.faces[one.fixed_feature].offset
         beside = min(float(np.abs(n + normal).max()) for n in own) < 1e-9 and abs(depth) < 1e-3
-        assert lasts(assembly, contact, stand.task.mates) == beside
+        assert lasts(assembly, one, stand.task.mates) == beside
         seen.add(beside)
     assert seen == {True, False}

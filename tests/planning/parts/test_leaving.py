@@ -97,9 +97,7 @@ Change = Callable[[dict[str, Any]], Any]
         (0, lambda s: s.update(goal_state=["v0-f9"]), "v0-f9"),
     ],
 )
-def test_what_is_given_up_must_be_said_and_held_before(
-    plan: dict[str, Any], offset: int, change: Change, words: str
-) -> None:
+def test_what_is_given_up_must_be_said_and_held(plan: dict[str, Any], offset: int, change: Change, words: str) -> None:
     found = verify(changed(plan, lambda copied: change(copied["segments"][leaving(plan) + offset])))
     assert str(found.verdict) == "NOT_PROVED"
     assert any(words in str(finding) for finding in found.findings)

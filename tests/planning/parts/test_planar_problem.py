@@ -239,9 +239,8 @@ def test_a_plan_for_a_share_proves_nothing_for_all(slot: Problem, monkeypatch: p
     assert len(completed) == 1  # of the shares that were tried only the one that is given is worked out
     assert found.document["verdict"] == str(found.verdict.verdict) == str(NOT_PROVED)
     assert found.document["description"]["diagnostics"]["reduced"]["share"] == 0.6
-    assert "60% of the start errors that the problem states; for all of them: nothing for 1.00" in str(
-        found.verdict.findings[-1]
-    )
+    message = str(found.verdict.findings[-1])
+    assert "60% of the start errors that the problem states; for all of them: nothing for 1.00" in message
     with pytest.raises(SearchError, match=r"nothing for 1\.00"):
         pipeline.synthesise(replace(slot, settings=replace(slot.settings, reduce_errors=False)))
     half = replace(slot, start_box=0.5 * slot.start_box)

@@ -21,9 +21,7 @@ from tests.shared.searched import certified_plan, steadier, tilted_motion
 
 SLOT, KEY = load(PROBLEMS / "two_pegs_slot.toml"), load(PROBLEMS / "bilba_puzzle.toml")
 ASSEMBLY = Assembly(SLOT.moving, SLOT.fixed)
-WAY_IN = Shape(
-    0.349066, 0.194265, 0.014105, 0.000507, (0.003328, 0.004428), (0.001335, 0.00028), heading=-0.5 * math.pi
-)
+WAY_IN = Shape(0.349066, 0.194265, 0.014105, 0.000507, (0.003328, 0.004428), (0.001335, 0.00028), heading=-math.pi / 2)
 FLUSH = np.array([-1e-4, 1e-4, 0.0])  # against two walls of the hole
 
 
@@ -60,9 +58,7 @@ def test_only_walls_that_a_peg_is_before_hold_it() -> None:
     body, fixed = ASSEMBLY.moving.polyhedron, ASSEMBLY.fixed.polyhedron
     pose, held = pressed(10e-3)
     assert len({contact.fixed for contact in held if contact.kind is Kind.VERTEX_FACE}) == 3
-    found = described(
-        ASSEMBLY, held, pose, pose.moved([0.0, 0.0, -1e-3, 0.0, 0.0, 0.0]), ErrorSet.from_box(np.zeros(6))
-    )
+    found = described(ASSEMBLY, held, pose, pose.moved([0, 0, -1e-3, 0, 0, 0]), ErrorSet.from_box(np.zeros(6)))
     on_walls = [contact for contact in found if contact.kind is Kind.VERTEX_FACE]
     assert len(on_walls) == 6  # two corners of either peg in y, two of the first in x
     assert (feature_distances(found, body, fixed, pose) < 1e-9).all()

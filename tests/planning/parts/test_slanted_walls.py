@@ -49,11 +49,8 @@ def cornered(tapered: Problem) -> tuple[Assembly, list[int], list[PrimitiveConta
 def crossings(near: list[PrimitiveContact], assembly: Assembly, wall: int) -> list[PrimitiveContact]:
     """Edges that run down a wall, across its rim in the mouth."""
     fixed, body = assembly.fixed.polyhedron, assembly.moving.polyhedron
-    rims = [
-        n
-        for n, edge in enumerate(fixed.edges)
-        if wall in edge.faces and np.abs(fixed.vertices[list(edge.vertices), 2]).max() < 1e-9
-    ]
+    level = np.abs(fixed.vertices[:, 2]) < 1e-9
+    rims = [n for n, edge in enumerate(fixed.edges) if wall in edge.faces and level[list(edge.vertices)].all()]
     found = [c for c in near if c.kind is Kind.EDGE_EDGE and c.fixed_feature in rims]
     return [c for c in found if abs(np.diff(body.vertices[list(c.moving), 2])[0]) > 1e-3]
 
@@ -64,9 +61,7 @@ def corner_of(near: list[PrimitiveContact], wall: int, edge: PrimitiveContact) -
     return next(c for c in tips if c.moving[0] in edge.moving)
 
 
-def test_an_edge_in_a_wall_and_one_across_its_rim_make_a_face_flush(
-    cornered: tuple[Assembly, list[int], list[PrimitiveContact]],
-) -> None:
+def test_two_edges_in_and_across_a_wall_are_flush(cornered: tuple[Assembly, list[int], list[PrimitiveContact]]) -> None:
     """The second edge touches anywhere on its length: that is enough, as all of it is on one side of the first."""
     assembly, walls, near = cornered
     for wall in walls:

@@ -47,9 +47,7 @@ def touching(hexagon: Problem, assembly: Assembly) -> dict[str, PrimitiveContact
     return {c.id: c for c in near}
 
 
-def test_an_edge_beside_a_flush_face_fixes_the_rotation(
-    assembly: Assembly, touching: dict[str, PrimitiveContact]
-) -> None:
+def test_an_edge_beside_a_flush_face_fixes_rotation(assembly: Assembly, touching: dict[str, PrimitiveContact]) -> None:
     flush = [touching[name] for name in ("v0-f3", "v2-f3", "e2-e23")]
     line = [touching[name] for name in ("e4-e22", "v1-f2")]
     assert aligned(facts(assembly, tuple(flush)).turns, np.array([0.0, 0.3, 0.7])) is None
@@ -61,12 +59,8 @@ def test_an_edge_beside_a_flush_face_fixes_the_rotation(
 
 def directions() -> st.SearchStrategy[Array]:
     entry = st.floats(-1.0, 1.0)
-    return (
-        st.tuples(entry, entry, entry)
-        .map(np.array)
-        .filter(lambda v: np.linalg.norm(v) > 0.1)
-        .map(lambda v: v / np.linalg.norm(v))
-    )
+    vectors = st.tuples(entry, entry, entry).map(np.array).filter(lambda v: np.linalg.norm(v) > 0.1)
+    return vectors.map(lambda v: v / np.linalg.norm(v))
 
 
 def turn_between(a: Array, b: Array) -> Array:
@@ -86,9 +80,7 @@ def test_what_rises_does_so_however_the_part_is_turned(n: Array, w: Array, norma
     vectors = rng.normal(size=(40, 3))
     found = rising([(n, w)], normal, vectors)
     first = turn_between(n, w)
-    heights = np.array(
-        [(vectors @ first.T @ se3.exp(angle * w).T) @ normal for angle in np.linspace(0.0, 2 * np.pi, 400)]
-    )
+    heights = np.array([(vectors @ first.T @ se3.exp(turn * w).T) @ normal for turn in np.linspace(0, 2 * np.pi, 400)])
     assert (heights[:, found] >= -1e-9).all()
     # The others fall somewhere on the way round.
     assert (heights[:, ~found].min(axis=0) < 1e-3).all()

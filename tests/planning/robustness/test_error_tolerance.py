@@ -49,9 +49,7 @@ def found(solved: tuple[Problem, CertifiedMotion], motion: Motion) -> ErrorToler
     return error_tolerance(motion, (x, y))
 
 
-def test_the_independent_check_agrees_with_the_factor(
-    solved: tuple[Problem, CertifiedMotion], found: ErrorTolerance
-) -> None:
+def test_the_check_agrees_with_the_factor(solved: tuple[Problem, CertifiedMotion], found: ErrorTolerance) -> None:
     problem, done = solved
     for share, verdict in ((1.0, "CERTIFIED"), (1.0 + 2.0 * FINENESS, None)):
         wider = replace(problem, start_box=share * np.array(found.start_box))
@@ -105,9 +103,7 @@ def test_sensitivities_are_differences_of_margins(motion: Motion, found: ErrorTo
     assert then - now == pytest.approx(by_name["start.rx"].change, abs=1e-12)
 
 
-def test_a_slimmer_peg_gains_what_the_clearance_does(
-    solved: tuple[Problem, CertifiedMotion], found: ErrorTolerance
-) -> None:
+def test_a_slimmer_peg_gains_as_the_clearance(solved: tuple[Problem, CertifiedMotion], found: ErrorTolerance) -> None:
     """Planned anew for a peg that is slimmer by 5 µm a side, the margin is no less than the rate foretells."""
     from fmopt.geometry.part import stretched
 

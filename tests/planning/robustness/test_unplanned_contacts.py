@@ -137,9 +137,7 @@ def test_larger_errors_come_to_contacts_sooner_in_proportion(entered: tuple[Asse
     after = unplanned_contacts(assembly, larger, 1.2 * BOX, 0.3, RHO)
     sooner = {one.contact.id: 1.2 * one.factor for one in after}
     assert after[0].contact.id == before[0].contact.id
-    assert all(
-        sooner[one.contact.id] == pytest.approx(one.factor, rel=1e-9) for one in before if one.contact.id in sooner
-    )
+    assert all(sooner[c.contact.id] == pytest.approx(c.factor, rel=1e-9) for c in before if c.contact.id in sooner)
     assert len(sooner.keys() & {one.contact.id for one in before}) > 2
 
 

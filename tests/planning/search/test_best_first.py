@@ -84,11 +84,8 @@ def test_a_floor_exactly_at_the_end_of_the_way_down_is_met() -> None:
             pose = Pose(np.array([0.0, 0.0, rng.uniform(-depth + 1e-3, 0.06)]), exp(turn) @ exp(-turn))
             place = Place(pose, (), (), corners[corner])
             straight = Freedom("-z", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), float(pose.p[2]) + depth)
-            near = [
-                contact
-                for contact in neighbourhood(assembly, place, straight, 1e-3).contacts
-                if contact.kind is Kind.VERTEX_FACE and contact.moving == (corner,)
-            ]
+            near = neighbourhood(assembly, place, straight, 1e-3).contacts
+            near = [one for one in near if one.kind is Kind.VERTEX_FACE and one.moving == (corner,)]
             seated = pose.moved(straight.limit * straight.twist)
             above = [c for c in near if 0.0 < Surfaces.of([c], *polyhedra(assembly)).values(seated)[0] < 1e-15]
             short += len(above)
@@ -155,9 +152,7 @@ def test_moves_to_the_same_place_are_tried_once() -> None:
 def test_the_order_of_moves_not_rounding_tells_states_of_equal_cost_apart() -> None:
     task, rounds = asked(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20)
     node = begin(task, next(rounds)[0])
-    images = [
-        replace(node, cost=node.cost * (1.0 + share), names=(name,)) for name, share in (("-x", 4e-16), ("-y", 0.0))
-    ]
+    images = [replace(node, cost=node.cost * (1.0 + off), names=(name,)) for name, off in (("-x", 4e-16), ("-y", 0.0))]
     assert images[0].cost > images[1].cost
     for order in (images, images[::-1]):
         front = _Frontier(task.final_rank, task.costs, order)

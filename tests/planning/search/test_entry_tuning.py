@@ -52,9 +52,7 @@ def test_the_same_moves_get_more_margin(problem: Problem, task: Task, found: Mov
     assert cheaper.lower_bound == cheaper.cost
 
 
-def test_the_next_sequence_counts_where_the_first_has_next_to_no_margin(
-    problem: Problem, task: Task, found: MoveSequence
-) -> None:
+def test_the_next_sequence_counts_where_the_first_is_short(problem: Problem, task: Task, found: MoveSequence) -> None:
     entry_of = partial(entry, problem)
     better = tuned(task, (found,), entry_of, Limits(math.inf, 12, measured_clearance(problem).per_side))
     assert 0.0 < found.reached.margin < better.reached.margin
