@@ -35,11 +35,7 @@ def seen(body: Polyhedron, exact: dict[int, Exact]) -> Shape:
 
 
 def deviation(body: Polyhedron, exact: dict[int, Exact]) -> float:
-    offs = [
-        abs(float(x - Fraction(y)))
-        for n, at in exact.items()
-        for x, y in zip(at, body.vertices[n].tolist(), strict=True)
-    ]
+    offs = [abs(float(x - Fraction(y))) for n, at in exact.items() for x, y in zip(at, body.vertices[n], strict=True)]
     return max(offs, default=0.0)
 
 

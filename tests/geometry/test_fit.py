@@ -85,11 +85,9 @@ def test_bodies_of_one_file_stand_as_the_goal_has_them(tmp_path: Path) -> None:
         ("two_objects_in_one.obj", "peg", "hole", 0.15),
         ("assembly_five_bodies.step", "dowel_1", "plate", 0.0999),
     ):
-        sides = (
-            f'moving = {{ model = "{name}", body = "{moving}" }}\nfixed = {{ model = "{name}", body = "{fixed}" }}\n'
-        )
+        both = f'moving = {{ model = "{name}", body = "{moving}" }}\nfixed = {{ model = "{name}", body = "{fixed}" }}\n'
         (tmp_path / name).write_bytes((CASES / name).read_bytes())
-        (tmp_path / "problem.toml").write_text(f'{sides}[uncertainty]\nstart = "0.3 mm, 0.3 deg"\n')
+        (tmp_path / "problem.toml").write_text(f'{both}[uncertainty]\nstart = "0.3 mm, 0.3 deg"\n')
         problem = fmopt.load(tmp_path / "problem.toml")
         assert 1e3 * problem.measured.per_side == pytest.approx(clearance, abs=2e-3)
 

@@ -13,17 +13,10 @@ from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.step import step_import as step
 from fmopt.runtime import confined
-from tests.shared.files.mesh_files import (
-    binary_ply,
-    binary_stl,
-    obj_text,
-    ply_text,
-    rounded,
-    stl_text,
-    triangles_of,
-)
+from tests.shared.files.mesh_files import binary_ply, binary_stl, obj_text, ply_text, rounded, stl_text, triangles_of
 from tests.shared.files.shipped import edit
 from tests.shared.files.step_files import write_step
+from tests.shared.files.step_parts import box
 from tests.shared.fuzz.files import KINDS, fuzzed, run
 
 POINTS, TRIANGLES = triangles_of(rounded((0.012, 0.008), 0.03))
@@ -157,39 +150,22 @@ def test_more_triangles_than_a_part_has_are_refused(tmp_path: Path) -> None:
         read_triangles(written(tmp_path, "a.stl", binary_stl(POINTS, many)))
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """A problem of a rod and a plate, as meshes in mm."""
-    KINDS["stl"](tmp_path)
-    return tmp_path
+MESH = "stl", "plate.toml", "unit", "plate.toml:9:8: implausible-size: mesh.unit: the part is 40", "problem.toml"
+MODEL = "problem", "models/square_hole_block.toml", "length", "units.length: the part is 60", "problems/square_peg.toml"
 
 
-SIZES = [
-    ("m", "40 m long, more than 4 m; in mm it would be 40 mm"),
-    ("um", "40 µm long, less than 100 µm; in mm it would be 40 mm"),
-]
-
-
-@pytest.mark.parametrize(("unit", "words"), SIZES)
-@pytest.mark.usefixtures("folder")
-def test_an_implausible_mesh_is_told_with_its_unit(unit: str, words: str) -> None:
-    edit(Path("plate.toml"), 'unit = "mm"', f'unit = "{unit}"')
+@pytest.mark.parametrize(("unit", "words"), [("m", "m long, more than 4 m"), ("um", "µm long, less than 100 µm")])
+@pytest.mark.parametrize(("kind", "file", "key", "said", "problem"), [MESH, MODEL], ids=["mesh", "model"])
+def test_an_implausible_size_is_told_with_its_unit(
+    kind: str, file: str, key: str, said: str, problem: str, unit: str, words: str, tmp_path: Path
+) -> None:
+    KINDS[kind](tmp_path)
+    edit(Path(file), f'{key} = "mm"', f'{key} = "{unit}"')
     for command in ("check", "solve"):
-        code, said = run((command, "problem.toml"))
+        code, output = run((command, problem))
         assert code == 2
-        assert f"plate.toml:9:8: implausible-size: mesh.unit: the part is {words}" in said
-        assert 'set unit = "mm" if that is meant' in said
-
-
-@pytest.mark.parametrize(("unit", "words"), [("m", "60 m long"), ("um", "60 µm long")])
-def test_an_implausible_model_is_told_with_its_unit(unit: str, words: str, tmp_path: Path) -> None:
-    KINDS["problem"](tmp_path)
-    edit(Path("models/square_hole_block.toml"), 'length = "mm"', f'length = "{unit}"')
-    for command in ("check", "solve"):
-        code, said = run((command, "problems/square_peg.toml"))
-        assert code == 2
-        assert "implausible-size: units.length: the part is " + words in said
-        assert 'in mm it would be 60 mm; set length = "mm" if that is meant' in said
+        assert f"{said} {words}; in mm it would be {said[-2:]} mm" in output
+        assert f'set {key} = "mm" if that is meant' in output
 
 
 @pytest.mark.parametrize(
@@ -201,9 +177,7 @@ def test_an_implausible_model_is_told_with_its_unit(unit: str, words: str, tmp_p
         ("models/square_peg.toml", "at = [0, 0, 0]", "at = [0, 4.1e3, 0]", "the part reaches 4.1"),
     ],
 )
-def test_what_a_plan_cannot_say_is_refused_by_the_check(
-    file: str, old: str, new: str, words: str, tmp_path: Path
-) -> None:
+def test_the_check_refuses_what_no_plan_can_say(file: str, old: str, new: str, words: str, tmp_path: Path) -> None:
     KINDS["problem"](tmp_path)
     edit(Path(file), old, new)
     code, said = run(("check", "problems/square_peg.toml"))
@@ -212,19 +186,11 @@ def test_what_a_plan_cannot_say_is_refused_by_the_check(
     assert words in said
 
 
-@pytest.fixture
-def block(tmp_path: Path) -> Path:
-    """A STEP file of a block of 40 x 40 x 10 mm."""
-    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
-
-    write_step(tmp_path / "block.step", BRepPrimAPI_MakeBox(40.0, 40.0, 10.0).Shape())
-    return tmp_path / "block.step"
-
-
-def test_a_step_file_in_another_unit_is_told(block: Path) -> None:
-    edit(block, ".MILLI.,.METRE.", "$,.METRE.")
+def test_a_step_file_in_another_unit_is_told(tmp_path: Path) -> None:
+    write_step(tmp_path / "block.step", box(40.0, 40.0, 10.0))
+    edit(tmp_path / "block.step", ".MILLI.,.METRE.", "$,.METRE.")
     with pytest.raises(SizeError, match="the part is 40 m long, more than 4 m"):
-        step.load_step(block)
+        step.load_step(tmp_path / "block.step")
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Two parts are read alike from TOML, from meshes and from STEP; all families: `shared/parts/forms.py`."""
+"""Two parts are read alike from TOML, from meshes and from STEP."""
 
 from dataclasses import replace
 from itertools import product
@@ -49,12 +49,9 @@ def check_motion(family: str, seed: int, motion: int, folder: Path) -> Problem:
     shift, turn = pair.error
     error = f"{shift} mm, {turn} deg"
     problem = fmopt.problem(*paths[:: -1 if pair.exchanged else 1], error, unit="mm", folder=folder / "task")
-    assert measured_clearance(problem).per_side == pytest.approx(1e-3 * pair.clearance, abs=1e-6), (
-        family,
-        seed,
-        motion,
-    )
-    assert -problem.goal[2] == pytest.approx(1e-3 * pair.depth, abs=1e-6), (family, seed, motion)
+    case = family, seed, motion
+    assert measured_clearance(problem).per_side == pytest.approx(1e-3 * pair.clearance, abs=1e-6), case
+    assert -problem.goal[2] == pytest.approx(1e-3 * pair.depth, abs=1e-6), case
     return problem
 
 
@@ -131,11 +128,7 @@ def test_noise_on_many_narrow_facets_stays_as_small_as_it_is(even: bool, seed: i
     """Planes fitted to facets that meet at 2.5° cross up to 20 times as far aside as they are off, each for itself."""
     rng = np.random.default_rng(seed)
     angles = 2.0 * np.pi * (np.arange(144) + (0.0 if even else 0.1) * rng.uniform(-1.0, 1.0, 144)) / 144
-    peg = (
-        families.Section(0.0, ring(7.5, angles)),
-        families.Section(0.5, ring(8.0, angles)),
-        families.Section(30.0, ring(8.0, angles)),
-    )
+    peg = tuple(families.Section(z, ring(r, angles)) for z, r in ((0.0, 7.5), (0.5, 8.0), (30.0, 8.0)))
     hole = (families.Section(-20.0, ring(8.25, angles)), families.Section(0.0, ring(8.25, angles)))
     pair = replace(families.pair("4-gon", seed), peg=peg, hole=hole, block=(40.0, 40.0, 20.0), through=True)
     for number, (points, triangles) in enumerate(families.meshes(pair)):

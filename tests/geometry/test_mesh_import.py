@@ -82,15 +82,10 @@ def test_a_headed_pin_leads_with_its_shank_and_a_chamfered_mouth_is_the_mouth() 
     assert (fit.through, fit.depth) == (True, pytest.approx(0.03))
 
 
-def bottomless() -> tuple[np.ndarray, np.ndarray]:
-    """The plate without the face on z = 0: open on the far rim of its hole."""
-    points, triangles = triangles_of(PLATE)
-    return points, triangles[~np.all(points[triangles][:, :, 2] == 0.0, axis=1)]
-
-
 def test_a_far_rim_left_open_is_closed_and_told() -> None:
-    points, triangles = bottomless()
-    mesh = mesh_polyhedron(1e-3 * points, triangles)
+    points, triangles = triangles_of(PLATE)
+    open_below = triangles[~np.all(points[triangles][:, :, 2] == 0.0, axis=1)]  # without the face on z = 0
+    mesh = mesh_polyhedron(1e-3 * points, open_below)
     whole = mesh_of(PLATE)
     assert mesh.body.volume == pytest.approx(whole.body.volume, rel=1e-12)
     assert len(mesh.body.faces) == len(whole.body.faces)

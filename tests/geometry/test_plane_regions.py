@@ -33,9 +33,7 @@ def star(rng: np.random.Generator) -> Region:
 
 def shape(rng: np.random.Generator) -> Region:
     x, y, a, b, turn = rng.uniform(-0.4, 0.4), rng.uniform(-0.4, 0.4), *rng.uniform(0.3, 0.8, 2), rng.uniform(0.0, 3.0)
-    return [star(rng), disc(x, y, a), ellipse(x, y, a, b, turn), box(x - a, y - b, 2.0 * a, 1.5 * b)][
-        int(rng.integers(4))
-    ]
+    return [star(rng), disc(x, y, a), ellipse(x, y, a, b, turn), box(x - a, y - b, 2.0 * a, 1.5 * b)][rng.integers(4)]
 
 
 def random_curve(rng: np.random.Generator) -> Curve:
@@ -43,12 +41,7 @@ def random_curve(rng: np.random.Generator) -> Curve:
     if kind == 0:
         return Segment(*rng.uniform(-1.0, 1.0, (2, 2)))
     if kind == 1:
-        return Arc(
-            rng.uniform(-0.5, 0.5, 2),
-            float(rng.uniform(0.2, 1.0)),
-            float(rng.uniform(0.0, 6.0)),
-            float(rng.uniform(-6.0, 6.0)),
-        )
+        return Arc(rng.uniform(-0.5, 0.5, 2), *rng.uniform([0.2, 0.0, -6.0], [1.0, 6.0, 6.0]).tolist())
     return ConicArc(*rng.uniform(-1.0, 1.0, (3, 2)), float(rng.uniform(0.3, 2.5)))
 
 
@@ -142,11 +135,8 @@ def test_polygons_agree_with_shapely(seed: int) -> None:
     rng = np.random.default_rng(3000 + seed)
     a, b = star(rng), star(rng)
     p, q = polygon(a, 1e-9), polygon(b, 1e-9)
-    for found, wanted in (
-        (union([a, b]), p.union(q)),
-        (intersection(a, b), p.intersection(q)),
-        (difference(a, b), p.difference(q)),
-    ):
+    made = (union([a, b]), p.union(q)), (intersection(a, b), p.intersection(q)), (difference(a, b), p.difference(q))
+    for found, wanted in made:
         assert found.area == pytest.approx(wanted.area, rel=1e-12, abs=1e-14)
         if not found.empty:
             assert polygon(found, 1e-9).hausdorff_distance(wanted) <= 1e-10

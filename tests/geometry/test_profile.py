@@ -84,9 +84,8 @@ def test_every_planar_contact_is_one_contact_in_space() -> None:
     peg, slot = parts()
     body, fixed = peg.polyhedron, slot.polyhedron
     moving, static = Profile.of(PEG), Profile.of(*outline([LEFT, RIGHT]))
-    exact = [
-        cu for cu in basic_contacts(moving, static, Deviations(np.zeros(len(static.vertices)), 0.0, 0.0)) if cu.nominal
-    ]
+    none = Deviations(np.zeros(len(static.vertices)), 0.0, 0.0)
+    exact = [cu for cu in basic_contacts(moving, static, none) if cu.nominal]
     rng, tried = np.random.default_rng(9), set()
     for _ in range(300):
         cu = exact[rng.integers(len(exact))]

@@ -17,19 +17,7 @@ import trimesh
 from fmopt.errors import FmoptError
 from fmopt.geometry.clearance import checked_clearance
 from fmopt.geometry.convex_pieces import pieces, polyhedron
-from fmopt.geometry.csg import (
-    Box,
-    Cone,
-    Cylinder,
-    Difference,
-    Hull,
-    Placed,
-    Prism,
-    Sphere,
-    Union,
-    Wedge,
-    chamfered_box,
-)
+from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Hull, Placed, Prism, Sphere, Union, Wedge, chamfered_box
 from fmopt.geometry.exact_coordinates import exact_vertices
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.archive import three_mf_shells
@@ -174,12 +162,7 @@ def coarse_numbers() -> bytes:
 FLOOR, TOP = (np.all(POINTS[TRIANGLES][:, :, 2] == z, axis=1) for z in (0.0, 8.0))
 ASIDE = np.array([16.0, 0.0, 8.0])
 MESHES: tuple[tuple[str, str, bytes, str], ...] = (
-    (
-        "rod.iges",
-        "mm",
-        b"",
-        ".iges is no mesh format; use .stl, .obj, .ply, .3mf or .glb, or .step with the extra step",
-    ),
+    ("rod.iges", "mm", b"", ".iges is no mesh format; use .stl, .obj, .ply, .3mf or .glb, or .step with the extra"),
     ("a.stl", "m", binary_stl(POINTS, TRIANGLES), "m long, more than 4 m; check the unit of its numbers"),
     ("a.stl", "m", coarse_numbers(), "export the mesh again, in mm or with more digits"),
     ("a.stl", "mm", two_cubes(lambda p: 0.5 * p + (0.0, 0.0, 2.0)), "unite them in the program that made the mesh"),
@@ -190,9 +173,7 @@ MESHES: tuple[tuple[str, str, bytes, str], ...] = (
 
 
 @pytest.mark.parametrize(("name", "unit", "content", "words"), MESHES, ids=[row[3][:40] for row in MESHES])
-def test_meshes_that_bound_no_solid_are_refused_with_advice(
-    name: str, unit: Any, content: bytes, words: str, tmp_path: Path
-) -> None:
+def test_meshes_of_no_solid_are_refused(name: str, unit: Any, content: bytes, words: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(FmoptError, match=re.escape(words)):
         load_mesh(tmp_path / name, unit)

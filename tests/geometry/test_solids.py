@@ -31,9 +31,7 @@ from tests.shared.solids import contains, depth, frustum, raised
 
 BLOCK = Difference(Box((0.06, 0.06, 0.04)), (raised(Box((0.0202, 0.0202, 0.03)), 0.01),))
 CHAMFERED = Difference(BLOCK, (raised(frustum((0.0202, 0.0202), (0.0242, 0.0242), 0.002), 0.038),))
-ROUND = Difference(
-    Box((0.06, 0.06, 0.04)), (Cylinder(0.0101, 0.04, 12), raised(Cone(0.0101, 0.0121, 0.002, 12), 0.038))
-)
+ROUND = Difference(Box((0.06, 0.06, 0.04)), (Cylinder(0.0101, 0.04, 12), raised(Cone(0.0101, 0.0121, 2e-3, 12), 0.038)))
 TILTED = Placed(Box((0.03, 0.02, 0.05)), Pose.from_vector([0.004, -0.003, 0.002, 0.3, -0.5, 0.7]))
 RIBBED = Difference(Box((0.06, 0.06, 0.04)), (Difference(raised(Box((0.04, 0.04, 0.03)), 0.01), (TILTED,)),))
 SOLIDS = {

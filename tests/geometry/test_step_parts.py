@@ -142,13 +142,9 @@ def test_files_that_hold_no_part_say_what_they_hold(tmp_path: Path) -> None:
     with pytest.raises(GeometryError, match=r"holds 6 faces that bound no solid; they close: export them as a solid"):
         load_step(path)
     write_step(path, step_parts.shell(block, 1))
-    with pytest.raises(
-        GeometryError, match=r"no solid: 4 edges have a face on one side only, the first from \(.*\) mm"
-    ):
+    with pytest.raises(GeometryError, match=r"no solid: 4 edges have a face on one side only, the first from \(.*\)"):
         load_step(path)
-    with pytest.raises(
-        GeometryError, match=r"its shell is not closed: 4 edges have a face on one side only, the first"
-    ):
+    with pytest.raises(GeometryError, match="its shell is not closed: 4 edges have a face on one side only"):
         facets_of(step_parts.shell(block, 1), 0.01)
     write_step(path, block)
     path.write_text(path.read_text().replace("LENGTH_UNIT()", "MASS_UNIT()"))
@@ -156,9 +152,7 @@ def test_files_that_hold_no_part_say_what_they_hold(tmp_path: Path) -> None:
         load_step(path)
 
 
-def test_a_kernel_that_cannot_be_imported_is_a_missing_resource(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_kernel_that_cannot_be_imported_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_step(tmp_path / "part.step", box(10.0, 8.0, 30.0))
     broken = tmp_path / "elsewhere" / "OCP"
     broken.mkdir(parents=True)

@@ -38,9 +38,7 @@ def test_settled_parts_are_where_exact_ones_are(seed: int) -> None:
     rng = np.random.default_rng(SEED + seed)
     corners = tuple(map(tuple, turned_polygon(int(rng.integers(3, 9)), 0.01, float(rng.uniform(0.0, 3.0)))))
     wider = tuple((1.01 * x, 1.01 * y) for x, y in corners)
-    hole = Difference(
-        Box((0.06, 0.06, 0.04)), (Placed(Prism(wider, 0.04), Pose(np.array([0.0, 0.0, 0.02]), np.eye(3))),)
-    )
+    hole = Difference(Box((0.06, 0.06, 0.04)), (Placed(Prism(wider, 0.04), Pose(np.array([0, 0, 0.02]), np.eye(3))),))
     about = Pose(np.zeros(3), exp(np.array([0.0, 0.0, float(rng.uniform(0.0, 3.0))])))
     moving, fixed = (
         rebased(part_of(name, solid), about) for name, solid in (("peg", Prism(corners, 0.04)), ("hole", hole))
@@ -58,12 +56,5 @@ def off(moving: Polyhedron, fixed: Polyhedron) -> float:
     own = exact_vertices(moving)
     facing = facing_directions(moving, own, fixed, range(len(fixed.faces)))
     found = [(moving, own), (fixed, exact_vertices(fixed, facing))]
-    return max(
-        (
-            abs(float(x - Fraction(y)))
-            for body, exact in found
-            for n, at in exact.items()
-            for x, y in zip(at, body.vertices[n].tolist(), strict=True)
-        ),
-        default=0.0,
-    )
+    pairs = (p for body, exact in found for n, at in exact.items() for p in zip(at, body.vertices[n], strict=True))
+    return max((abs(float(x - Fraction(y))) for x, y in pairs), default=0.0)

@@ -74,21 +74,18 @@ def made(kind: str, outline: Outline) -> Manifold:
 def test_pieces_make_up_filleted_parts_exactly_however_they_are_turned(family: str, kind: str, tmp_path: Path) -> None:
     rng = np.random.default_rng([*family.encode(), *kind.encode()])
     outline = filleted(OUTLINES[family], float(rng.uniform(0.8, 2.0)), int(rng.integers(1, 4)))
-    turned = made(kind, outline).rotate((0.0, 0.0, float(rng.uniform(0.0, 360.0)))).to_mesh64()
+    solid = made(kind, outline).rotate((0.0, 0.0, float(rng.uniform(0.0, 360.0)))).to_mesh64()
     path = tmp_path / "part.stl"
-    path.write_bytes(
-        binary_stl(np.asarray(turned.vert_properties)[:, :3], np.asarray(turned.tri_verts, dtype=np.int64))
-    )
+    path.write_bytes(binary_stl(np.asarray(solid.vert_properties)[:, :3], np.asarray(solid.tri_verts, dtype=np.int64)))
     stated = as_stated(mesh_part("part", load_mesh(path, "mm")))
     assert list(uncovered(Shape(stated.body), [Shape(piece) for piece in stated.pieces])) == []
 
 
 def test_a_body_on_any_axis_comes_apart_and_one_that_leans_does_not() -> None:
     box, tool = Box((0.03, 0.02, 0.01)), Placed(Box((0.01, 0.03, 0.02)), Pose(np.array([0.0, 0.0, 0.004]), np.eye(3)))
-    found = upright_prisms(polyhedron(Difference(box, (tool,))))
-    assert found.base.volume - sum(one.volume for one in found.tools) == pytest.approx(
-        polyhedron(Difference(box, (tool,))).volume
-    )
+    body = polyhedron(Difference(box, (tool,)))
+    found = upright_prisms(body)
+    assert found.base.volume - sum(one.volume for one in found.tools) == pytest.approx(body.volume)
     leaning = Hull(((0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)))
     assert upright_prisms(polyhedron(leaning)) is None
 

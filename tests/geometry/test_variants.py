@@ -112,15 +112,8 @@ FITS: dict[str, tuple[Manifold | list[Manifold], Manifold, float, float, tuple[f
                      plate(20, hole(rectangle(12.3, 8.3), 6)), 0.15, 14, DOWN),
     "M conical": (bar(L), plate(12, hole(widened(L, 0.2)), bar(regular(24, 4), 3, 13, *FOUR, top=2)), 0.2, 12, None),
 }  # fmt: skip
-ALIKE = {
-    "C blind bores": 3,
-    "C two sides": 1,
-    "C boss beside": 1,
-    "C boss and holes": 3,
-    "G three": 1,
-    "G four": 1,
-    "G uneven": 1,
-}
+ALIKE = {"C blind bores": 3, "C boss and holes": 3}
+ALIKE |= dict.fromkeys(("C two sides", "C boss beside", "G three", "G four", "G uneven"), 1)
 
 
 def meshed(shape: Manifold) -> trimesh.Trimesh:
@@ -197,9 +190,8 @@ def test_holes_into_which_nothing_comes_are_filled(seed: int, tmp_path: Path) ->
     problem, bare = asked(tmp_path, PEG, plain - others), asked(tmp_path, PEG, plain).fixed
     assert problem.fixed.polyhedron.volume == pytest.approx(bare.polyhedron.volume, rel=1e-6)
     assert len(problem.fixed.pieces) == len(bare.pieces)
-    assert (
-        f"{len(bare.polyhedron.faces)} of {len(bare.polyhedron.faces) + 288} faces are left" in problem.fixed.notes[-1]
-    )
+    left = len(bare.polyhedron.faces)
+    assert f"{left} of {left + 288} faces are left" in problem.fixed.notes[-1]
     assert tried(problem).per_side == pytest.approx(5e-5, abs=1e-8)
     beside = bores(2.0, (12.0, 0.0))  # where the peg may come: it stays
     near = asked(tmp_path, PEG, plain - others - beside).fixed.polyhedron.volume
@@ -238,9 +230,7 @@ def test_where_nothing_goes_in_the_nearest_is_too_thick_by_a_length(outline: Out
 
 
 @pytest.mark.parametrize(("n", "r", "m", "R"), [(24, 8.0, 36, 8.02), (40, 5.0, 32, 5.01), (30, 10.0, 20, 10.1)])
-def test_facets_that_overlap_where_round_parts_have_room_cannot_tell(
-    n: int, r: float, m: int, R: float, tmp_path: Path
-) -> None:
+def test_facets_that_overlap_where_parts_fit_cannot_tell(n: int, r: float, m: int, R: float, tmp_path: Path) -> None:
     """J: at the best turn a corner of the peg is π / lcm(n, m) off the middle of a side of the hole."""
     peg, opening = (regular(k, 2.0 * radius * math.cos(math.pi / k)) for k, radius in ((n, r), (m, R)))
     with pytest.raises(GeometryError, match="cannot be told at these facets: they overlap by") as told:
@@ -312,9 +302,7 @@ def test_bodies_of_one_file_are_named_or_the_two_that_there_are(
 
 
 @pytest.mark.parametrize(("r", "c", "floor", "rims"), [(6, 1.0, -5, {20}), (4, 0.5, 8, {20}), (7, 1.5, -5, {0, 20})])
-def test_a_chamfered_bore_is_one_solid_in_mm_and_in_inches(
-    r: float, c: float, floor: float, rims: set[float], tmp_path: Path
-) -> None:
+def test_a_chamfered_bore_is_one_solid(r: float, c: float, floor: float, rims: set[float], tmp_path: Path) -> None:
     """N: through, blind, and with a chamfer at both ends of the bore."""
     bored = step_parts.cut(step_parts.box(40.0, 40.0, 20.0), step_parts.cylinder(r, 40.0, (0.0, 0.0, floor)))
     shape = step_parts.eased(bored, c, lambda a, b: math.hypot(*a[:2]) < r + 1e-6 and round(a[2], 6) in rims)
