@@ -32,9 +32,7 @@ FORMATS: dict[str, Content] = {
     "step": lambda path: write_step(path, box(20.0, 20.0, 50.0)),
 }
 WIDE = cuboid("wide", "24, 24, 40", "60, 0, 10") + '[features.wide]\nkind = "hollow"\nat = [60, 0, 40]\nlength = 30\n'
-TWO = {
-    "block.toml": BLOCK.replace("60, 60, 40", "200, 60, 40").replace('["pocket"]', '["pocket", "wide"]') + WIDE + UNITS
-}
+TWO = {"block.toml": BLOCK.replace("60, 60", "200, 60").replace('["pocket"]', '["pocket", "wide"]') + WIDE + UNITS}
 
 
 def peg(width: int) -> Files:

@@ -321,9 +321,7 @@ def test_a_fresh_process_writes_the_same_bytes(square_peg_plan_file: Path, tmp_p
 def test_a_traceback_never_leaves_a_process(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_bytes(b"\xff\x00\x1b[31m = [[[")
     for words in (["solve", "a.toml"], ["verify", "a.toml"], ["check", "."], ["solve", "missing.toml", "--json"]):
-        done = subprocess.run(
-            [sys.executable, "-m", "fmopt", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60
-        )
+        done = subprocess.run([sys.executable, "-m", "fmopt", *words], capture_output=True, text=True, timeout=60)
         assert done.returncode == 2
         assert (done.stdout == "") is ("--json" not in words)
         assert done.stderr

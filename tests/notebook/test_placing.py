@@ -23,20 +23,14 @@ def placing(solved: tuple[fmopt.Problem, fmopt.Plan]) -> Placing:
     return plan.placement(problem)
 
 
-def test_the_motion_of_a_plan_is_certified_as_the_plan_says(
-    solved: tuple[fmopt.Problem, fmopt.Plan], placing: Placing
-) -> None:
+def test_the_motion_of_a_plan_is_certified_alike(solved: tuple[fmopt.Problem, fmopt.Plan], placing: Placing) -> None:
     _, plan = solved
     claims = placing.now.claims
     assert [claim.margin for claim in claims] == pytest.approx([piece.margin for piece in plan.segments], abs=CERTAIN)
-    assert [{c.id for c in claim.piece.goal_contacts} for claim in claims] == [
-        set(piece.goal_state) for piece in plan.segments
-    ]
+    assert [{c.id for c in one.piece.goal_contacts} for one in claims] == [set(one.goal_state) for one in plan.segments]
 
 
-def test_where_nothing_is_displaced_the_program_has_the_margin_of_the_plan(
-    solved: tuple[fmopt.Problem, fmopt.Plan], placing: Placing
-) -> None:
+def test_undisplaced_the_margin_is_the_plans(solved: tuple[fmopt.Problem, fmopt.Plan], placing: Placing) -> None:
     _, plan = solved
     still = cvxpy.Problem(placing.program.objective, [*placing.program.constraints, placing.shift == 0.0])
     still.solve(solver="CLARABEL")
@@ -44,9 +38,7 @@ def test_where_nothing_is_displaced_the_program_has_the_margin_of_the_plan(
     assert placing.motion().placed.margin == pytest.approx(plan.margin, abs=CERTAIN)
 
 
-def test_constraints_of_ones_own_hold_in_the_plan_that_follows(
-    solved: tuple[fmopt.Problem, fmopt.Plan], placing: Placing
-) -> None:
+def test_own_constraints_hold_in_the_plan_after(solved: tuple[fmopt.Problem, fmopt.Plan], placing: Placing) -> None:
     problem, plan = solved
     lower = placing.shift[1, 2] <= -2e-6  # m: the first goal pose
     least = placing.margin >= 0.9 * plan.margin

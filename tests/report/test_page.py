@@ -41,10 +41,8 @@ def test_the_page_is_the_same_every_time() -> None:
 def test_the_verdict_comes_first_and_in_words(whole: str) -> None:
     text = text_of(whole)
     assert text.index("Certified") < text.index("The motion") < text.index("What was not checked")
-    assert "Smallest certified margin: 42 µm" in text
-    assert "the start error is larger than the clearance" in text
-    assert "no sequence is cheaper" in text
-    assert "friction, jamming and wedging beyond" in text
+    for said in ("margin: 42 µm", "error is larger than the clearance", "no sequence is cheaper", "wedging beyond"):
+        assert said in text
 
 
 def test_chapters_come_in_the_order_in_which_people_ask() -> None:
@@ -111,9 +109,8 @@ def test_figures_of_an_unproved_plan_do_not_say_certified() -> None:
 
 def test_a_bare_plan_has_a_page_too() -> None:
     page = page_of({**bare_plan(), "not_covered": []}, drawn=True)
-    assert "Not proved" in page
-    assert "The plan states no search" in page
-    assert "The plan does not say what was not checked." in page
+    for said in ("Not proved", "The plan states no search", "The plan does not say what was not checked."):
+        assert said in page
 
 
 def test_moves_are_read_from_their_pieces() -> None:
@@ -180,9 +177,8 @@ def test_words_for_quantities(said: str, expected: str) -> None:
 def test_a_plan_for_a_share_of_the_errors_says_so() -> None:
     reduced = {"share": 0.6, "stated_start_box": [0.03, 0.0, 0.0, 0.0, 0.09, 0.0], "short": "nothing was found"}
     text = text_of(page_of(cube_plan("NOT_PROVED", diagnostics=diagnostics(reduced=reduced))))
-    assert "start error that the problem states" in text
-    assert "the plan is for 60% of it" in text
-    assert "nothing was found" in text
+    for said in ("start error that the problem states", "the plan is for 60% of it", "nothing was found"):
+        assert said in text
 
 
 def test_hybrid_strategies_of_alike_pieces_share_a_row(whole: str) -> None:

@@ -16,9 +16,7 @@ from tests.shared.plans.press_plan import outcomes, press_plan, press_plan_docum
 
 def test_wrenches_and_twists_are_said_as_directions_with_sizes() -> None:
     attempt = press_plan().attempts[0]
-    turned = replace(
-        attempt.presses[0], wrench=(1.0, -2.5, 0.0, 0.0, 0.0, -0.3), twist=(1e-9, 0.0, 4e-3, 0.0, 0.1, 0.0)
-    )
+    turned = replace(attempt.presses[0], wrench=(1.0, -2.5, 0.0, 0.0, 0.0, -0.3), twist=(1e-9, 0, 4e-3, 0, 0.1, 0))
     ((_, _, twist, wrench, _),) = press_rows(replace(attempt, presses=(turned,)))
     assert twist == "towards +z 4 mm/s; about +y 5.73°/s"
     assert wrench == "towards −y 2.5 N, +x 1 N; about −z 0.3 N m"
@@ -43,11 +41,7 @@ def test_every_trial_is_counted_at_each_press_that_it_came_to() -> None:
     assert plan.trials is not None
     rows = outcome_rows(plan, plan.trials)
     assert [row[:2] for row in rows[:2]] == [("1", "come down"), ("1", "press into the corner")]
-    assert [row[2:] for row in rows[:3]] == [
-        ("10 (64)", "", "", ""),
-        ("10 (64)", "", "", ""),
-        ("10 (63)", "0 (1)", "", ""),
-    ]
+    assert [row[2:] for row in rows[:3]] == [("10 (64)", "", "", "")] * 2 + [("10 (63)", "0 (1)", "", "")]
     assert rows[6] == ("1", "go in", "", "", "10 (63)", "")
     assert [row[2:] for row in rows[7:]] == [("0 (1)", "", "", "")] * 6 + [("", "", "", "0 (1) tilted")]
     ((name, *rest),) = failure_rows(plan.trials)

@@ -29,10 +29,8 @@ def report(tmp_path_factory: pytest.TempPathFactory, square_peg_plan_file: Path)
 def pages(report: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     plan = fmopt.Plan(with_graph())
     frames = [("one", fmopt.show(plan, "margin")), ("two", fmopt.show(plan, "margin"))]
-    made = {
-        "slider": fmopt.slider("place", frames),
-        "part": fmopt.show(fmopt.load(fmopt.example("square_peg")).fixed, "scene"),
-    }
+    part = fmopt.show(fmopt.load(fmopt.example("square_peg")).fixed, "scene")
+    made = {"slider": fmopt.slider("place", frames), "part": part}
     file = fmopt.Plan(press_plan_document()).report(tmp_path_factory.mktemp("presses") / "report.html")
     presses = file.read_text(encoding="utf-8")
     return {"report": report, "presses": presses, **{name: drawing.html() for name, drawing in made.items()}}
@@ -152,13 +150,8 @@ def test_the_scene_is_not_blank_and_changes_with_each_choice(report: str) -> Non
         assert page.run("document.querySelector('canvas').pen.colours()") > 10
         page.run("document.querySelector('[data-do=on]').click(); document.querySelector('[data-do=on]').click()")
         seen = [page.drawn()]
-        for control, value in (
-            ("fixed", "whole"),
-            ("fixed", "lines"),
-            ("moving", "lines"),
-            ("look", "contact"),
-            ("names", "dots"),
-        ):
+        choices = ("fixed", "whole"), ("fixed", "lines"), ("moving", "lines"), ("look", "contact"), ("names", "dots")
+        for control, value in choices:
             choice = f"document.querySelector('[data-do={control}]')"
             page.run(f"{choice}.value = '{value}'; {choice}.dispatchEvent(happened('change')); 0")
             seen.append(page.drawn())

@@ -42,16 +42,11 @@ print(len(words))
 """
 
 
-def started(folder: Path, code: str, *arguments: str) -> subprocess.Popen[str]:
+def started(folder: Path, code: str, *words: str) -> subprocess.Popen[str]:
     """A process that keeps what it compiles in a folder of its own, and finds modules there."""
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(folder), *sys.path]),
-        "NUMBA_CACHE_DIR": str(folder / "kept"),
-    }
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *arguments], env=environment, stdout=subprocess.PIPE, text=True
-    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "kept")}
+    environment["PYTHONPATH"] = os.pathsep.join([str(folder), *sys.path])
+    return subprocess.Popen([sys.executable, "-c", code, *words], env=environment, stdout=subprocess.PIPE, text=True)
 
 
 def answer(process: subprocess.Popen[str]) -> Any:
@@ -121,11 +116,6 @@ def test_types_that_have_no_json_are_refused() -> None:
 
 
 def test_the_list_names_what_a_plan_calls_and_with_what_types() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.shared.kernel_list", "--show"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    words = [sys.executable, "-m", "tests.shared.kernel_list", "--show"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout == compiled.LIST.read_text(), "the list is stale: run python -m tests.shared.kernel_list"

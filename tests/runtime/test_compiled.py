@@ -59,11 +59,8 @@ def test_a_process_that_can_keep_nothing_compiles_anew(tmp_path: Path, monkeypat
 
 
 def test_the_clock_stands_still_while_something_is_compiled_and_only_then() -> None:
-    compiling, began, event = (
-        compiled._compiling,
-        clock(),
-        Event("numba:compile", EventStatus.START, {"dispatcher": None}),
-    )
+    compiling, began = compiled._compiling, clock()
+    event = Event("numba:compile", EventStatus.START, {"dispatcher": None})
     for _ in range(2):
         compiling.on_start(event)
     time.sleep(0.4)

@@ -16,9 +16,7 @@ ANY = st.text(st.characters(codec="utf-8") | st.sampled_from("\n\r\x85\u2028\"'\
 
 
 def is_one_line(text: str) -> bool:
-    return len(f"{text}.".splitlines()) == 1 and not any(
-        unicodedata.category(letter) in ("Cc", "Cf") for letter in text
-    )
+    return len(f"{text}.".splitlines()) == 1 and not any(unicodedata.category(one) in ("Cc", "Cf") for one in text)
 
 
 @given(ANY)

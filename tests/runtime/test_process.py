@@ -95,9 +95,7 @@ def test_a_signal_that_a_library_turns_into_an_error_of_its_own_is_still_one(num
         "process.run(entry.command)\n"
     )
     command = [sys.executable, "-c", code, str(int(number))]
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=60, check=False, preexec_fn=as_a_shell_starts
-    )
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, preexec_fn=as_a_shell_starts)
     assert (done.returncode, done.stderr) == (128 + number, "interrupted\n")
 
 

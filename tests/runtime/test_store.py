@@ -60,9 +60,7 @@ def test_an_entry_that_is_none_is_made_anew_and_nothing_of_it_is_executed(folder
     assert (box(made).volume, len(made)) == (volume, 2)
 
 
-def test_without_a_folder_all_is_made_anew_and_what_was_not_asked_for_goes_first(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_folder_all_is_made_anew_and_unused_goes_first(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[int] = []
     monkeypatch.setenv(store.FOLDER, "")
     assert box(made) is not box(made)

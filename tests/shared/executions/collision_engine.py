@@ -63,20 +63,15 @@ class Engine:
         mujoco.mj_kinematics(self.model, self.data)
         # The geometries of the world come first.
         count = len(self.scene.fixed)
-        return {
-            (i, j): mujoco.mj_geomDistance(self.model, self.data, count + i, j, _FAR, None) / _SCALE
-            for i, j in self.pairs
-        }
+        apart = mujoco.mj_geomDistance
+        return {(i, j): apart(self.model, self.data, count + i, j, _FAR, None) / _SCALE for i, j in self.pairs}
 
     def _bearing(self, name: str) -> list[tuple[int, int]]:
         """The pairs of pieces that a contact may touch: on planes or lines of the part, its features are theirs."""
-        own, other = self.scene.corners[name]
-        moving, fixed = self.scene.body[own], self.scene.points[other]
-        return [
-            (i, j)
-            for i, j in self.pairs
-            if _carries(self.scene.moving[i], moving) and _carries(self.scene.fixed[j], fixed)
-        ]
+        scene = self.scene
+        own, other = scene.corners[name]
+        moving, fixed = scene.body[own], scene.points[other]
+        return [(i, j) for i, j in self.pairs if _carries(scene.moving[i], moving) and _carries(scene.fixed[j], fixed)]
 
 
 def _carries(piece: Convex, points: Array) -> bool:

@@ -40,9 +40,8 @@ class Fixed:
         """Errors (n, 6) of all sources about a nominal pose, as error sets add them up: to first order."""
         turn = self.hole[:, 3:]
         swung = self.hole[:, :3] + cross(turn, np.broadcast_to(nominal[0][0] - self.origin, turn.shape))
-        return np.asarray(
-            world + np.hstack([swung, turn]) + (self.hand.reshape(-1, 2, 3) @ nominal[1][0].T).reshape(-1, 6)
-        )
+        hand = self.hand.reshape(-1, 2, 3)
+        return np.asarray(world + np.hstack([swung, turn]) + (hand @ nominal[1][0].T).reshape(-1, 6))
 
 
 def sources_of(plan: dict[str, Any]) -> Sources:

@@ -238,9 +238,8 @@ class Scene:
         self.points, faces = points["fixed"], plan["parts"]["fixed"]["faces"]
         self.body = points["moving"]
         self.body_loops = [loop for face in plan["parts"]["moving"]["faces"] for loop in face[:1]]
-        self.beyond = {
-            (a, b): face[0] for face in faces for loop in face for a, b in zip(loop, loop[1:] + loop[:1], strict=True)
-        }
+        rings = [(face[0], loop) for face in faces for loop in face]
+        self.beyond = {(a, b): outer for outer, loop in rings for a, b in zip(loop, loop[1:] + loop[:1], strict=True)}
         self.corners = {c["id"]: (c["moving"]["vertices"], c["fixed"]["vertices"]) for c in plan["contacts"]}
         self.touches = {
             c["id"]: Touch(

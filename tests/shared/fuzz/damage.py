@@ -118,11 +118,7 @@ def _key(rng: random.Random, content: bytes) -> bytes:
     key, value = lines[i].split(between, 1)
     comma = b"," if value.rstrip().endswith(b",") else b""
     lines[i] = rng.choice(
-        (
-            key + b"x" + between + value,
-            key + between + rng.choice(TEXTS) + comma,
-            key + between + value.swapcase(),
-        )
+        (key + b"x" + between + value, key + between + rng.choice(TEXTS) + comma, key + between + value.swapcase())
     )
     return b"\n".join(lines)
 

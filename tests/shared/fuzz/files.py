@@ -1,6 +1,5 @@
 """Damaged files of each kind that a command reads: whatever the damage, an exit code and a message, within its time."""
 
-import contextlib
 import io
 import json
 import random
@@ -9,6 +8,7 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -69,11 +69,7 @@ def run(arguments: tuple[str, ...]) -> tuple[int | str, str]:
     signal.setitimer(signal.ITIMER_PROF, SECONDS)
     signal.alarm(WAITED)
     try:
-        with (
-            patch.object(sys, "argv", ["fmopt", *arguments]),
-            contextlib.redirect_stdout(out),
-            contextlib.redirect_stderr(err),
-        ):
+        with patch.object(sys, "argv", ["fmopt", *arguments]), redirect_stdout(out), redirect_stderr(err):
             main()
         code: int | str = 0
     except SystemExit as stop:
@@ -97,7 +93,7 @@ def fuzzed(kind: str, count: int, seed: int, folder: Path) -> tuple[Counter[int 
     wholes = {case.file: (folder / case.file).read_bytes() for case in cases}
     codes: Counter[int | str] = Counter()
     failures = []
-    with contextlib.chdir(folder):
+    with chdir(folder):
         for command in dict.fromkeys(command for case in cases for command in case.commands):
             code, said = run(command)
             assert code == 0, f"{' '.join(command)}: {code}: {said}"

@@ -36,9 +36,8 @@ class PressModeRobot:
         self, bodies: Bodies, plan: PressPlan, base: Pose, errors: Errors, seed: int, tcp: Pose = HELD
     ) -> None:
         self.plan, self.base, self.errors, self.robot, self.tcp = plan, base, errors, plan.robot, tcp
-        put = ENGINES["mujoco"].scene(
-            Setup(bodies, SOFT * plan.seat.clearance, plan.robot, float(errors.friction[0]), None, 1)
-        )
+        setup = Setup(bodies, SOFT * plan.seat.clearance, plan.robot, float(errors.friction[0]), None, 1)
+        put = ENGINES["mujoco"].scene(setup)
         pose = begun(np.array([plan.attempts[0].start]), errors.start)
         engine = put((pose[:, :3], pose[:, 3:]))
         self.rig = PressRig(engine, plan, [[0]], errors, bodies.penetration, Noise(seed, [0], width=12))
