@@ -146,7 +146,10 @@ def examples(
 @app.command(epilog="Example: fmopt execute out/square_peg/plan.json --trials 1000 --seed 0")
 def execute(
     file: Annotated[Path, typer.Argument(help="Plan file (JSON).")],
-    trials: Annotated[int, typer.Option("--trials", min=0, max=MOST_TRIALS, help="Errors inside the set.")] = 100,
+    trials: Annotated[
+        int | None,
+        typer.Option("--trials", min=0, max=MOST_TRIALS, help="Errors inside the set; default: 100, of --worst 256."),
+    ] = None,
     beyond: Annotated[int, typer.Option("--beyond", min=0, max=MOST_TRIALS, help="Errors of 1 to 2 times it.")] = 0,
     seed: Annotated[
         int | None, typer.Option("--seed", min=0, help="Default: 0; of presses a new one, that of --replay theirs.")
@@ -161,6 +164,9 @@ def execute(
     ] = True,
     covered: Annotated[bool, typer.Option("--covered", help="Errors beyond are those that retries cover.")] = False,
     engine: Annotated[str, typer.Option("--engine", help="mujoco, or drake for a second opinion.")] = "mujoco",
+    hardest: Annotated[
+        bool, typer.Option("--worst", help="Search what presses are drawn from for trials that fail instead.")
+    ] = False,
     again: Annotated[int | None, typer.Option("--replay", min=0, help="Draw this trial as a GIF instead.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder; default: trials beside the plan.")] = None,
     workers: Workers = None,
@@ -175,12 +181,19 @@ def execute(
     from fmopt.execution.execute import execute as run
     from fmopt.execution.summary import lines
     from fmopt.execution.trials import METHODS, Trials
+    from fmopt.execution.worst import worst
     from fmopt.plan.evidence import MAX_EXAMINED
+    from fmopt.report.worst import worst_lines
 
     if method not in METHODS:
         raise typer.BadParameter(f"{method!r} is none of {', '.join(METHODS)}", param_hint="--method")
     if engine not in ENGINES:
         raise typer.BadParameter(f"{engine!r} is none of {', '.join(ENGINES)}", param_hint="--engine")
+    trials = (256 if hardest else 100) if trials is None else trials
+    if hardest and (not trials or beyond or again is not None or method != "plan"):
+        raise typer.BadParameter(
+            "needs trials, and goes with none of --beyond, --replay, --method", param_hint="--worst"
+        )
     if trials + beyond == 0:
         raise typer.BadParameter("no trials, neither inside nor --beyond the set", param_hint="--trials")
     drawn = Trials(trials, beyond, seed=seed or 0, time_step=time_step, friction=friction, engine=engine)
@@ -196,8 +209,8 @@ def execute(
         _replay(plan, wanted, again, folder)
         return
     with shown(trials + beyond, quiet or as_json) as advance:
-        found = run(plan, wanted, Settled(folder, workers, advance), caution)
-    answer(found, "\n".join(lines(found)), as_json, quiet)
+        found = (worst if hardest else run)(plan, wanted, Settled(folder, workers, advance), caution)
+    answer(found, "\n".join((worst_lines if hardest else lines)(found)), as_json, quiet)
 
 
 def _replay(plan: Any, wanted: Any, number: int, folder: Path) -> None:

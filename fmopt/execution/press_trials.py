@@ -18,7 +18,7 @@ from fmopt.execution.noise import Noise
 from fmopt.execution.press_controller import Errors, begun
 from fmopt.execution.press_rig import PressRig
 from fmopt.plan import Plan
-from fmopt.plan.evidence import VERTICES, TrialOutcome
+from fmopt.plan.evidence import VERTICES, Evidence, TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan
 from fmopt.spatial.values import Array
 
@@ -41,23 +41,37 @@ def drawn_errors(
 
     In a share `corners` of the trials all but drift is at ends of its intervals, for choosing among plans.
     """
-    rows = [_drawn(conditions, presses, np.random.default_rng([seed, number]), corners) for number in numbers]
-    return Errors(*(np.array(column) for column in zip(*rows, strict=True)))
+    return errors_at(conditions, *drawn_shares(presses, seed, numbers, corners))
 
 
-def _drawn(conditions: Conditions, presses: int, random: np.random.Generator, corners: float) -> tuple[Array, ...]:
-    start, at_vertex = random.uniform(-1.0, 1.0, 6), random.uniform() < corners
-    scalars, offset = random.uniform(-1.0, 1.0, 3), random.uniform(-1.0, 1.0, 6)
-    if at_vertex:
-        start, scalars, offset = np.sign(start), np.sign(scalars), np.sign(offset)
-    # Friction, and the logarithms of stiffness and admittance.
+def drawn_shares(presses: int, seed: int, numbers: Sequence[int], corners: float = 0.0) -> tuple[Array, Array]:
+    """Where the unknowns of numbered trials lie in their intervals, (n, 15) from -1 to 1, and the drift as a share.
+
+    Unknowns are the start error (6), friction, the logarithms of stiffness and admittance, the offset of the wrench
+    (6); drift is (n, 6, presses), of the greatest one.
+    """
+    rows = [_drawn(presses, np.random.default_rng([seed, number]), corners) for number in numbers]
+    shares, drift = (np.array(column) for column in zip(*rows, strict=True))
+    return shares, drift
+
+
+def errors_at(conditions: Conditions, shares: Array, drift: Array) -> Errors:
+    """Errors of trials whose unknowns lie at these shares of their intervals, see `drawn_shares`."""
     rows = np.array([conditions.friction, np.log(conditions.stiffness), np.log(conditions.admittance)])
-    friction, stiffness, admittance = (rows.mean(axis=1) + scalars * (0.5 * np.ptp(rows, axis=1))).tolist()
+    scalars = rows.mean(axis=1) + shares[:, 6:9] * (0.5 * np.ptp(rows, axis=1))
+    stiffness, admittance = ([*map(math.exp, column)] for column in scalars.T[1:].tolist())
+    start, offset = shares[:, :6] * np.array(conditions.start), shares[:, 9:] * np.repeat(conditions.offset, 3)
+    return Errors(
+        start, scalars[:, 0].copy(), np.array(stiffness), np.array(admittance), offset, conditions.drift * drift
+    )
+
+
+def _drawn(presses: int, random: np.random.Generator, corners: float) -> tuple[Array, Array]:
+    start, at_vertex = random.uniform(-1.0, 1.0, 6), random.uniform() < corners
+    shares = np.concatenate([start, random.uniform(-1.0, 1.0, 9)])
     ball = random.normal(size=(presses, 2, 3))
     ball *= random.uniform(size=(presses, 2, 1)) ** (1.0 / 3.0) / np.linalg.norm(ball, axis=2, keepdims=True)
-    drift = conditions.drift * ball.reshape(presses, 6).T
-    start, offset = start * np.array(conditions.start), offset * np.repeat(conditions.offset, 3)
-    return start, *(np.array(one) for one in (friction, math.exp(stiffness), math.exp(admittance))), offset, drift
+    return np.sign(shares) if at_vertex else shares, ball.reshape(presses, 6).T
 
 
 def vertex_errors(conditions: Conditions, presses: int) -> Errors:
@@ -110,6 +124,33 @@ def count_presses(plan: PressPlan) -> int:
     return sum(len(attempt.presses) for attempt in plan.attempts)
 
 
+def stated(plan: Plan, trials: Trials) -> tuple[PressPlan, Evidence, Conditions]:
+    """Presses of a plan, their evidence, and what trials are drawn from.
+
+    Raises:
+        PlanFormatError: the plan does not say what its errors are.
+    """
+    presses, evidence = plan.press_plan, plan.trials
+    if presses is None or evidence is None:
+        raise PlanFormatError("the plan has no evidence that says what to draw from", "solve its problem again")
+    conditions = evidence.conditions
+    if trials.friction is not None:
+        conditions = replace(conditions, friction=(trials.friction, trials.friction))
+    return presses, evidence, conditions
+
+
+def carried(
+    presses: PressPlan, bodies: Bodies, trials: Trials, errors: Errors, numbers: Sequence[int], threads: int = 1,
+    look: Callable[[PressRig], None] | None = None,
+) -> list[TrialOutcome]:  # fmt: skip
+    """Carry presses out for errors as trials ask for it: their offset, recovery, engine and time step."""
+    errors.start[:, 0] += trials.offset
+    courses = None if trials.recovery else [(0,)] * len(numbers)
+    return carry_out(
+        bodies, presses, errors, trials.seed, numbers, courses, trials.engine, trials.time_step, threads, look
+    )
+
+
 def press_records(
     plan: Plan, bodies: Bodies, trials: Trials, numbers: Sequence[int], look: Callable[[PressRig], None] | None = None
 ) -> list[dict[str, Any]]:
@@ -121,12 +162,8 @@ def press_records(
     Raises:
         PlanFormatError: the plan does not say what its errors are.
     """
-    presses, evidence = plan.press_plan, plan.trials
-    if presses is None or evidence is None:
-        raise PlanFormatError("the plan has no evidence that says what to draw from", "solve its problem again")
-    conditions, count = evidence.conditions, count_presses(presses)
-    if trials.friction is not None:
-        conditions = replace(conditions, friction=(trials.friction, trials.friction))
+    presses, evidence, conditions = stated(plan, trials)
+    count = count_presses(presses)
     errors = drawn_errors(conditions, count, trials.seed, numbers)
     vertices = vertex_errors(conditions, count)
     box, size = np.array(conditions.start), np.zeros(len(numbers))
@@ -140,11 +177,7 @@ def press_records(
             random = np.random.default_rng([trials.seed, number, _BEYOND])
             errors.start[row] *= random.uniform(1.0, trials.reach) / share
         size[row] = np.abs(errors.start[row][box > 0.0] / box[box > 0.0]).max(initial=0.0)
-    errors.start[:, 0] += trials.offset
-    courses = None if trials.recovery else [(0,)] * len(numbers)
-    outcomes = carry_out(
-        bodies, presses, errors, trials.seed, numbers, courses, trials.engine, trials.time_step, look=look
-    )  # fmt: skip
+    outcomes = carried(presses, bodies, trials, errors, numbers, look=look)
     return [
         {
             "trial": number,
