@@ -193,7 +193,8 @@ def worst(plan: Plan, trials: Trials, settled: Settled, caution: str = "") -> di
     """Search a plan of presses for failures with as many trials as there are inside; writes and gives the summary.
 
     Raises:
-        FmoptError: the plan cannot be searched, the extra is missing, or `worst.json` cannot be written.
+        PlanFormatError: the plan has guarded moves, or does not say what its errors are.
+        ResourceError: the extra is missing, or `worst.json` cannot be written.
     """
     ENGINES[trials.engine].library()
     if plan.press_plan is None:
