@@ -7,21 +7,20 @@ batch by batch [RubinsteinKroese2004]. A quarter of each batch stays uniform. It
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import truncnorm
 
 from fmopt.errors import PlanFormatError
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.execute import Settled
-from fmopt.execution.press_controller import MAX_SECONDS, Errors
+from fmopt.execution.press_controller import MAX_SECONDS
 from fmopt.execution.press_trials import carried, count_presses, drawn_shares, errors_at, stated
 from fmopt.execution.trials import Trials, grown
 from fmopt.plan import Plan
@@ -48,8 +47,6 @@ _MAX_NAMED = 3  # unknowns that the region is of
 _NARROW = 0.65  # of what uniform trials take between these quantiles, that such an unknown takes at most
 _SEARCH = 0x776F7273  # sets the streams of the search apart from those of evidence and choice
 
-Carry = Callable[[Errors, range], list[TrialOutcome]]
-
 
 @dataclass(frozen=True, eq=False)
 class Region:
@@ -62,6 +59,11 @@ class Region:
     def named(self) -> list[int]:
         """The unknowns that it bounds, the narrowest first."""
         return [int(k) for k in np.argsort(self.high - self.low, kind="stable") if self.high[k] - self.low[k] < 2.0]
+
+    @property
+    def share(self) -> float:
+        """What it takes of all that is drawn."""
+        return float(np.prod(0.5 * (self.high - self.low)))
 
     def placed(self, shares: Array) -> Array:
         """Shares (m, n) of the whole intervals, taken to as many of the region."""
@@ -86,9 +88,7 @@ class Search:
         return int(self.failed[self.kinds == kind].sum()), int((self.kinds == kind).sum())
 
 
-def cross_entropy(
-    score: Callable[[Array, range], Array], free: NDArray[np.bool_], budget: int, seed: int, batch: int = BATCH
-) -> Search:
+def cross_entropy(score: Callable[[Array, range], Array], free: NDArray[np.bool_], budget: int, seed: int) -> Search:
     """Search the unknowns that are free (n,) for trials that fail; the others stay in the middle of their intervals.
 
     Args:
@@ -97,78 +97,41 @@ def cross_entropy(
         budget: trials in all. The last batch is drawn from the region that those before it come to.
     """
     random, n = np.random.default_rng([seed, _SEARCH]), len(free)
-    shares, scores, kinds, fits = np.zeros((0, n)), np.zeros(0), np.zeros(0, "U8"), list[_Fit]()
-    fit, region = _Fit(0, np.zeros(n), free / math.sqrt(3.0)), None
+    shares, scores, kinds, fits = np.zeros((0, n)), np.zeros(0), np.zeros(0, "U8"), list[tuple[int, Any]]()
+    mean, deviation, region = np.zeros(n), np.full(n, 3.0**-0.5), None
     while len(shares) < budget:
-        numbers = range(len(shares), min(len(shares) + batch, budget))
+        numbers = range(len(shares), min(len(shares) + BATCH, budget))
         count = len(numbers)
-        new, kind = np.where(free, random.uniform(-1.0, 1.0, (count, n)), 0.0), np.full(count, "uniform")
+        new, kind = random.uniform(-1.0, 1.0, (count, n)), np.full(count, "uniform")
         if numbers.stop == budget and (region := _region(shares, scores >= 1.0, free, fits)):
             new, kind[:] = region.placed(new), "region"
         elif numbers.start:
-            fits.append(replace(fit, count=count - round(_UNIFORM * count)))
-            new[-fits[-1].count :], kind[-fits[-1].count :] = fits[-1].drawn(random), "fitted"
+            fitted = count - round(_UNIFORM * count)
+            fits.append((fitted, truncnorm((-1.0 - mean) / deviation, (1.0 - mean) / deviation, mean, deviation)))
+            new[-fitted:], kind[-fitted:] = fits[-1][1].rvs((fitted, n), random), "fitted"
+        new = np.where(free, new, 0.0)
         shares, kinds = np.concatenate([shares, new]), np.concatenate([kinds, kind])
         scores = np.concatenate([scores, score(new, numbers)])
         fewest = min(max(_MIN_ELITE, round(_ELITE * len(scores))), len(scores))
         elite = shares[scores >= np.sort(scores)[-fewest]]
-        deviation = np.maximum(elite.std(axis=0), _MIN_DEVIATION * free)
-        fit = _Fit(0, fit.mean + _SMOOTHING * (elite.mean(axis=0) - fit.mean),
-                   fit.deviation + _SMOOTHING * (deviation - fit.deviation))  # fmt: skip
+        mean = mean + _SMOOTHING * (elite.mean(axis=0) - mean)
+        deviation = deviation + _SMOOTHING * (np.maximum(elite.std(axis=0), _MIN_DEVIATION) - deviation)
     return Search(shares, scores >= 1.0, kinds, region)
 
 
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """A normal distribution of each unknown, truncated to -1 to 1, and how many trials are drawn from it."""
-
-    count: int
-    mean: Array
-    deviation: Array
-
-    def drawn(self, random: np.random.Generator) -> Array:
-        """Its trials (count, n); those outside are drawn again."""
-        found = np.full((self.count, len(self.mean)), 2.0)
-        while (outside := np.abs(found) > 1.0).any():
-            found = np.where(outside, random.normal(self.mean, self.deviation, found.shape), found)
-        return found
-
-    def density(self, k: int, values: Array) -> Array:
-        """How densely its trials lie at values (m,) of an unknown."""
-        normal = NormalDist(float(self.mean[k]), float(self.deviation[k]))
-        return self.count / (normal.cdf(1.0) - normal.cdf(-1.0)) * np.array([*map(normal.pdf, values.tolist())])
-
-
-def _region(shares: Array, failed: NDArray[np.bool_], free: NDArray[np.bool_], fits: Sequence[_Fit]) -> Region | None:
+def _region(
+    shares: Array, failed: NDArray[np.bool_], free: NDArray[np.bool_], fits: Sequence[tuple[int, Any]]
+) -> Region | None:
     """The unknowns that failing trials leave narrow; a trial counts the less, the more are drawn beside it."""
-    low, high = np.full(len(free), -1.0), np.full(len(free), 1.0)
     if failed.sum() < _MIN_FAILED:
         return None
-    uniform = len(shares) - sum(fit.count for fit in fits)
-    for k in np.flatnonzero(free):
-        values = np.sort(shares[failed, k])
-        weights = 1.0 / sum((fit.density(k, values) for fit in fits), np.full(len(values), 0.5 * uniform))
-        low[k], high[k] = np.interp(_HELD, (np.cumsum(weights) - 0.5 * weights) / weights.sum(), values)
-    narrow = high - low <= _NARROW * 2.0 * (_HELD[1] - _HELD[0])
-    wide = np.argsort(np.where(narrow, high - low, np.inf), kind="stable")[min(int(narrow.sum()), _MAX_NAMED) :]
-    low[wide], high[wide] = -1.0, 1.0
-    return Region(low, high) if narrow.any() else None
-
-
-def searched(
-    presses: PressPlan, conditions: Conditions, carry: Carry, budget: int, seed: int
-) -> tuple[Search, list[TrialOutcome]]:
-    """Search what trials of presses are drawn from for failures; drift and noise are drawn anew for each trial."""
-    count, outcomes = count_presses(presses), list[TrialOutcome]()
-
-    def score(shares: Array, numbers: range) -> Array:
-        _, drift = drawn_shares(count, seed ^ _SEARCH, numbers)
-        new = carry(errors_at(conditions, shares, drift), numbers)
-        outcomes.extend(new)
-        return np.array([severity(one, presses) for one in new])
-
-    free = np.ptp(values_at(conditions, np.array([[-1.0] * len(UNKNOWNS), [1.0] * len(UNKNOWNS)])), axis=0) > 0.0
-    return cross_entropy(score, free, budget, seed), outcomes
+    density = 0.5 * (len(shares) - sum(count for count, _ in fits)) * np.ones_like(shares[failed])
+    density += sum(count * fit.pdf(shares[failed]) for count, fit in fits)
+    ends = np.quantile(shares[failed], _HELD, axis=0, weights=1.0 / density, method="inverted_cdf")
+    widths = np.where(free, np.ptp(ends, axis=0), 2.0)
+    wide = np.argsort(widths, kind="stable")[_MAX_NAMED:]
+    ends[:, (widths > _NARROW * 2.0 * (_HELD[1] - _HELD[0])) | np.isin(range(len(free)), wide)] = [[-1.0], [1.0]]
+    return Region(*ends) if (ends != [[-1.0], [1.0]]).any() else None
 
 
 def severity(one: TrialOutcome, presses: PressPlan) -> float:
@@ -185,12 +148,13 @@ def severity(one: TrialOutcome, presses: PressPlan) -> float:
 def values_at(conditions: Conditions, shares: Array) -> Array:
     """The unknowns (m, 15) of trials in SI units, friction and factors as they are."""
     found = errors_at(conditions, shares, np.zeros((len(shares), 6, 0)))
-    scalars = np.column_stack([found.friction, found.stiffness, found.admittance])
-    return np.hstack([found.start, scalars, found.offset])
+    return np.column_stack([found.start, found.friction, found.stiffness, found.admittance, found.offset])
 
 
 def worst(plan: Plan, trials: Trials, settled: Settled, caution: str = "") -> dict[str, Any]:
     """Search a plan of presses for failures with as many trials as there are inside; writes and gives the summary.
+
+    Drift and noise are drawn anew for each trial.
 
     Raises:
         PlanFormatError: the plan has guarded moves, or does not say what its errors are.
@@ -201,15 +165,19 @@ def worst(plan: Plan, trials: Trials, settled: Settled, caution: str = "") -> di
         message = "a plan of guarded moves states no intervals of friction, stiffness and offset to search"
         raise PlanFormatError(message, "leave out --worst, and sample its errors by --trials and --beyond")
     presses, _, conditions = stated(plan, trials)
-    bodies, threads = Bodies.of(grown(plan, trials.growth)), settled.workers or cores()
+    bodies, count, outcomes = Bodies.of(grown(plan, trials.growth)), count_presses(presses), list[TrialOutcome]()
+    asked, threads = replace(trials, seed=trials.seed ^ _SEARCH), settled.workers or cores()
     output.prepare(settled.folder)
 
-    def carry(errors: Errors, numbers: range) -> list[TrialOutcome]:
-        found = carried(presses, bodies, replace(trials, seed=trials.seed ^ _SEARCH), errors, numbers, threads)
-        settled.advance(len(numbers))
-        return found
+    def score(shares: Array, numbers: range) -> Array:
+        errors = errors_at(conditions, shares, drawn_shares(count, asked.seed, numbers)[1])
+        new = carried(presses, bodies, asked, errors, numbers, threads)
+        outcomes.extend(new)
+        settled.advance(len(new))
+        return np.array([severity(one, presses) for one in new])
 
-    search, outcomes = searched(presses, conditions, carry, trials.inside, trials.seed)
+    ends = values_at(conditions, np.array([[-1.0], [1.0]]) * np.ones(len(UNKNOWNS)))
+    search = cross_entropy(score, np.ptp(ends, axis=0) > 0.0, trials.inside, trials.seed)
     warned = {"caution": caution} if caution else {}
     found = {"plan": plan.sha256, "verdict": plan.verdict, **warned, "seed": trials.seed}
     found |= _summary(search, outcomes, conditions)
@@ -217,25 +185,23 @@ def worst(plan: Plan, trials: Trials, settled: Settled, caution: str = "") -> di
     return found
 
 
-def _summary(search: Search, outcomes: list[TrialOutcome], conditions: Conditions) -> dict[str, Any]:
+def _summary(search: Search, outcomes: Sequence[TrialOutcome], conditions: Conditions) -> dict[str, Any]:
+    """Counts, the region, and each trial that fails."""
     failed, region = np.flatnonzero(search.failed).tolist(), search.region
-    kinds = Counter(f"{outcomes[k].press}: {outcomes[k].kind}" for k in failed)
-    values, rows, region_share = values_at(conditions, search.shares), list[dict[str, Any]](), 0.0
-    if region is not None:
-        region_share = float(np.prod(0.5 * (region.high - region.low)))
-        for k in region.named:
-            ends = np.zeros((6, len(UNKNOWNS)))
-            ends[:, k] = -1.0, 1.0, region.low[k], region.high[k], *_without_failure(search, k)
-            drawn, held, free = values_at(conditions, ends)[:, k].reshape(3, 2).tolist()
-            rows.append({"name": UNKNOWNS[k], "drawn": drawn, "region": held, "without_failure": free})
+    values, rows = values_at(conditions, search.shares), list[dict[str, Any]]()
+    for k in region.named if region else ():
+        ends = np.zeros((6, len(UNKNOWNS)))
+        ends[:, k] = -1.0, 1.0, region.low[k], region.high[k], *_without_failure(search, k)
+        drawn, held, safe = values_at(conditions, ends)[:, k].reshape(3, 2).tolist()
+        rows.append({"name": UNKNOWNS[k], "drawn": drawn, "region": held, "without_failure": safe})
     return {
         "trials": len(outcomes),
         "failures": len(failed),
         "uniform": search.failures("uniform"),
         "in_region": search.failures("region"),
-        "region_share": region_share,
+        "region_share": region.share if region else 0.0,
         "unknowns": rows,
-        "kinds": dict(kinds.most_common()),
+        "kinds": dict(Counter(f"{outcomes[k].press}: {outcomes[k].kind}" for k in failed).most_common()),
         "failed": [
             {"trial": k, **dict(zip(UNKNOWNS, values[k].tolist(), strict=True)), "reasons": outcomes[k].reasons}
             for k in failed
@@ -250,7 +216,6 @@ def _without_failure(search: Search, k: int) -> tuple[float, float]:
     """
     values = search.shares[search.failed, k]
     if " " in UNKNOWNS[k]:
-        least = float(np.abs(values).min())
-        return -least, least
+        return -float(np.abs(values).min()), float(np.abs(values).min())
     low, high = float(values.min()), float(values.max())
-    return (-1.0, low) if low + 1.0 >= 1.0 - high else (high, 1.0)
+    return (-1.0, low) if low + high >= 0.0 else (high, 1.0)

@@ -72,7 +72,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
         | {"execution", "notebook", "runtime/ahead.py"}
     ),
     "scipy": frozenset({"geometry", "contact", "papers", "planning", "study"})
-    | {"execution/trials.py", "execution/confidence.py", "execution/engines/drake_engine.py"}
+    | {"execution/trials.py", "execution/confidence.py", "execution/worst.py", "execution/engines/drake_engine.py"}
     | {"task/object_model/goal.py"},
     "numba": frozenset({"runtime/compiled.py", "runtime/ahead.py"}),
     "threadpoolctl": frozenset({"runtime/compiled.py"}),
