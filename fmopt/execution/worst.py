@@ -189,11 +189,12 @@ def _summary(search: Search, outcomes: Sequence[TrialOutcome], conditions: Condi
     """Counts, the region, and each trial that fails."""
     failed, region = np.flatnonzero(search.failed).tolist(), search.region
     values, rows = values_at(conditions, search.shares), list[dict[str, Any]]()
-    for k in region.named if region else ():
-        ends = np.zeros((6, len(UNKNOWNS)))
-        ends[:, k] = -1.0, 1.0, region.low[k], region.high[k], *_without_failure(search, k)
-        drawn, held, safe = values_at(conditions, ends)[:, k].reshape(3, 2).tolist()
-        rows.append({"name": UNKNOWNS[k], "drawn": drawn, "region": held, "without_failure": safe})
+    if region is not None:
+        for k in region.named:
+            ends = np.zeros((6, len(UNKNOWNS)))
+            ends[:, k] = -1.0, 1.0, region.low[k], region.high[k], *_without_failure(search, k)
+            drawn, held, safe = values_at(conditions, ends)[:, k].reshape(3, 2).tolist()
+            rows.append({"name": UNKNOWNS[k], "drawn": drawn, "region": held, "without_failure": safe})
     return {
         "trials": len(outcomes),
         "failures": len(failed),

@@ -56,7 +56,7 @@ def test_where_hardly_anything_fails_there_is_no_region() -> None:
     found = cross_entropy(lambda shares, numbers: np.where(np.array(numbers) < 2, 1.0, 0.1 * shares[:, 0]), FREE, 96, 0)
     assert (found.region, int(found.failed.sum()), found.failures("region")) == (None, 2, (0, 0))
     # It goes where trials score more all the same.
-    assert found.shares[found.kinds == "fitted", 0].mean() > 0.3
+    assert found.shares[found.kinds == "fitted", 0].mean() > 0.2
 
 
 def test_a_trial_scores_the_more_the_nearer_to_failing_it_is() -> None:
