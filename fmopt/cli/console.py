@@ -86,7 +86,7 @@ def _compared(part: dict[str, Any]) -> str:
 def print_solved(plan: Plan, findings: Sequence[str], folder: Path, report: bool) -> None:
     """Prints the outcome of `fmopt solve`: the moves or the first attempt's presses, and what is said of them."""
     from fmopt.report.moves import summary_rows
-    from fmopt.report.presses import ENDINGS, HEAD, OUTCOMES, outcome_rows, press_rows
+    from fmopt.report.presses import ENDINGS, HEAD, OUTCOMES, PLACED, ROWS, outcome_rows, placed_rows, press_rows
     from fmopt.report.sections import statements
 
     console = Console(highlight=False)
@@ -97,6 +97,9 @@ def print_solved(plan: Plan, findings: Sequence[str], folder: Path, report: bool
         (head, *rows), few = summary_rows(plan), (0, 1, 5)
     columns = range(len(head)) if console.width >= _WIDE else few
     console.print(_table(plan.title, head, rows, columns))
+    if plan.press_plan is not None and plan.description.placed:
+        rows, wide = placed_rows(plan.press_plan.attempts[0], plan.description.placed[0]), console.width >= _WIDE
+        console.print(_table(PLACED, ROWS, rows, range(len(ROWS)) if wide else (0, 1, 3, 4)))
     if plan.trials is not None and plan.press_plan is not None:
         console.print(_table(OUTCOMES, ENDINGS, outcome_rows(plan, plan.trials), range(len(ENDINGS))))
     for name, words in statements(plan):

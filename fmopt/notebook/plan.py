@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from fmopt.plan.evidence import Evidence
     from fmopt.plan.position_force import Stretch
     from fmopt.plan.press import PressPlan
+    from fmopt.plan.press_rows import PlacedAttempt
     from fmopt.report.drawing import Drawing
 
 
@@ -108,6 +109,11 @@ class Plan:
     def presses(self) -> PressPlan | None:
         """The presses, attempt by attempt, with the robot that carries them out; None in a plan of guarded moves."""
         return self.stated.press_plan
+
+    @property
+    def placed(self) -> tuple[PlacedAttempt, ...]:
+        """Rows of the presses of each attempt: room, contacts, friction, errors that are left."""
+        return self.stated.description.placed
 
     @property
     def evidence(self) -> Evidence | None:

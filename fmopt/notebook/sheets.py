@@ -12,7 +12,7 @@ from fmopt.report.control_tables import hybrid_cells, jamming_cells
 from fmopt.report.moves import summary_rows
 from fmopt.report.moves import verdict as spoken
 from fmopt.report.naming import pose_words
-from fmopt.report.presses import ENDINGS, HEAD, OUTCOMES, outcome_rows, press_rows
+from fmopt.report.presses import ENDINGS, HEAD, OUTCOMES, PLACED, ROWS, outcome_rows, placed_rows, press_rows
 from fmopt.report.sections import statements as statements_of_plan
 from fmopt.report.shell import bullets, facts, table
 from fmopt.task.explain import statements
@@ -48,6 +48,8 @@ def plan_sheet(plan: Plan) -> str:
     text = f"<p><strong>{escape(found.word)}</strong>: {escape(plan.stated.title)}<br>{escape(found.sentence)}</p>"
     if plan.presses is not None:
         text += table("Presses", HEAD, press_rows(plan.presses.attempts[0]))
+        for attempt, placed in zip(plan.presses.attempts[:1], plan.stated.description.placed, strict=False):
+            text += table(PLACED, ROWS, placed_rows(attempt, placed))
         if plan.evidence is not None:
             text += table(OUTCOMES, ENDINGS, outcome_rows(plan.stated, plan.evidence))
     else:

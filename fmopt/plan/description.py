@@ -32,6 +32,7 @@ from fmopt.plan.field_types import (
     one_of,
     validated,
 )
+from fmopt.plan.press_rows import PlacedAttempt
 
 _SAME = 1e-12  # s: two statements of one moment
 
@@ -227,6 +228,7 @@ class Description:
         critical_points: poses near which contact states were looked for.
         places: for each segment the index of the critical point near which it runs.
         trace: the way of a trial of presses without errors.
+        placed: rows of the presses of each attempt.
         carried_out: trials of guarded moves before the plan was written; None where there were none.
         certified_share: of the start errors, the largest for which guarded moves are certified where presses stay below
             the rate that is asked for; None where it was not looked for.
@@ -241,6 +243,7 @@ class Description:
     places: Many[Index] = ()
     diagnostics: Diagnostics | None = None
     trace: Many[TracePose] = ()
+    placed: Many[PlacedAttempt] = ()
     carried_out: CarriedOut | None = None
     certified_share: Annotated[NonNegative, Field(le=1.0)] | None = None
     untried: Line = ""

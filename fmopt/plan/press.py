@@ -252,6 +252,11 @@ def _stronger(press: Press, factor: float) -> Press:
     return replace(press, wrench=wrench, ends=ends)
 
 
+def first_presses(attempts: Sequence[Attempt]) -> list[int]:
+    """Number of the first press of each attempt, among all presses of a plan."""
+    return [sum(len(one.presses) for one in attempts[:k]) for k in range(len(attempts))]
+
+
 def press_records(plan: PressPlan) -> dict[str, Any]:
     """The keys `segments` and `presses` of a plan file."""
     whole = _ADAPTER.dump_python(plan)

@@ -159,7 +159,9 @@ def _tested(problem: Problem, stages: Stages) -> Synthesis:
                 return whole
         stages.ended("share")
     described = {"certified_share": share, "untried": found.untried}
-    document, verdict = _checked(press_document(posed, found.plan, found.evidence, found.trace, **described), TESTED)
+    document, verdict = _checked(
+        press_document(posed, found.plan, found.evidence, found.trace, placed=found.placed, **described), TESTED
+    )
     stages.ended("verify")
     return Synthesis(document, verdict, stages.seconds)
 
@@ -182,7 +184,7 @@ def tried_presses(problem: Problem, known: PressPlan | None = None) -> dict[str,
             raise SearchError(error.message, error.advice, late=True) from error
     if found.evidence is None:
         raise SearchError(found.untried, late=True)
-    return _checked(press_document(posed, found.plan, found.evidence, found.trace), TESTED)[0]
+    return _checked(press_document(posed, found.plan, found.evidence, found.trace, placed=found.placed), TESTED)[0]
 
 
 def _only_presses(problem: Problem) -> bool:

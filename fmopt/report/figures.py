@@ -10,6 +10,7 @@ from fmopt.report.drawing import Drawing
 from fmopt.report.views import (
     budget_view,
     cut_view,
+    depth_view,
     diagram_view,
     graph_view,
     margin_view,
@@ -44,6 +45,7 @@ def catalogue(plan: Plan) -> dict[str, Drawing]:
             (surface_view.drawing, planar and planar.surfaces),
             (diagram_view.drawing, diagram_view.diagrams(plan)),
         )
-    others = (*others, (trajectory_view.drawing, course))
+    depths = next((one.depths for one in plan.description.placed), ())
+    others = (*others, (depth_view.drawing, depths), (trajectory_view.drawing, course))
     chosen += [drawing(subject) for drawing, subject in others if subject]
     return {drawing.name: drawing for drawing in chosen}

@@ -48,7 +48,9 @@ def _press_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, str
         "in the direction in which it is pressed, in both without a force; the others are led."
     )
     course = shown.get("trajectory", "") + control_tables.force_table(plan)
-    return [*press_chapters(plan), ("trajectory", "Position and force over time", words + course if course else "")]
+    evidence, (name, title, text) = press_chapters(plan)
+    placed = (name, title, text + shown.get("depths", ""))
+    return [evidence, placed, ("trajectory", "Position and force over time", words + course if course else "")]
 
 
 def _guarded_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, str, str]]:

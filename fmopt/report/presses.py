@@ -9,13 +9,17 @@ from collections.abc import Iterator, Sequence
 from fmopt.plan import Plan
 from fmopt.plan.evidence import TOUCH, Evidence, TrialOutcome
 from fmopt.plan.position_force import AXES
-from fmopt.plan.press import Attempt, Force, Level, Press, PressPlan, Standstill, Time, Travel
-from fmopt.report.naming import degrees, millimetres, pose_words
+from fmopt.plan.press import Attempt, Force, Level, Press, PressPlan, Standstill, Time, Travel, first_presses
+from fmopt.plan.press_rows import FREE_OF_JAMS, PlacedAttempt, PressRows
+from fmopt.report.naming import box_words, degrees, millimetres, pose_words
 from fmopt.report.shell import Markup, paragraph, table
 
+_NAMED = 3  # contacts of a set
 _MAX_LISTED = 40  # trials that do not seat
 OUTCOMES = "Outcomes by press and kind: draws, and vertices in brackets"
 ENDINGS = ("attempt", "press", "go on", "retry", "seat", "fail")
+PLACED = "Rows of the presses, to first order along the way without errors; nothing of them is proved"
+ROWS = ("press", "room for errors, mm", "held by", "holds at friction", "no jam up to friction", "errors left")
 HEAD = ("press", "S", "Pa: twist of held axes", "Fa: wrench on the others", "ends")
 
 
@@ -28,6 +32,49 @@ def presses_of(plan: Plan) -> PressPlan:
 def press_rows(attempt: Attempt) -> list[tuple[str, ...]]:
     """One row per press: name, S as the letters of force axes, twist, wrench, ends."""
     return [(p.name, _s_words(p), _twist_words(p), _wrench_words(p), "; ".join(_ends(p))) for p in attempt.presses]
+
+
+def placed_rows(attempt: Attempt, placed: PlacedAttempt) -> list[tuple[str, ...]]:
+    """One row per press that the trial without errors came to: room, contacts, friction, errors that are left."""
+    return [
+        (
+            press.name,
+            "" if row.margin is None else millimetres(row.margin),
+            f"{len(row.contacts)} contacts, rank {row.rank} of {sum(press.gives)}" if row.contacts else "",
+            "" if row.holds is None else _friction_words(row.holds),
+            _jam_words(row),
+            box_words(row.error),
+        )
+        for press, row in zip(attempt.presses, placed.presses, strict=False)
+    ]
+
+
+def _friction_words(friction: float) -> str:
+    return f"{friction:.2f}" if friction < FREE_OF_JAMS - 0.01 else f"{FREE_OF_JAMS:g} and more"
+
+
+def _jam_words(row: PressRows) -> str:
+    if row.largest_friction is None:
+        return ""
+    more = f", {row.left_out} sets left out" if row.left_out else ""
+    count = len(row.jams_on)
+    names = ", ".join(row.jams_on[:_NAMED]) + (f" and {count - _NAMED} more" if count > _NAMED else "")
+    if row.largest_friction < 0.0:
+        return f"rests without friction on {names}{more}"
+    on = f", then on {names}" if names else ""
+    return f"{_friction_words(row.largest_friction)}{on}{more}"
+
+
+def shown_words(plan: Plan) -> str:
+    """From which press of the first attempt on, and up to which friction, rows show that the part comes to its goal."""
+    first = next(iter(plan.description.placed), None)
+    if first is None or first.datum is None or first.shown_friction is None:
+        return ""
+    name = presses_of(plan).attempts[0].presses[first.datum].name
+    return (
+        f"from press {first.datum + 1} ({name}) on, a datum that fixes all six coordinates, for friction up to "
+        f"{_friction_words(first.shown_friction)}: to first order, and not proved"
+    )
 
 
 def _s_words(press: Press) -> str:
@@ -147,11 +194,6 @@ def _interval(ends: tuple[float, float]) -> str:
     return f"{ends[0]:.3g}" if ends[0] == ends[1] else f"{ends[0]:.3g} to {ends[1]:.3g}"
 
 
-def first_presses(attempts: Sequence[Attempt]) -> list[int]:
-    """Number of the first press of each attempt, among all presses of a plan."""
-    return [sum(len(one.presses) for one in attempts[:k]) for k in range(len(attempts))]
-
-
 def outcome_rows(plan: Plan, evidence: Evidence) -> list[tuple[str, ...]]:
     """How many draws, and in brackets vertices, go on from a press or end there, a row for each press."""
     attempts = presses_of(plan).attempts
@@ -200,6 +242,10 @@ def press_chapters(plan: Plan) -> list[tuple[str, str, str]]:
     for number, attempt in enumerate(presses.attempts):
         title = f"Attempt {number + 1} ({attempt.source}), from {pose_words(attempt.start)}"
         text += table(title, HEAD, press_rows(attempt))
+        if number < len(plan.description.placed):
+            text += table(PLACED, ROWS, placed_rows(attempt, plan.description.placed[number]), ".n.n..")
+    if words := shown_words(plan):
+        text += paragraph(f"The way to the goal is shown {words}.")
     robot = presses.robot
     text += paragraph(
         f"Axes of the frame of the hole, torques about the leading face's centre. Held axes: "

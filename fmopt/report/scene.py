@@ -21,10 +21,10 @@ from fmopt.geometry.section import section
 from fmopt.plan import Contact, Numbers, Part, Plan, Segment
 from fmopt.plan.description import TracePose
 from fmopt.plan.evidence import Evidence
-from fmopt.plan.press import Press
+from fmopt.plan.press import Press, first_presses
 from fmopt.report.bodies import body_of, contact_place, creases, loops_of, pieces_of
 from fmopt.report.moves import margin_claim, move_words, moves, turn_between
-from fmopt.report.presses import first_presses, outcome_words, press_rows, presses_of
+from fmopt.report.presses import outcome_words, press_rows, presses_of
 from fmopt.report.sections import start_of
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array

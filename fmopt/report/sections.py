@@ -7,7 +7,7 @@ from fmopt.plan.position_force import AXES
 from fmopt.report.control_tables import jamming_words
 from fmopt.report.moves import margin_claim, move_words, moves, states, summary_rows, verdict
 from fmopt.report.naming import binding_words, box_words, contact_words, millimetres, pose_words, quantity, signed
-from fmopt.report.presses import carried_words, conditions_words, evidence_words
+from fmopt.report.presses import carried_words, conditions_words, evidence_words, shown_words
 from fmopt.report.recovery_tables import rates, recovery_words, tolerated_words
 from fmopt.report.shell import bullets, facts, paragraph, table
 from fmopt.report.views.tube_view import ends_words
@@ -31,6 +31,7 @@ def statements(plan: Plan) -> list[tuple[str, str]]:
         first, *others = plan.press_plan.attempts
         more = f"; {len(others)} further attempts where it fails: {', '.join(one.source for one in others)}"
         rows += [("starts at", pose_words(first.start) + more * bool(others)), (plan.verdict, evidence_words(plan))]
+        rows += [("shown", shown_words(plan))]
         if plan.trials is not None:
             force = f"up to {plan.trials.peak_force:.1f} N"
             rows += [("drawn from", conditions_words(plan.trials)), ("force", force)]

@@ -77,6 +77,11 @@ class ClarabelSolver:
         assert failure is not None
         raise failure
 
+    def proposed(self, program: ConeProgram) -> Array:
+        """Where Clarabel stops (n,), for callers that check by themselves that the point does."""
+        scaled = program.scaled()
+        return np.asarray(self._run(scaled, _independent(program, scaled))[0] * program.units)
+
     def _run(self, scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, str]:
         M, rhs, cones = standard_form(scaled, kept)
         answer = _solver(self, M, cones, rhs, np.append(-scaled.c, np.zeros(len(scaled.norms)))).solve()
@@ -210,7 +215,7 @@ def least_vertex(cost: Array, rows: Pair, equations: Pair, limits: Pair) -> Arra
     return x
 
 
-def nearest_point(point: Array, rows: Array, least: float) -> Array | None:
+def nearest_point(point: Array, rows: Array, least: float | Array) -> Array | None:
     """The point (n,) nearest to one, with rows·x ≥ least; None where there is none, or daqp does not find it."""
     import daqp
 

@@ -19,11 +19,13 @@ from fmopt.execution.rotation import between
 from fmopt.plan.description import TracePose
 from fmopt.plan.evidence import VERTICES, Evidence
 from fmopt.plan.field_types import numbers
-from fmopt.plan.press import Attempt, Conditions, PressPlan, PressRobot
+from fmopt.plan.press import Attempt, Conditions, PressPlan, PressRobot, first_presses
+from fmopt.plan.press_rows import PlacedAttempt
 from fmopt.planning.posed import Posed, Progress
 from fmopt.planning.press.choice import Choosing, Pace, examined, halved, with_retries
 from fmopt.planning.press.library import robot_of
 from fmopt.planning.press.nominal_way import kept_clear
+from fmopt.planning.press.placed.rows import placed_attempts
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.record import subject
 from fmopt.planning.press.task import PressTask
@@ -41,12 +43,15 @@ class PressSolution:
 
     Attributes:
         evidence: None where no trials were asked for, or the time limit leaves no time for them, as `untried` says.
+        trace: the way of the first attempt without errors.
+        placed: rows of each attempt.
     """
 
     plan: PressPlan
     evidence: Evidence | None
     trace: tuple[TracePose, ...] = ()
     untried: str = ""
+    placed: tuple[PlacedAttempt, ...] = ()
 
 
 def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSolution:
@@ -75,7 +80,10 @@ def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSo
         plan, evidence = examined(choosing, ranked, asked, partial(subject, posed), progress)
     solution = PressSolution(plan, evidence, untried="" if evidence or not settings.draws else pace.words(limit))
     with until(clock() + _TRACE_SECONDS), suppress(OverdueError):
-        return replace(solution, trace=traced(task, plan, conditions))
+        traces = traced(task, plan, conditions)
+        solution = replace(solution, trace=traces[0])
+        progress("presses: rows of each")
+        return replace(solution, placed=placed_attempts(task, plan, traces, conditions))
     return solution
 
 
@@ -131,18 +139,22 @@ def weakness(choosing: Choosing, proposed: Sequence[Attempt], problem: Problem) 
     )
 
 
-def traced(task: PressTask, plan: PressPlan, conditions: Conditions) -> tuple[TracePose, ...]:
-    """The way of the first attempt without start error and offset, in the middle of all intervals."""
+def traced(task: PressTask, plan: PressPlan, conditions: Conditions) -> tuple[tuple[TracePose, ...], ...]:
+    """The way of each attempt without start error and offset, in the middle of all intervals, its presses from 0."""
+    count, firsts = len(plan.attempts), first_presses(plan.attempts)
     friction = 0.5 * sum(conditions.friction)
     nothing = Conditions((0.0,) * 6, (friction, friction), (1.0, 1.0), (1.0, 1.0), (0.0, 0.0), 0.0)
-    errors = drawn_errors(nothing, count_presses(plan), 0, [0])
-    found: list[TracePose] = []
+    errors = drawn_errors(nothing, count_presses(plan), 0, [0] * count)
+    found: list[list[TracePose]] = [[] for _ in range(count)]
 
     def look(rig: PressRig) -> None:
-        step = int(rig.state.step[0])
-        if rig.ticks % _TRACE_EVERY == 0 and rig.state.mode[0] == RUNNING and step < len(plan.attempts[0].presses):
-            q = np.array(rig.engine.qpos[0])
-            found.append(TracePose(rig.time, step, numbers([*q[:3], *between(q[3:], np.array([1.0, 0.0, 0.0, 0.0]))])))
+        if rig.ticks % _TRACE_EVERY:
+            return
+        for k in np.flatnonzero(rig.state.mode == RUNNING).tolist():
+            step, q = int(rig.state.step[k]) - firsts[k], np.array(rig.engine.qpos[k])
+            if 0 <= step < len(plan.attempts[k].presses):
+                pose = numbers([*q[:3], *between(q[3:], np.array([1.0, 0.0, 0.0, 0.0]))])
+                found[k].append(TracePose(rig.time, step, pose))
 
-    carry_out(task.bodies, plan, errors, 0, [0], [(0,)], look=look)
-    return tuple(found)
+    carry_out(task.bodies, plan, errors, 0, range(count), [(k,) for k in range(count)], look=look)
+    return tuple(map(tuple, found))

@@ -34,6 +34,7 @@ _STRAIGHT = 1e-6  # m by which corners of an outline may be off a straight side
 _PLAY_DROP = 0.6  # of the play above a shelf, below which the play is smaller there
 _MAX_SYMMETRY = 60
 _FEW = 3  # corners that sequences are made for
+_HEIGHTS = 40  # at which walls are looked for
 _HALVINGS = 30  # of a way, from the size to less than 1 nm
 _STEADY = 0.7  # of the limit of force
 _SURE = 1.5  # times the offset of the torque, from which a press turns the part against it
@@ -70,6 +71,16 @@ class Shelf:
     gone: float
     lever: float
     height: float
+
+
+@dataclass(frozen=True)
+class Engaged:
+    """The walls of least play: lowest, highest and mean height over the origin of the moving part, and that play, m."""
+
+    low: float
+    high: float
+    middle: float
+    play: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +156,11 @@ class PressTask:
     def width(self) -> float:
         """Length of the shorter side of the least rectangle about the mouth, m."""
         return float(np.linalg.norm(_rectangle(self.mouth)[1]))
+
+    @cached_property
+    def narrow(self) -> float:
+        """Length of the shorter side of the outline's least rectangle, m."""
+        return float(np.linalg.norm(_rectangle(self.outline)[1]))
 
     @property
     def long_axis(self) -> float:
@@ -281,12 +297,20 @@ class PressTask:
                 if not grows or not tip + eps < gone < depth - eps:
                     continue
                 above = self._play(own + eps, other + eps) if other < 0.0 else self._play(own - eps, other - eps)
-                if self._play(own + eps, other - eps) < _PLAY_DROP * above:
-                    engaged = np.linspace(tip + eps, gone - eps, 40)
-                    plays = np.array([self._play(h, h - gone) for h in engaged])
-                    walls = engaged[plays < 1.1 * plays.min() + 1e-7]
-                    met.append((gone, float(walls.mean()), float(np.ptp(walls))))
+                engaged = self.engaged(gone)
+                if self._play(own + eps, other - eps) < _PLAY_DROP * above and engaged is not None:
+                    met.append((gone, engaged.middle, engaged.high - engaged.low))
         return tuple(Shelf(*one) for one in sorted(met))
+
+    def engaged(self, gone: float) -> Engaged | None:
+        """The walls that guide the part whose origin is so far below the mouth, m; None before its tip is inside."""
+        tip = self._levels(self.moving)[0] + self.ahead
+        heights = np.linspace(tip + _LEVEL, gone - _LEVEL, _HEIGHTS)
+        if heights[-1] <= heights[0]:
+            return None
+        plays = np.array([self._play(h, h - gone) for h in heights])
+        walls = heights[plays < 1.1 * plays.min() + 1e-7]
+        return Engaged(float(walls[0]), float(walls[-1]), float(walls.mean()), float(plays.min()))
 
     def way_to_walls(self, shelf: Shelf, u: Array) -> float:
         """How far the part that stands on a shelf goes in a direction (3,) from its middle to the walls, m."""

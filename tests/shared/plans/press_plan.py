@@ -13,6 +13,7 @@ from fmopt.execution.confidence import lower_bound
 from fmopt.plan import digest, sealed
 from fmopt.plan.description import TracePose
 from fmopt.plan.evidence import CONFIDENCE, Evidence, TrialOutcome
+from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Conditions, PressPlan
 from fmopt.planning.posed import Posed
 from fmopt.planning.press.choice import Choosing
@@ -40,13 +41,16 @@ def press_task(problem: Problem) -> PressTask:
     return PressTask(problem, problem.moving, problem.fixed, Posed.of(problem).clearance, problem.start_box)
 
 
+def choosing_of(task: PressTask) -> Choosing:
+    """What candidates for an insertion are carried out with."""
+    conditions = Conditions(numbers(task.box), task.problem.friction)
+    return Choosing(task.bodies, task.seat, robot_of(task, (2e4, 100.0), (2.0, 0.0098)), conditions, seed=0)
+
+
 @cache
 def press_choosing() -> Choosing:
     """What candidates for the square peg are carried out with."""
-    problem, task = press_problem(), press_task(press_problem())
-    x, y, z, rx, ry, rz = problem.start_box.tolist()
-    conditions = Conditions((x, y, z, rx, ry, rz), problem.friction)
-    return Choosing(task.bodies, task.seat, robot_of(task, (2e4, 100.0), (2.0, 0.0098)), conditions, seed=0)
+    return choosing_of(press_task(press_problem()))
 
 
 @cache
