@@ -1,13 +1,14 @@
-"""Placement of a goal pose on the true C-surfaces by sequential quadratic programs (SLSQP).
+"""Placement of a goal pose on the true C-surfaces by a nonlinear program (CasADi, IPOPT).
 
 maximise t   s.t.   f_i(X) = 0,   f_j(X) − allowance_j ≥ t,   lower ≤ X ≤ upper
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,22 @@ from fmopt.spatial.se3 import Pose, left_jacobian
 from fmopt.spatial.values import Array, frozen
 
 ON_SURFACE = 1e-7  # clearances by which a pose may miss contacts and bounds
-_SETTINGS = {"ftol": 1e-10, "maxiter": 100}  # clearances of the last gain, and steps
+_SERIES = 13  # terms of the series of a rotation
+_WIDTH = 23  # numbers of a row
+_LOCK = threading.Lock()  # IPOPT's linear solver is not safe for threads
+_OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "ipopt": {
+        "print_level": 0,
+        "sb": "yes",
+        "max_iter": 100,
+        "tol": 1e-9,
+        "constr_viol_tol": 1e-9,
+        "acceptable_iter": 0,  # none: what is only acceptable is not solved
+        "bound_relax_factor": 0.0,  # bounds are checked as they are stated
+        "mu_strategy": "adaptive",
+    },
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,35 +143,54 @@ def place_on_surfaces(problem: SurfacePlacement, guess: ArrayLike | None = None)
 
 
 def _optimum(problem: SurfacePlacement, kept: Sequence[int], X: Array) -> Array:
-    """The pose (6,) at which SLSQP stops, with the contacts `kept`; variables are in their natural sizes."""
-    from scipy import optimize
-
+    """The pose (6,) at which IPOPT stops, with the contacts `kept`; variables are in their natural sizes."""
     metric, p, (f, N) = problem.metric, len(problem.contacts), problem.rows(X)
-    sizes = metric.clearance * metric.dual_norm(N)
+    rows = np.array([*kept, *range(p, len(f))])
+    sizes = metric.clearance * metric.dual_norm(N[rows])
     sizes[sizes == 0.0] = 1.0
-    weights = np.where(np.arange(len(f)) < p, 0.0, metric.clearance / sizes)
-
-    def values(y: Array) -> Array:
-        return np.asarray(problem.rows(y[:6] * metric.units)[0] / sizes - weights * y[6])
-
-    def slopes(y: Array) -> Array:
-        J = problem.rows(y[:6] * metric.units)[1] * metric.units / sizes[:, None]
-        return np.column_stack([J, -weights])
-
-    def constraint(rows: Sequence[int], most: float) -> optimize.NonlinearConstraint:
-        return optimize.NonlinearConstraint(lambda y: values(y)[rows], 0.0, most, jac=lambda y: slopes(y)[rows])
-
+    counted = rows >= p
+    table, weights = stacked(problem.contacts, problem.obstacles).table[rows], counted * metric.clearance / sizes
+    columns = np.column_stack([*(table[name] for name in "nukbas"), table["c"], table["sign"]])
+    less = np.append(np.zeros(p), problem.allowance)[rows]
+    given = [metric.units, problem.reference.p, problem.reference.R.T.ravel()]
+    numbers = np.concatenate([*given, np.column_stack([columns, less, sizes, weights]).ravel()])
     t = min(problem.cap, float(problem.clearances(X).min(initial=np.inf)))
     units = np.append(metric.units, metric.clearance)
-    low, high = np.append(problem.lower, -np.inf) / units, np.append(problem.upper, problem.cap) / units
-    minimise: Any = optimize.minimize  # whose stubs know no list of constraints
-    answer = minimise(
-        lambda y: -y[6],
-        np.append(X, t) / units,
-        jac=lambda _: np.append(np.zeros(6), -1.0),
-        method="SLSQP",
-        bounds=optimize.Bounds(low, high),
-        constraints=[constraint(rows, most) for rows, most in ((kept, 0.0), (range(p, len(f)), np.inf)) if rows],
-        options=_SETTINGS,
-    )
-    return np.asarray(np.clip(answer.x[:6] * metric.units, problem.lower, problem.upper))
+    with _LOCK:
+        answer = _solver(len(rows))(
+            x0=np.append(X, t) / units, p=numbers, lbg=0.0, ubg=np.where(counted, np.inf, 0.0),
+            lbx=np.append(problem.lower, -np.inf) / units, ubx=np.append(problem.upper, problem.cap) / units,
+        )  # fmt: skip
+    return np.clip(np.array(answer["x"])[:6, 0] * metric.units, problem.lower, problem.upper)
+
+
+@lru_cache(maxsize=64)
+def _solver(count: int) -> Any:
+    """IPOPT over a scaled pose and the clearance (7,), for so many rows, whose numbers are parameters."""
+    import casadi as ca
+
+    x = ca.SX.sym("x", 7)
+    units, p0, R0 = (ca.SX.sym(name, n, m) for name, n, m in (("units", 6, 1), ("p", 3, 1), ("R", 3, 3)))
+    rows = ca.SX.sym("rows", _WIDTH, count)
+    n, u, k, b, a, s = (rows[3 * i : 3 * i + 3, :] for i in range(6))
+    c, sign, less, sizes, weights = (rows[18 + i, :] for i in range(5))
+    X = units * x[:6]
+    p, R = p0 + X[:3], _rotation(ca, X[3:]) @ R0
+    f = p.T @ n + ca.sum1(u * (R @ k)) + ca.sum1((R @ b) * (p @ sign - ca.skew(p) @ a + s)) - c
+    program = {
+        "x": x,
+        "f": -x[6],
+        "g": ((f - less) / sizes - weights * x[6]).T,
+        "p": ca.vertcat(units, p0, ca.vec(R0), ca.vec(rows)),
+    }
+    return ca.nlpsol(f"placement_{count}", "ipopt", program, _OPTIONS)
+
+
+def _rotation(ca: Any, r: Any) -> Any:
+    """exp([r]×) by its power series in |r|², smooth at 0; 1e-15 accurate up to half a turn."""
+    square, a, b = ca.sumsqr(r), 0.0, 0.0
+    for k in reversed(range(_SERIES)):
+        a = 1.0 - a * square / ((2 * k + 2) * (2 * k + 3))
+        b = 1.0 - b * square / ((2 * k + 3) * (2 * k + 4))
+    K = ca.skew(r)
+    return ca.SX.eye(3) + a * K + 0.5 * b * (K @ K)
