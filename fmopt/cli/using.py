@@ -164,10 +164,10 @@ def execute(
     ] = True,
     covered: Annotated[bool, typer.Option("--covered", help="Errors beyond are those that retries cover.")] = False,
     engine: Annotated[str, typer.Option("--engine", help="mujoco, or drake for a second opinion.")] = "mujoco",
+    again: Annotated[int | None, typer.Option("--replay", min=0, help="Draw this trial as a GIF instead.")] = None,
     hardest: Annotated[
         bool, typer.Option("--worst", help="Search what presses are drawn from for trials that fail instead.")
     ] = False,
-    again: Annotated[int | None, typer.Option("--replay", min=0, help="Draw this trial as a GIF instead.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder; default: trials beside the plan.")] = None,
     workers: Workers = None,
     unverified: Unverified = False,
@@ -185,15 +185,13 @@ def execute(
     from fmopt.plan.evidence import MAX_EXAMINED
     from fmopt.report.worst import worst_lines
 
+    trials = (256 if hardest else 100) if trials is None else trials
+    if hardest and (not trials or beyond or again is not None or method != "plan"):
+        raise typer.BadParameter("give it trials, and none of --beyond, --replay, --method", param_hint="--worst")
     if method not in METHODS:
         raise typer.BadParameter(f"{method!r} is none of {', '.join(METHODS)}", param_hint="--method")
     if engine not in ENGINES:
         raise typer.BadParameter(f"{engine!r} is none of {', '.join(ENGINES)}", param_hint="--engine")
-    trials = (256 if hardest else 100) if trials is None else trials
-    if hardest and (not trials or beyond or again is not None or method != "plan"):
-        raise typer.BadParameter(
-            "needs trials, and goes with none of --beyond, --replay, --method", param_hint="--worst"
-        )
     if trials + beyond == 0:
         raise typer.BadParameter("no trials, neither inside nor --beyond the set", param_hint="--trials")
     drawn = Trials(trials, beyond, seed=seed or 0, time_step=time_step, friction=friction, engine=engine)

@@ -120,7 +120,7 @@ def test_real_trials_depend_on_no_number_of_threads(tmp_path: Path) -> None:
     [
         ([], "leave out --worst, and sample its errors by --trials and --beyond"),
         (["--beyond", "3"], "none of --beyond"),
-        (["--trials", "0"], "needs trials"),
+        (["--trials", "0"], "give it trials"),
     ],
 )
 def test_refusals(words: list[str], message: str, square_peg_plan_file: Path) -> None:
