@@ -33,7 +33,7 @@ from fmopt.runtime.clock import clock, deadline, until
 from fmopt.task.problem import Problem
 
 _CLEAR_OF_OFFSET = 3.0  # times the accuracy of the force, that a press has at least
-_TRACE_SECONDS = 30.0  # for a single trial, which is shown even where the time limit is used up
+_TRACE_SECONDS = 60.0  # for a trial of each attempt and its rows, shown even where the time limit is used up
 _TRACE_EVERY = 25  # periods between poses that are shown
 
 

@@ -91,10 +91,9 @@ def _vertices(touches: Touches, box: Array, along: Array) -> Array:
     )  # fmt: skip
     if room.x is None or room.x[-1] <= _NARROW:
         return np.zeros((0, 6))
+    cut = np.hstack([walls, -offsets[:, None]])
     try:
-        found = HalfspaceIntersection(np.hstack([walls, -offsets[:, None]]), room.x[:-1]).intersections
-    except QhullError:
-        found = HalfspaceIntersection(
-            np.hstack([walls, -offsets[:, None]]), room.x[:-1], qhull_options="QJ"
-        ).intersections
+        found = HalfspaceIntersection(cut, room.x[:-1]).intersections
+    except QhullError:  # walls that are nearly one are told apart by a joggle
+        found = HalfspaceIntersection(cut, room.x[:-1], qhull_options="QJ").intersections
     return np.asarray(np.unique(found.round(9), axis=0) @ basis.T)

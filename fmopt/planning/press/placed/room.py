@@ -16,7 +16,7 @@ from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 _OWN = 2.5  # clearances, within which pieces that a press slides along are on its way
-_LEAST = 0.02  # of the clearance, that the program tells from none
+_TURNED = 0.5  # length of a unit normal, below which the program has none
 
 
 def least_room(task: PressTask, stations: Sequence[Pose], errors: Array) -> float | None:
@@ -30,26 +30,31 @@ def least_room(task: PressTask, stations: Sequence[Pose], errors: Array) -> floa
         bound = float(rooms[at, pair, 0])
         if bound >= least:
             break
-        # The program has no plane for pieces that errors bring together, whose planes along faces say how far.
         body, other = pairs[pair]
-        widest = widest_room(body, other, stations[at], errors)
-        least = min(least, widest if widest > _LEAST * task.clearance.per_side else bound)
+        least = min(least, max(bound, widest_room(body, other, stations[at], errors)))
     return least if np.isfinite(least) else None
 
 
 def room(body: Polyhedron, other: Polyhedron, pose: Pose, errors: Array) -> tuple[float, float]:
     """The room between two convex pieces, m, for every error and without any, by planes along faces and edges."""
     across = axes_across(directions(body) @ pose.R.T, directions(other))
-    axes = np.vstack([other.normals, -body.normals @ pose.R.T, across])
+    kept, gaps = _rooms(np.vstack([other.normals, -body.normals @ pose.R.T, across]), body, other, pose, errors)
+    return float(kept.max()), float(gaps.max())
+
+
+def _rooms(axes: Array, body: Polyhedron, other: Polyhedron, pose: Pose, errors: Array) -> tuple[Array, Array]:
+    """The room along unit normals (k, 3) of planes between the pieces, for every error and without any."""
     arms = body.vertices @ pose.R.T
     moved = np.abs(axes @ errors[:3] + np.cross(arms[:, None], axes[None]) @ errors[3:]).sum(axis=-1)
     nearest = (arms + pose.p) @ axes.T - np.array(body.radii)[:, None]
     far = (other.vertices @ axes.T).max(axis=0)
-    return float(((nearest - moved).min(axis=0) - far).max()), float((nearest.min(axis=0) - far).max())
+    return (nearest - moved).min(axis=0) - far, nearest.min(axis=0) - far
 
 
 def widest_room(body: Polyhedron, other: Polyhedron, pose: Pose, errors: Array) -> float:
-    """The room between two convex pieces, m, for every error: the plane with the most on either side.
+    """The room between two convex pieces, m, for every error: the plane with the most on either side, if there is one.
+
+    A cone program proposes it, and the room along it is computed again; −inf where errors bring the pieces together.
 
     Over its normal n, its offset and the room: each vertex at an arm r, moved by an error (d, δ) by n·(d + δ × r),
     stays on its side; the support of the errors is a sum of |generator·row|.
@@ -66,4 +71,6 @@ def widest_room(body: Polyhedron, other: Polyhedron, pose: Pose, errors: Array) 
     W[np.repeat(np.arange(V), g), np.arange(V * g)] = 1.0
     W[:V, -1], W[-1, -1] = body.radii, 1.0
     program = ConeProgram(np.eye(5)[-1], G=rows, h=np.append(np.zeros(V + Q), 1.0), W=W, norms=tuple(norms))
-    return size * float(ClarabelSolver().solve(program).value)
+    n = ClarabelSolver().proposed(program)[:3]
+    length = float(np.linalg.norm(n))
+    return float(_rooms(n[None] / length, body, other, pose, errors)[0][0]) if length > _TURNED else -np.inf

@@ -69,7 +69,7 @@ def _press_rows(
     """The rows of a press, and the errors (6, g) after it."""
     stations = [way[k] for k in np.unique(np.linspace(0, len(way) - 1, _STATIONS).astype(int))]
     push = _push(task, press)
-    led = any(press.twist) or press.rocking is not None
+    led = any(press.twist) or press.rocking is not None or push.size == 0.0
     stands = not led and any(isinstance(end, Standstill) for end in press.ends) and _stands(way)
     seats = any(end.then == "seated" for end in press.ends)
     rest = rest_of(task, push, stations[-1], seats) if stands else None
@@ -94,7 +94,7 @@ def _press_rows(
 
 def _push(task: PressTask, press: Press) -> Push:
     wrench = np.array(press.wrench)
-    wrench[3:] += cross(np.array(press.reference), wrench[:3])
+    wrench[3:] += cross(task.goal.R @ press.reference, wrench[:3])
     return Push(wrench, np.array(press.gives), task.seat.rho)
 
 
