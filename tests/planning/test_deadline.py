@@ -12,7 +12,7 @@ import fmopt
 from fmopt.certificate.piece_pairs import facing
 from fmopt.certificate.remainder import Course
 from fmopt.certificate.separating_plane import separation
-from fmopt.contact.c_surface import Surfaces, definition, parameters
+from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import near_contacts, near_tips
 from fmopt.errors import OverdueError, SearchError
 from fmopt.planning.moves.separating_planes import Faces
@@ -106,8 +106,8 @@ def test_contacts_have_the_same_numbers_one_by_one_and_all_at_once(n: int, tmp_p
         made = Surfaces.of(near, moving, fixed)
         stacked = [row for table in made.tables for row in table]
         for contact, place in zip(near, made.order, strict=True):
-            expected = parameters(moving, fixed, contact).view(definition(contact.kind).dtype)[0]
-            assert stacked[place].tobytes() == expected.tobytes()
+            (alone,) = (row for table in Surfaces.of([contact], moving, fixed).tables for row in table)
+            assert stacked[place].tobytes() == alone.tobytes()
 
 
 def test_of_the_moving_faces_the_best_is_found_without_a_table() -> None:

@@ -195,7 +195,7 @@ BLOCK_3D = part_of(
 @pytest.mark.parametrize("r", [2e-4, 5e-5, 0.0])
 def test_agrees_with_space_when_only_the_position_is_uncertain(r):
     flat = freedom_on_planes(views(half_widths(r, 0.0)), DOWN)
-    agree(steps(flat), steps(freedom(PEG_3D, BLOCK_3D, DOWN, half_widths(r, 0.0))))
+    agree(steps(flat, DOWN), steps(freedom(PEG_3D, BLOCK_3D, DOWN, half_widths(r, 0.0)), DOWN))
 
 
 def test_with_tilts_space_sees_contact_no_later_than_the_planes_do():

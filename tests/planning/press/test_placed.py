@@ -8,10 +8,12 @@ import pytest
 from scipy.optimize import linprog, nnls
 
 from fmopt.plan.description import Description
+from fmopt.planning.optimise.cone_program import as_cvxpy
+from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.press.placed.jam import jam, reached_sets
 from fmopt.planning.press.placed.room import room, widest_room
 from fmopt.planning.press.placed.rows import placed_attempts
-from fmopt.planning.press.placed.touches import Push, Touches, escaped
+from fmopt.planning.press.placed.touches import Push, Touches, escape, escaped
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.solve import conditions_of, traced
 from fmopt.planning.press.task import PressTask
@@ -57,7 +59,7 @@ def rests(touches: Touches, push: Push, friction: float) -> bool:
 @pytest.mark.parametrize("share", [0.1, 0.25, 0.5, 1.0, 2.0])
 def test_a_square_peg_jams_across_its_corners_from_a_friction_that_is_known(share: float, tmp_path: Path) -> None:
     touches, push, box = going_down(square(tmp_path), 0.02 * share)
-    sets = reached_sets(touches, box, np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), 1e-7)
+    sets = reached_sets(touches, box, np.eye(6)[2], 1e-7)
     assert (len(touches), len(sets)) == (16, 18)
     found = jam(sets, touches, push)
     # Two corners that lie across, each on two walls: the line between them inside both cones of half the opening.
@@ -68,11 +70,21 @@ def test_a_square_peg_jams_across_its_corners_from_a_friction_that_is_known(shar
     assert rests(held, push, 1.02 * found.friction)
 
 
+def test_cvxpy_states_the_program_of_an_escape_and_agrees(tmp_path: Path) -> None:
+    touches, push, box = going_down(square(tmp_path), 0.01)
+    for some in reached_sets(touches, box, np.eye(6)[2], 1e-7)[::4]:
+        program = escape(touches.some(sorted(some)), push, 0.1)
+        stated, _ = as_cvxpy(program)
+        margin = float(program.c @ ClarabelSolver().proposed(program))
+        assert margin > 1e-3
+        assert stated.solve(solver="CLARABEL") == pytest.approx(margin, abs=1e-6)
+
+
 @pytest.mark.parametrize("family", ["3-gon", "7-gon", "L", "star"])
 def test_no_sampled_rest_is_outside_the_sets_that_errors_reach(family: str, tmp_path: Path) -> None:
     task = press_task(load(write_toml(pair(family, 103), tmp_path)))
     touches, push, box = going_down(task, 0.4 * task.depth)
-    along = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    along = np.eye(6)[2]
     sets = reached_sets(touches, box, along, 1e-3 * task.clearance.per_side)
     friction = jam(sets, touches, push).friction
     assert 0.05 < friction < 1.0
