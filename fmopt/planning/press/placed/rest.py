@@ -20,6 +20,7 @@ _SOFT = 1e-6  # m, within which a contact touches in the engine
 _STILL = 0.02  # of the clearance, below which a step counts as none
 _RANK = 1e-6  # relative singular value
 _FINE = 1e-3  # of friction
+_MOST = 12  # contacts that a rest is told by
 _SLIPPERY = 0.02  # friction for which answers are chosen
 _AGAINST = 0.25  # of a wrench, that contacts on which the part seats are against
 
@@ -79,7 +80,17 @@ def rest_of(task: PressTask, push: Push, pose: Pose, seats: bool) -> Rest | None
     rows = push.rows(held.N)
     size, against = np.linalg.norm(rows, axis=1), -rows @ push.free / push.size
     held = held.some((size > _RANK) & (against > (_AGAINST if seats else -1.0) * size))
-    return _held(held, push) if len(held) else None
+    return _held(held.some(_apart(push.rows(held.N))), push) if len(held) else None
+
+
+def _apart(rows: Array) -> list[int]:
+    """Numbers of a few rows (k, n), each the farthest from those before it: contacts of a flush wall are many."""
+    chosen, far = list[int](), np.full(len(rows), np.inf)
+    while len(chosen) < min(_MOST, len(rows)):
+        chosen.append(int(far.argmax()))
+        far = np.minimum(far, np.linalg.norm(rows - rows[chosen[-1]], axis=1))
+        far[chosen] = -1.0
+    return sorted(chosen)
 
 
 def _held(held: Touches, push: Push) -> Rest:
