@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmopt.plan.press_rows import FREE_OF_JAMS
-from fmopt.planning.press.placed.touches import Push, Touches, escaped, largest_friction
+from fmopt.planning.press.placed.touches import Push, Touches, frictions, largest_friction
 from fmopt.spatial.values import Array
 
 _MOST = 1024  # sets that are looked at, nearest first
@@ -37,13 +37,14 @@ class Jam:
 
 def jam(sets: Sequence[frozenset[int]], touches: Touches, push: Push) -> Jam:
     """The largest friction that jams the part on none of some sets of contacts, nearest first."""
-    least, twist, contacts, found = FREE_OF_JAMS, np.zeros(6), tuple[str, ...](), list[Array]()
+    least, twist, contacts, known = FREE_OF_JAMS, np.zeros(6), tuple[str, ...](), np.zeros((0, len(touches)))
     for one in sets[:_MOST]:
-        held = touches.some(sorted(one))
-        if any(escaped(held, push, known) >= least for known in found):
+        at = sorted(one)
+        if (known[:, at].min(axis=1) >= least).any():
             continue
+        held = touches.some(at)
         friction, way = largest_friction(held, push, least)
-        found.append(way)
+        known = np.vstack([known, frictions(touches, push, way)])
         if friction < least:
             least, twist, contacts = friction, way, held.names
         if least < 0.0:

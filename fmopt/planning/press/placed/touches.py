@@ -122,14 +122,18 @@ def escape(touches: Touches, push: Push, friction: float) -> ConeProgram:
     return ConeProgram(np.append(np.zeros(n), 1.0), G=rows, h=np.append(np.zeros(k + 1), 1.0), W=W, norms=tuple(norms))
 
 
-def escaped(touches: Touches, push: Push, twist: Array) -> float:
-    """The friction up to which a twist (6,) escapes from contacts; below 0 where it does not."""
+def frictions(touches: Touches, push: Push, twist: Array) -> Array:
+    """The friction (k,) up to which a twist (6,) escapes from each contact; below 0 where it does not."""
     if push.wrench @ twist <= _POWER * push.size * np.linalg.norm(twist * push.scale):
-        return -1.0
+        return np.full(len(touches), -1.0)
     opens, slides = touches.N @ twist, np.linalg.norm(touches.T @ twist, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = np.where(opens < 0.0, -1.0, np.where(slides > 0.0, opens / slides, np.inf))
-    return float(ratios.min(initial=FREE_OF_JAMS))
+        return np.where(opens < 0.0, -1.0, np.where(slides > 0.0, opens / slides, np.inf))
+
+
+def escaped(touches: Touches, push: Push, twist: Array) -> float:
+    """The friction up to which a twist (6,) escapes from all of some contacts; below 0 where it does not."""
+    return float(frictions(touches, push, twist).min(initial=FREE_OF_JAMS))
 
 
 def largest_friction(touches: Touches, push: Push, below: float = FREE_OF_JAMS) -> tuple[float, Array]:
