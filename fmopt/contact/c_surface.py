@@ -246,6 +246,12 @@ def friction_cone(normal: Array, arm: Array, friction: float) -> Array:
     return np.hstack([forces, cross(arm, forces)])
 
 
+def sliding_maps(normals: Array, arms: Array) -> Array:
+    """Maps (k, 2, 6) from a twist to the velocity along surfaces with unit normals (k, 3), at arms (k, 3), m."""
+    sides = np.array([plane_basis(normal).T for normal in normals]).reshape(-1, 2, 3)
+    return np.concatenate([sides, cross(arms[:, None], sides)], axis=2)
+
+
 def angle_between(one: Array, other: Array) -> float | None:
     """The least angle (rad) between vectors of two cones; None where one is {0}.
 

@@ -20,11 +20,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmopt.geometry.polyhedron import plane_basis
+from fmopt.contact.c_surface import sliding_maps
 from fmopt.planning.control.compliance_frame import twist_scale
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm
 from fmopt.planning.optimise.solvers import ClarabelSolver, nearest_point
-from fmopt.spatial.se3 import cross, length
+from fmopt.spatial.se3 import length
 from fmopt.spatial.values import Array, Value
 
 _RAYS = 8  # of each cone, to begin with
@@ -81,8 +81,7 @@ class FrictionCones(
     @staticmethod
     def of(wrenches: Array, arms: Array, rho: float, friction: float) -> FrictionCones:
         """Of contacts with normal wrenches (m, 6) of unit force, and arms (m, 3) from the reference point, m."""
-        sides = np.array([plane_basis(n).T for n in wrenches[:, :3]]).reshape(-1, 2, 3)
-        rows = friction * np.concatenate([sides, cross(arms[:, None], sides)], axis=2)
+        rows = friction * sliding_maps(wrenches[:, :3], arms)
         return FrictionCones(wrenches / twist_scale(rho), rows / twist_scale(rho), rho)
 
     def opening(self, twist: Array) -> Array:

@@ -59,7 +59,7 @@ def rests(touches: Touches, push: Push, friction: float) -> bool:
 @pytest.mark.parametrize("share", [0.1, 0.25, 0.5, 1.0, 2.0])
 def test_a_square_peg_jams_across_its_corners_from_a_friction_that_is_known(share: float, tmp_path: Path) -> None:
     touches, push, box = going_down(square(tmp_path), 0.02 * share)
-    sets = reached_sets(touches, box, np.eye(6)[2], 1e-7)
+    sets = reached_sets(touches, box, np.eye(6)[2], 1e-4)
     assert (len(touches), len(sets)) == (16, 18)
     found = jam(sets, touches, push)
     # Two corners that lie across, each on two walls: the line between them inside both cones of half the opening.
@@ -72,7 +72,7 @@ def test_a_square_peg_jams_across_its_corners_from_a_friction_that_is_known(shar
 
 def test_cvxpy_states_the_program_of_an_escape_and_agrees(tmp_path: Path) -> None:
     touches, push, box = going_down(square(tmp_path), 0.01)
-    for some in reached_sets(touches, box, np.eye(6)[2], 1e-7)[::4]:
+    for some in reached_sets(touches, box, np.eye(6)[2], 1e-4)[::4]:
         program = escape(touches.some(sorted(some)), push, 0.1)
         stated, _ = as_cvxpy(program)
         margin = float(program.c @ ClarabelSolver().proposed(program))
@@ -85,7 +85,7 @@ def test_no_sampled_rest_is_outside_the_sets_that_errors_reach(family: str, tmp_
     task = press_task(load(write_toml(pair(family, 103), tmp_path)))
     touches, push, box = going_down(task, 0.4 * task.depth)
     along = np.eye(6)[2]
-    sets = reached_sets(touches, box, along, 1e-3 * task.clearance.per_side)
+    sets = reached_sets(touches, box, along, task.clearance.per_side)
     friction = jam(sets, touches, push).friction
     assert 0.05 < friction < 1.0
     random = np.random.default_rng(7)

@@ -52,20 +52,20 @@ def jam(sets: Sequence[frozenset[int]], touches: Touches, push: Push) -> Jam:
     return Jam(least, contacts, twist, min(len(sets), _MOST), max(len(sets) - _MOST, 0))
 
 
-def reached_sets(touches: Touches, box: Array, along: Array, touching: float) -> list[frozenset[int]]:
+def reached_sets(touches: Touches, box: Array, along: Array, clearance: float) -> list[frozenset[int]]:
     """Sets of contacts that poses of a box can touch together, those with the shortest way there first.
 
     Args:
         box: half-widths (6,), m and rad, about the pose of the contacts.
         along: gradient (6,) of what stays as it is there, such as the progress of a press; 0 for nothing.
-        touching: m.
+        clearance: a side, m.
     """
     vertices = _vertices(touches, box, along)
     sets = dict[frozenset[int], float]()
     with np.errstate(divide="ignore", invalid="ignore"):
         way = np.nan_to_num(np.abs(vertices / box), nan=0.0).max(axis=1, initial=0.0)
     for f, far in zip(touches.f + vertices @ touches.N.T, way, strict=True):
-        one = frozenset(np.flatnonzero(f < touching).tolist())
+        one = frozenset(np.flatnonzero(f < _TOUCHING * clearance).tolist())
         sets[one] = min(sets.get(one, np.inf), float(far))
     most = [one for one in sets if one and not any(one < other for other in sets)]
     return sorted(most, key=lambda one: (round(sets[one], 9), sorted(one)))

@@ -105,18 +105,13 @@ def _stands(way: Sequence[Pose]) -> bool:
 
 def _jam(task: PressTask, push: Push, stations: Sequence[Pose], errors: Array, rest: Rest | None) -> Jam:
     """The largest friction without a jam at all stations; the state that the press is to reach is none."""
-    least: Jam | None = None
+    wanted, found = None if rest is None else {*rest.touches.names}, list[Jam]()
     for pose in stations:
         touches, sets = _sets(task, push, pose, errors)
-        wanted = frozenset() if rest is None else frozenset(rest.touches.names)
-        sets = [one for one in sets if not wanted or not wanted <= {touches.names[k] for k in one}]
-        found = jam(sets, touches, push)
-        if least is None:
-            least = found
-        worse = found if found.friction < least.friction else least
-        least = replace(worse, sets=least.sets + found.sets, left_out=least.left_out + found.left_out)
-    assert least is not None
-    return least
+        short = [one for one in sets if wanted is None or not wanted <= {touches.names[k] for k in one}]
+        found.append(jam(short, touches, push))
+    worst = min(found, key=lambda one: one.friction)
+    return replace(worst, sets=sum(one.sets for one in found), left_out=sum(one.left_out for one in found))
 
 
 def _sets(task: PressTask, push: Push, pose: Pose, errors: Array) -> tuple[Touches, list[frozenset[int]]]:
@@ -129,7 +124,7 @@ def _sets(task: PressTask, push: Push, pose: Pose, errors: Array) -> tuple[Touch
         parts = task.moving.polyhedron, task.fixed.polyhedron
         touches = Touches.near(*parts, pose, reach, angle, clearance)
     along = push.wrench * push.gives
-    return touches, reached_sets(touches, box, along, 1e-3 * clearance)
+    return touches, reached_sets(touches, box, along, clearance)
 
 
 def _circles(task: PressTask, pose: Pose) -> Touches | None:

@@ -1,4 +1,4 @@
-"""Contacts about a pose to first order, where a wrench leads, the friction that it holds against, and escape twists.
+"""Contacts about a pose to first order, a wrench on the axes that give way, and the twists that escape from contacts.
 
 A twist of the axes that give way is an escape from a set of contacts if the wrench works along it and each contact
 opens by more than friction times how fast it slides: no friction up to there holds the part on these contacts.
@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.contact.c_surface import LEVEL, Surfaces, contact_point
+from fmopt.contact.c_surface import LEVEL, Surfaces, contact_point, sliding_maps
 from fmopt.contact.primitive import feature_distances, near_contacts
-from fmopt.geometry.polyhedron import Polyhedron, plane_basis
+from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.plan.press_rows import FREE_OF_JAMS
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm
 from fmopt.planning.optimise.solvers import ClarabelSolver
@@ -58,9 +58,7 @@ class Touches(Value, f=(None,), N=("f", 6), T=("f", 2, 6)):
     @staticmethod
     def at(names: Sequence[str], f: Array, normals: Array, arms: Array) -> Touches:
         """Contacts at arms (k, 3), m, from the pose's origin, along unit normals (k, 3) into the moving part."""
-        maps = [_tangents(arm, normal) for arm, normal in zip(arms, normals, strict=True)]
-        N = np.hstack([normals, cross(arms, normals)])
-        return Touches(tuple(names), f, N, np.reshape(maps, (-1, 2, 6)))
+        return Touches(tuple(names), f, np.hstack([normals, cross(arms, normals)]), sliding_maps(normals, arms))
 
     def __len__(self) -> int:
         return len(self.f)
@@ -69,12 +67,6 @@ class Touches(Value, f=(None,), N=("f", 6), T=("f", 2, 6)):
         """Those of a mask (k,), or of numbers."""
         at = np.flatnonzero(which) if isinstance(which, np.ndarray) else np.array(which, dtype=np.intp)
         return Touches(tuple(self.names[k] for k in at.tolist()), self.f[at], self.N[at], self.T[at])
-
-
-def _tangents(arm: Array, normal: Array) -> Array:
-    """The map (2, 6) from a twist to the speed, along a surface, of the point at an arm (3,) from its reference."""
-    along = plane_basis(normal).T
-    return np.hstack([along, cross(arm, along)])
 
 
 @dataclass(frozen=True, eq=False)
