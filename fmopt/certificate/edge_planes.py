@@ -3,8 +3,6 @@
 The rows of a plane along two edges in touch are heights relative to these, and what contacts say settles many.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import chain

@@ -1,7 +1,5 @@
 """Whether a contact stays inside its facet: the touching point within the face, or within both edges."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product

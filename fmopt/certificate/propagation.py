@@ -14,8 +14,6 @@ The pieces of a move share one twist per unit of progress, but for what the comp
 touches late has then gone farther in each of them alike, whichever piece it was commanded in.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ so that one gradient and one remainder formula serve them all: N = ∂f/∂(e, �
 |b| = 1, and σ = −1, a = 0 or σ = 0, |a| = 1. All vectors may be many at once, (r, 3).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -34,10 +32,10 @@ class Rows:
 
     f: Array
     N: Array
-    forms: Forms
+    forms: "Forms"
     turned: Turned
 
-    def end(self, k: int) -> Rows:
+    def end(self, k: int) -> "Rows":
         """Those at poses k, of rows at several with a leading axis."""
         w, b, y = self.turned
         return Rows(self.f[k], self.N[k], self.forms, Turned(w[k], b[k], y[k]))

@@ -9,8 +9,6 @@ Which rows of a witness plane count: those that the contacts do not settle.
 That depends on the contacts alone, not on poses, and is worked out once for each contact state.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -80,7 +78,7 @@ class Block:
     counted: tuple[Counted, ...]
 
     @staticmethod
-    def of(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -> Block:
+    def of(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -> "Block":
         """Those of a pair's witnesses that say something."""
         rows = rows_along(assembly, pair, witnesses)
         said = [(witness, own) for witness, own in zip(witnesses, rows, strict=True) if len(own.forms)]
@@ -96,7 +94,7 @@ class Candidates:
     listed: Witnesses
 
     @staticmethod
-    def of(blocks: Sequence[Block]) -> Candidates:
+    def of(blocks: Sequence[Block]) -> "Candidates":
         """The witnesses of several pairs."""
         if not all(block.counted for block in blocks):
             raise ValueError("a pair of pieces has no plane that could keep it apart")

@@ -1,7 +1,5 @@
 """What people see in a terminal: progress on standard error, a table of the moves, the verdict in words."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from functools import partial
@@ -83,7 +81,7 @@ def _compared(part: dict[str, Any]) -> str:
     return f"{100.0 * part['share']:.1f} %\n{low:.1f} to {high:.1f} %" + (f"\n{seconds:.1f} s" if seconds else "")
 
 
-def print_solved(plan: Plan, findings: Sequence[str], folder: Path, report: bool) -> None:
+def print_solved(plan: "Plan", findings: Sequence[str], folder: Path, report: bool) -> None:
     """Prints the outcome of `fmopt solve`: the moves or the first attempt's presses, and what is said of them."""
     from fmopt.report.moves import summary_rows
     from fmopt.report.presses import ENDINGS, HEAD, OUTCOMES, PLACED, ROWS, outcome_rows, placed_rows, press_rows

@@ -10,8 +10,6 @@ Virtual work makes the wrench of a unit force along the surface's normal equal t
 Friction cones of contacts as wrenches, and the angle between two: how well a force sensor tells them apart.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -60,7 +58,7 @@ class Surfaces(Value):
     tables: tuple[Records, ...]
 
     @staticmethod
-    def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron) -> Surfaces:
+    def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron) -> "Surfaces":
         """The functions of the contacts between these parts, in their order."""
         return _surfaces(moving, fixed, tuple(contacts))
 
@@ -152,7 +150,7 @@ def records(kind: Definition, numbers: Array) -> Records:
     return found
 
 
-def symbolic_surface(kind: Kind) -> Derived:
+def symbolic_surface(kind: Kind) -> "Derived":
     """The C-surface function of a kind of contact as SymPy has it, with its wrench and its second derivatives."""
     from fmopt.contact.derive import derived
 

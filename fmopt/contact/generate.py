@@ -1,7 +1,5 @@
 """Writes `kernels_generated.py` from the definitions of contacts: `python -m fmopt.contact.generate`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any

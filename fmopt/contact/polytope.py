@@ -4,8 +4,6 @@ Its vertices and rays come from Qhull, its faces from the planes that hold these
 are; nothing is perturbed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,7 +93,7 @@ class _Cut(Value):
     lineality: int
 
     @staticmethod
-    def of(normals: ArrayLike, offsets: ArrayLike) -> _Cut:
+    def of(normals: ArrayLike, offsets: ArrayLike) -> "_Cut":
         """That of {x: normals·x ≥ offsets}; errors as of `enumerate_faces`."""
         rows = np.asarray(normals, dtype=np.float64)
         size = np.sqrt((rows * rows).sum(axis=1))

@@ -6,8 +6,6 @@ Each face is one contact state: the contacts that are active together, as a clos
 [DakinPopplestone1993] section 2, Appendix I and II.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
@@ -48,7 +46,7 @@ class ContactGraph(Value):
     those whose facets it bounds, one dimension higher.
     """
 
-    space: LocalSpace
+    space: "LocalSpace"
     states: tuple[ContactState, ...]
     sons: tuple[tuple[int, ...], ...]
     fathers: tuple[tuple[int, ...], ...]
@@ -59,7 +57,7 @@ class ContactGraph(Value):
         return {d: dimensions.count(d) for d in sorted(set(dimensions))}
 
 
-def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
+def contact_graph(space: "LocalSpace", faces: Faces) -> ContactGraph:
     """The contact-state graph of a local space and its faces."""
     names = [contact.id for contact in space.contacts]
     # Points are made in scaled units, of clearances, in which the program is well conditioned.

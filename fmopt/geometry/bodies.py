@@ -1,7 +1,5 @@
 """The bodies of a file that may hold several: products of a STEP file, objects of a mesh, or what lies apart in it."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +14,7 @@ T = TypeVar("T")
 MAX_MESH_BYTES = 100_000_000
 
 
-def bodies_of(path: Path, unit: str | None) -> tuple[NamedBody, ...]:
+def bodies_of(path: Path, unit: str | None) -> "tuple[NamedBody, ...]":
     """All bodies of a STEP or mesh file, the numbers of the latter in mm if no unit is given.
 
     Raises:

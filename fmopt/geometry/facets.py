@@ -3,8 +3,6 @@
 How far facets may lie from the curved surface that they stand for, read off how they meet.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -314,7 +312,7 @@ def fan(vertices: Array, loop: Loop) -> Array:
     return np.cross(arms[:-1], arms[1:])
 
 
-def chords(body: Polyhedron) -> Iterator[tuple[tuple[int, int], tuple[float, float]]]:
+def chords(body: "Polyhedron") -> Iterator[tuple[tuple[int, int], tuple[float, float]]]:
     """The pairs of faces that may stand for one curved surface, with the sagitta (m) of the arc of each of the two.
 
     Facets of width c that turn by φ from one to the next are chords of an arc with the sagitta c/2 · tan(φ/4).

@@ -1,7 +1,5 @@
 """Solids over any simple outline: a stack of outlines with straight walls between neighbours, as few convex pieces."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
@@ -131,7 +129,7 @@ def _followed(lower: Outline, upper: Outline) -> Iterator[_Piece]:
         yield piece.sides, below, above
 
 
-def _mixed(below: Outline, above: Outline, share: float) -> Polygon:
+def _mixed(below: Outline, above: Outline, share: float) -> "Polygon":
     """The outline that is a share of the way up from one to the other."""
     from shapely import Polygon
 

@@ -9,8 +9,6 @@ y = 0, drift out of the plane moves no contact to first order. Two profiles over
 Lengths are in m.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -128,7 +126,7 @@ def with_balls(part: Part, balls: Sequence[tuple[ArrayLike, float]]) -> Part:
 
 
 def mesh_part(
-    name: str, mesh: Imported, features: Sequence[Feature] = (), chord_error: float | None = None, few: float = np.inf
+    name: str, mesh: "Imported", features: Sequence[Feature] = (), chord_error: float | None = None, few: float = np.inf
 ) -> Part:
     """The part of an imported mesh; it gets convex pieces by way of `mesh_solid.decomposed`.
 
@@ -162,7 +160,7 @@ def mesh_part(
     return replace(part, chord_error=true, notes=tuple(f"warning: {name}: {note}" for note in part.notes))
 
 
-def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:
+def _require_intact(name: str, mesh: "Imported", feature: Feature) -> None:
     """Gaps of a mesh may lie in a face that is there beside them, or at the far end of a feature, where nothing mates.
 
     Raises:

@@ -4,8 +4,6 @@ Lengths in m. Face loops list vertex indices, the outer loop first, counter-cloc
 holes, clockwise. Coordinates that come in are kept to the bit.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -341,7 +339,7 @@ def halfspace_corners(normals: Array, offsets: Array, inside: Array, size: float
     return np.asarray(inside + size * HalfspaceIntersection(rows, np.zeros(3)).intersections)
 
 
-def manifold_of(points: Array, triangles: NDArray[np.int64]) -> Manifold:
+def manifold_of(points: Array, triangles: NDArray[np.int64]) -> "Manifold":
     """The manifold3d solid of triangles (m, 3) over points (n, 3)."""
     from manifold3d import Manifold, Mesh64
 
@@ -349,7 +347,7 @@ def manifold_of(points: Array, triangles: NDArray[np.int64]) -> Manifold:
     return Manifold(Mesh64(np.array(points, order="C"), np.array(triangles, dtype=np.uint64, order="C")))
 
 
-def of_manifold(shape: Manifold, tol: float) -> Polyhedron:
+def of_manifold(shape: "Manifold", tol: float) -> Polyhedron:
     """The polyhedron of a manifold3d solid; errors and `tol` as of `from_triangles`."""
     mesh = shape.to_mesh64()
     return from_triangles(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts, dtype=np.int64), tol)

@@ -9,8 +9,6 @@ The published recipe for one step of the tube, kept for comparison only: it unde
 that most of the ellipsoid's surface leaves the cylinder. Nothing here may enter a certificate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

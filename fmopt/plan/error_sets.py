@@ -1,7 +1,5 @@
 """Error sets along a plan, derived from its start box by the chain of the check."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ The nominal trajectory has its S from what an uncertain part could touch. A cert
 that it holds: motion along an axis is stopped where a held contact would open the other way, w·e ≠ 0 for its wrench w.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -203,7 +201,7 @@ def _stretch(
     return Stretch(move, *times, tuple(s), pa[0], pa[1], fa, tuple(by), _nominal(nominal, float(poses[1][2])))
 
 
-def _nominal(nominal: Nominal, depth: float) -> tuple[int, ...]:
+def _nominal(nominal: "Nominal", depth: float) -> tuple[int, ...]:
     """S of the nominal trajectory when it first comes as deep (z, m)."""
     times, heights = np.array(nominal.times), np.array(nominal.nodes)[:, 2]
     below = np.flatnonzero(heights <= depth + _DEPTH)

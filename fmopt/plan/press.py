@@ -5,8 +5,6 @@ of the moving part. Each trial runs the attempts in order: where one fails, the 
 next one begins.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeAlias
@@ -233,7 +231,7 @@ class PressPlan:
     filled: bool = False
     cell: Surroundings = ALONE
 
-    def strengthened(self, factor: float) -> PressPlan:
+    def strengthened(self, factor: float) -> "PressPlan":
         """All wrenches times a factor, damping likewise: ways and speeds stay."""
         robot = self.robot
         damping = factor * robot.damping[0], factor * robot.damping[1]

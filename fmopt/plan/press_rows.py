@@ -1,7 +1,5 @@
 """Rows of the presses of a plan: room on the way, the state to reach, largest friction, errors; nothing proves them."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

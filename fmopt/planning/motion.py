@@ -1,7 +1,5 @@
 """The motion of a problem: searched, its way to begin varied, its goal poses placed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -134,7 +132,7 @@ _Finding = Callable[[float, Stages], tuple[Searched, Placed]]
 """Finds a motion by a deadline, and says what is being done; raises what `_Stood.motion` does."""
 
 
-def _ways(posed: Posed) -> Iterator[tuple[_Stood, _Finding]]:
+def _ways(posed: Posed) -> "Iterator[tuple[_Stood, _Finding]]":
     """Ways to find a motion: by the likeliest ways to begin, by growing errors, in other attitudes, by all others."""
     attitudes = images(posed.assembly, posed.problem.start_box)
     # Each attitude is made once: in its second turn the rounds go on after the likeliest ones.
@@ -193,7 +191,7 @@ class _Stood:
     found: MoveSequence | None = None
 
     @staticmethod
-    def of(own: Posed, image: Image) -> _Stood:
+    def of(own: Posed, image: Image) -> "_Stood":
         """The problem as an image of its parts poses it."""
         posed = own.imaged(image)
         problem, parts, clearance = posed.problem, posed.assembly, posed.clearance

@@ -3,8 +3,6 @@
 Problem → Posed (assembly, errors) → CertifiedMotion → ControlledMotion → plan document → Verdict
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -68,7 +66,7 @@ class Synthesis:
         """Whether the plan is certified."""
         return str(self.verdict.verdict) == CERTIFIED
 
-    def carried_out(self, settings: Settings, progress: Progress = lambda _: None) -> Synthesis:
+    def carried_out(self, settings: Settings, progress: Progress = lambda _: None) -> "Synthesis":
         """The same with trials of its guarded moves, as many as settings have draws, which change no verdict."""
         if not (self.proved and settings.draws) or self.plan.description.carried_out is not None:
             return self

@@ -1,7 +1,5 @@
 """The plan file of a controlled motion, drawn up from what the stages found: claims are its segments."""
 
-from __future__ import annotations
-
 import math
 from collections import abc
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A problem as a motion is looked for: its parts measured, its errors, and how a sequence's poses are placed for it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -61,7 +59,7 @@ class Posed:
     tolerance: Tolerance
 
     @classmethod
-    def of(cls, problem: Problem) -> Posed:
+    def of(cls, problem: Problem) -> "Posed":
         """A problem with its parts measured.
 
         Raises:
@@ -109,7 +107,7 @@ class Posed:
         said = found.of(placed.moves)
         return CertifiedMotion(self.assembly, self.clearance, self.errors, self.tolerance, said, placed)
 
-    def imaged(self, image: Image) -> Posed:
+    def imaged(self, image: Image) -> "Posed":
         """The same as an image of the parts poses it."""
         parts, clearance = image.assembly, image.clearance(self.clearance)
         goal, box = image.goal(self.problem.goal), image.attitude.of_widths(self.problem.start_box)

@@ -1,7 +1,5 @@
 """Where there is no plan: how far the closest motion came, what it lacks, and what would work, as data and page."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Drawings: one style, vector graphics that come out the same every time, legible in black and white."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """All figures of a plan: vector graphics from the plan alone, the same bytes for the same plan."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

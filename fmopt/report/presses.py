@@ -1,7 +1,5 @@
 """A plan of presses in words: each press with what is held, pushed and awaited, and what its trials came to."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence

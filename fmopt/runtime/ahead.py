@@ -5,8 +5,6 @@ share what they call. Numba keeps what the children compile where later processe
 listed, or that a child did not come to, is compiled when it is called first.
 """
 
-from __future__ import annotations
-
 import fcntl
 import importlib
 import json

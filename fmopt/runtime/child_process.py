@@ -5,8 +5,6 @@ when the thread that started it ends (Linux); a thread of its own does when the 
 however the parent ended (anywhere). What users type at a terminal goes to the parent alone.
 """
 
-from __future__ import annotations
-
 import ctypes
 import importlib
 import json

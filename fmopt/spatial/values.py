@@ -3,8 +3,6 @@
 What has been worked out about an object, kept with it: the memory goes when the object does.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -83,7 +81,7 @@ class Value:
 class _Memory(dict[Any, Any]):
     """Results by function, in the process that found them: copies and what is sent to others start without."""
 
-    def __reduce__(self) -> tuple[type[_Memory], tuple[()]]:
+    def __reduce__(self) -> "tuple[type[_Memory], tuple[()]]":
         # What is remembered is cheap to find again and may hold references back to its owner.
         return _Memory, ()
 

@@ -1,7 +1,5 @@
 """Assemblies: a workcell and its tasks, read from a file, every model with its knowledge base."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike

@@ -1,7 +1,5 @@
 """From problem and model files to the problem: read, checked as a whole, parts built in their mating frames."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

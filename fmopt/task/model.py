@@ -3,8 +3,6 @@
 Mating features that a model file leaves to be found are found with the other part of a problem.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -35,7 +33,7 @@ class Model:
     file: ModelFile
     given: bool = True
     notes: tuple[str, ...] = ()
-    mesh: Imported | None = None
+    mesh: "Imported | None" = None
 
     @property
     def kind(self) -> str:
@@ -61,7 +59,7 @@ class Bare:
     places: Mapping[str, Place] = field(default_factory=dict)
 
     @staticmethod
-    def of(source: Source, key: Key) -> Bare:
+    def of(source: Source, key: Key) -> "Bare":
         """What a problem says in a table, as far as it is right; the rest is told elsewhere."""
         table = source.get(key)
         unit, body = table.get("unit"), table.get("body")

@@ -5,8 +5,6 @@ where it is taken away. So a round pin and its hole clear each other by no more 
 of a twentieth of the clearance a side takes a tenth of that at most.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -5,8 +5,6 @@ Forces of a problem's specification, and configurations of its sources, that do 
 The clearance of a problem as measured on its parts, held against the declared one.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A problem as a task command: the workcell of its two parts and the five attributes, [LeeHuang1985] section 3."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the check has to say: findings, the verdict, and both as text."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -70,7 +68,7 @@ class Verdict:
     taken: tuple[str, ...] = ()
     evidence: Evidence | None = None
 
-    def unless(self, differences: Sequence[str], remarks: Sequence[str] = ()) -> Verdict:
+    def unless(self, differences: Sequence[str], remarks: Sequence[str] = ()) -> "Verdict":
         """The same, but not CERTIFIED where the plan differs from the problem that it is held against."""
         if remarks:
             return replace(self, taken=(*self.taken, *remarks)).unless(differences)

@@ -1,7 +1,5 @@
 """The house: a module imports only from lower floors, libraries only where they belong, and start-up stays light."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

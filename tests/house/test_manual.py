@@ -1,7 +1,5 @@
 """The manual: one page that opens and is searched offline, names what there is, and does what its examples say."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

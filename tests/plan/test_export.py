@@ -1,7 +1,5 @@
 """Exports: the guarded moves behind them, task frames, URScript by its grammar, tables and YAML read back."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

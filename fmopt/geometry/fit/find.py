@@ -6,8 +6,6 @@ taken, of these the deeper one, then the one whose smaller end leads, then the o
 that turns the solid the least.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Sections are taken between the levels of corners, where they are no limits: of u
 ones within 10 nm of the limit at the end of a slab.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -43,7 +41,7 @@ class Outline:
     end: Array
 
     @staticmethod
-    def of(shape: BaseGeometry) -> Outline:
+    def of(shape: BaseGeometry) -> "Outline":
         """The outline of a plane shape, without the points and lines that it may hold."""
         whole = shape if shape.is_valid else shape.buffer(0.0)
         parts = [part for part in shapely.get_parts(whole) if part.geom_type == "Polygon" and part.area > 0.0]
@@ -88,7 +86,7 @@ class Outline:
         parts = [part for one in between[:_MOST_TONGUES] for part in shapely.get_parts(one.intersection(self.shape))]
         return [part for part in parts if part.geom_type == "Polygon" and part.area > _SMALL * self.hull.area]
 
-    def is_like(self, other: Outline) -> bool:
+    def is_like(self, other: "Outline") -> bool:
         """Whether two outlines differ by less than rounding."""
         if len(self.start) != len(other.start):
             return False

@@ -5,8 +5,6 @@ where they overlap, minus how deep the deepest corner is in the other. Each prog
 side: s ≤ d + g·(Δx, Δy, Δturn), with the distance d and its gradient g, solved by daqp in a trust region.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
@@ -175,7 +173,7 @@ class Placement:
         self._free = ~np.isfinite(self._kept)
         self.clearance = float(self._far[self._free].min(initial=self.size))
 
-    def improved(self, trust: float) -> Placement:
+    def improved(self, trust: float) -> "Placement":
         """Itself, moved to the greatest clearance nearby, in steps of at most `trust` (m) to begin with."""
         for _ in range(_STEPS):
             heed()

@@ -5,8 +5,6 @@ material. Which of them is the fit is told by the walls: a fit is where walls ru
 nothing, as sections across odd directions touch by chance.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -98,7 +96,7 @@ class Candidate:
     width: float
     depth: float
     walls: tuple[float, ...]
-    twin: Candidate | None = None
+    twin: "Candidate | None" = None
 
     @cached_property
     def feet(self) -> tuple[Array, Array]:

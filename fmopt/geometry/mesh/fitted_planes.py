@@ -1,7 +1,5 @@
 """Planes fitted to facets, made to belong together: along one frame, square, at equal turns, meeting in corners."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -42,7 +40,7 @@ class Fits:
     off: float
 
     @staticmethod
-    def of(points: Array, groups: Sequence[Sequence[int] | Indices]) -> Fits:
+    def of(points: Array, groups: Sequence[Sequence[int] | Indices]) -> "Fits":
         """Fit a plane to each group of points (n, 3)."""
         normals, offsets, widths, off = np.empty((len(groups), 3)), np.empty(len(groups)), np.empty(len(groups)), 0.0
         for numbers, which in by_count(groups):

@@ -4,8 +4,6 @@ Work and memory are bounded by the bytes of the file. Comments, names and materi
 triangles, ears where they are not convex; points that no face uses are left out.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -88,7 +86,7 @@ def _surface(path: Path, kind: str, data: bytes) -> Surface:
     return _packed([Shell(name, np.array(points), np.array(triangles, np.int64)) for name, points, triangles in found])
 
 
-def _packed(shells: Sequence[Shell]) -> Surface:
+def _packed(shells: "Sequence[Shell]") -> Surface:
     """Solids of a package, as if read one by one."""
     surface = Surface()
     for shell in shells:

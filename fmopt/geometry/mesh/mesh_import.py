@@ -1,7 +1,5 @@
 """Meshes from files: vertices merged, triangles turned the same way, gaps closed, facets made plane, faults named."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -59,7 +57,7 @@ class Imported(Value, where=(3,), labels={"where": "place"}):
     kind: Literal["mesh", "solid"] = "mesh"
     noise: float | None = None
 
-    def moved(self, pose: Pose) -> Imported:
+    def moved(self, pose: Pose) -> "Imported":
         """The mesh moved by a pose."""
         return replace(self, body=placed(self.body, pose))
 

@@ -4,8 +4,6 @@ Triangles that face the other way than those around them, and shells that are in
 that passes through itself bounds no solid.
 """
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

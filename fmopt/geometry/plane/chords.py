@@ -4,8 +4,6 @@ Chords of neighbouring curves share their ends, so that their order is that of t
 farther apart than the chords' tolerance.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -52,7 +50,7 @@ def winding(lines: Sequence[Array], points: Array) -> NDArray[np.intp]:
     return turns
 
 
-def enclosed(lines: Sequence[Array], rounded: bool = True) -> BaseGeometry:
+def enclosed(lines: Sequence[Array], rounded: bool = True) -> "BaseGeometry":
     """What closed chains of directed polylines (k, 2) wind round at least once; on a grid if `rounded`."""
     import shapely
 
@@ -64,7 +62,7 @@ def enclosed(lines: Sequence[Array], rounded: bool = True) -> BaseGeometry:
     return shapely.union_all(faces[inside], grid_size=grid)
 
 
-def filled(rings: Sequence[Array]) -> BaseGeometry:
+def filled(rings: Sequence[Array]) -> "BaseGeometry":
     """What closed rings (k, 2), last point equal to the first, wind round at least once."""
     import shapely
 

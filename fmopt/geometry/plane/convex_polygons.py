@@ -7,8 +7,6 @@ off it. All of it is exact, in fractions, so that the sides of pieces lie in tho
 none of the outline's are rounded once, at the end.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -55,14 +53,14 @@ class Convex:
         """Its area."""
         return sum((a * d - c * b for (a, b), (c, d), _ in self.ends), Fraction(0)) / 2
 
-    def before(self, ends: Iterable[Side]) -> Convex | None:
+    def before(self, ends: Iterable[Side]) -> "Convex | None":
         """What of it lies left of several lines, see `beyond`."""
         body: Convex | None = self
         for end in ends:
             body = None if body is None else body.beyond(*end)
         return body
 
-    def beyond(self, a: Point, b: Point, side: int | None) -> Convex | None:
+    def beyond(self, a: Point, b: Point, side: int | None) -> "Convex | None":
         """What of it lies left of the line from a to b, whose part becomes a side of that number; None if nothing."""
         heights = self.heights(a, b)
         if all(height >= 0 for height in heights):

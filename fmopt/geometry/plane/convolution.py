@@ -11,8 +11,6 @@ then winds −1 times round p, and not less than 0 times elsewhere, if B has the
 the hole takes no part. Holes of B likewise.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

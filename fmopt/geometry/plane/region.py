@@ -1,7 +1,5 @@
 """Plane regions bounded by closed loops of exact curves, the interior on the left; coordinates in m."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -78,7 +76,7 @@ class Region(Value):
         return 0.0 if self.empty else float(np.hypot(*(self.box[1] - self.box[0])))
 
     @cached_property
-    def shape(self) -> BaseGeometry:
+    def shape(self) -> "BaseGeometry":
         """What the loops wind round at least once, curves as chords within 1e-6 of the size, prepared."""
         import shapely
 
@@ -156,7 +154,7 @@ class Region(Value):
                 kept.append(t)
         return np.array(kept)
 
-    def moved(self, R: ArrayLike, offset: ArrayLike) -> Region:
+    def moved(self, R: ArrayLike, offset: ArrayLike) -> "Region":
         """The image under p ↦ R p + offset with R (2, 2) orthogonal; a reflection turns the loops round."""
         R = np.asarray(R, dtype=np.float64)
         loops = tuple(tuple(curve.moved(R, offset) for curve in loop) for loop in self.loops)

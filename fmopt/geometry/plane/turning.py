@@ -1,7 +1,5 @@
 """Regions swept by a rotation about the origin."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -3,8 +3,6 @@
 Corners lie where surfaces meet: those of plane faces are moved onto all of their planes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -47,7 +45,7 @@ class Facets(Value):
     around: float
 
 
-def exact_facets(solid: TopoDS_Shape, deviation: float) -> Facets:
+def exact_facets(solid: "TopoDS_Shape", deviation: float) -> Facets:
     """The facets of a solid of planes and surfaces of revolution.
 
     The solid is of the kernel; facets may lie from curved faces by the deviation. In mm.

@@ -4,8 +4,6 @@ A page is a file `<name>.md` in this folder, named in `PAGES`; its first line is
 written `[words](problem.md#meshes)`, figures `![what is to be seen](figures/name.svg)`.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from html import escape
@@ -105,7 +103,7 @@ def _made(name: str) -> tuple[str, str]:
     return f"{title}\n<ul>{inner}\n</ul>" if inner else title, html
 
 
-def _named(tokens: Sequence[Token], name: str) -> Iterator[tuple[str, str, int]]:
+def _named(tokens: "Sequence[Token]", name: str) -> Iterator[tuple[str, str, int]]:
     """Gives each heading a name of its own, and says them with their words and levels."""
     for token, inner in pairwise(tokens):
         if token.type == "heading_open":
@@ -116,7 +114,7 @@ def _named(tokens: Sequence[Token], name: str) -> Iterator[tuple[str, str, int]]
             yield at, said, level
 
 
-def _turned(child: Token, name: str) -> None:
+def _turned(child: "Token", name: str) -> None:
     """A link to another page becomes one inside the page, a figure its own source."""
     if child.type == "link_open":
         child.attrSet("href", inside(str(child.attrGet("href")), name))

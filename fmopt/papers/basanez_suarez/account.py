@@ -4,8 +4,6 @@ In the plane of x and z the orientation φ runs counter-clockwise as drawn, x to
 is φ = −ry.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

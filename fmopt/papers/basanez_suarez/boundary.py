@@ -4,8 +4,6 @@ Every boundary point of such a set lies on the offset, by r, of one feature of i
 These offset curves are cut where they meet, the parts that lie inside the set are dropped, and the rest is chained.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

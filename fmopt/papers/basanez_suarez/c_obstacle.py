@@ -1,7 +1,5 @@
 """Cc: all configurations at which any basic contact is possible, the union of the CU of all of them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,7 +26,7 @@ class PossibleContacts(Value):
     sets: tuple[CU, ...]
 
     @staticmethod
-    def between(moving: Profile, static: Profile, deviations: Deviations) -> PossibleContacts:
+    def between(moving: Profile, static: Profile, deviations: Deviations) -> "PossibleContacts":
         """Cc of these objects, each in its own frame, under these deviations."""
         return PossibleContacts(basic_contacts(moving, static, deviations))
 
@@ -71,7 +69,7 @@ class PossibleContacts(Value):
         inside = self.gaps(pose)[0] <= 1e-9 * self.size
         return tuple(cu for cu, yes in zip(self.sets, inside, strict=True) if yes)
 
-    def polygons(self, phi: ArrayLike, tolerance: float) -> list[MultiPolygon]:
+    def polygons(self, phi: ArrayLike, tolerance: float) -> "list[MultiPolygon]":
         """For each φ (k,), rad, a polygon that contains Cc there and is nowhere farther from it than `tolerance`, m.
 
         Raises:

@@ -1,7 +1,5 @@
 """Basic planar contacts, the orientations at which they are possible, and their C-surface values."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -132,7 +130,7 @@ class CU(Value, edge=(2, 2), vertex=(2,)):
             low, high = -arc_support(-u, 1.0, angle, self.spread), arc_support(u, 1.0, angle, self.spread)
         return np.asarray(base + low - self.radius), np.asarray(base + high + self.radius)
 
-    def without_uncertainty(self) -> CU | None:
+    def without_uncertainty(self) -> "CU | None":
         """The nominal C-surface with its ends, as the CU of no deviation; None when the contact needs deviations."""
         if self.nominal is None:
             return None

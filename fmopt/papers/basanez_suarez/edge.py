@@ -5,8 +5,6 @@ edge that turns about the reference point has its nearest point sweep an arc exa
 four segments and the additional arc (36), in case B two segments. The paper's text has the two the other way round.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -67,11 +65,11 @@ class TurnedEdge(PlanarSet, pivot=(2,), start=(2,), end=(2,)):
         """The pivot (2,), m."""
         return self.pivot
 
-    def widened(self, radius: float) -> TurnedEdge:
+    def widened(self, radius: float) -> "TurnedEdge":
         """The Minkowski sum with a further disc of this radius in m."""
         return replace(self, radius=self.radius + radius)
 
-    def displaced(self, by: Array) -> TurnedEdge:
+    def displaced(self, by: Array) -> "TurnedEdge":
         """The set displaced by a vector (2,) in m."""
         return replace(self, pivot=np.add(self.pivot, by))
 

@@ -1,7 +1,5 @@
 """The distance between a line segment and an arc about the origin: what all planar contact sets are measured with."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

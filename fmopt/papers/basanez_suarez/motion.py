@@ -4,8 +4,6 @@ A motion is gross while it touches no CU, fine while it is in one ([BasanezSuare
 bounds: a contact that is not listed is impossible, a clearance is never overstated.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import StrEnum
@@ -49,10 +47,10 @@ class _Spans:
     low: Array
     high: Array
 
-    def kept(self, mask: NDArray[np.bool_]) -> _Spans:
+    def kept(self, mask: NDArray[np.bool_]) -> "_Spans":
         return _Spans(self.contact[mask], self.part[mask], self.low[mask], self.high[mask])
 
-    def halves(self) -> _Spans:
+    def halves(self) -> "_Spans":
         middle = 0.5 * (self.low + self.high)
         low, high = np.concatenate([self.low, middle]), np.concatenate([middle, self.high])
         return _Spans(np.tile(self.contact, 2), np.tile(self.part, 2), low, high)

@@ -3,8 +3,6 @@
 Polygons on a chosen side of boundaries of arcs and segments.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, Self
@@ -87,7 +85,7 @@ class PlanarSet(Value, ABC):
         """Area in m², by Green's theorem along the boundary."""
         return max(float(sum(piece.curve.moment() for loop in self.boundary() for piece in loop)), 0.0)
 
-    def polygon(self, tolerance: float, side: Side) -> MultiPolygon:
+    def polygon(self, tolerance: float, side: Side) -> "MultiPolygon":
         """A polygon that contains the set, or lies in it, each arc replaced within `tolerance`, m.
 
         No point of the outer one is farther from the set than that. Where the set, or a gap in it, is thinner, the
@@ -107,7 +105,7 @@ class PlanarSet(Value, ABC):
         return polygon(self.widened(0.5 * tolerance).boundary(), 0.5 * tolerance, side)
 
 
-def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon:
+def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> "MultiPolygon":
     """The polygon of loops that have their set on the left, within a tolerance (m); see `PlanarSet.polygon`.
 
     Chords where an arc bulges away from the chosen side, tangents where it bulges to it. Each arc is moved within the

@@ -1,7 +1,5 @@
 """Polygonal objects of planar contacts: vertices, edges, outward normals, and how far uncertainty turns an edge."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,7 +36,7 @@ class Profile(Value):
     before: NDArray[np.intp]
 
     @staticmethod
-    def of(*loops: ArrayLike) -> Profile:
+    def of(*loops: ArrayLike) -> "Profile":
         """The object with these loops (k, 2) in m.
 
         Raises:
@@ -93,7 +91,7 @@ class Profile(Value):
         c, s = math.cos(phi), math.sin(phi)
         return np.asarray(self.vertices @ np.array([[c, s], [-s, c]]) + (x, y))
 
-    def region(self, pose: Sequence[float] | Array) -> BaseGeometry:
+    def region(self, pose: Sequence[float] | Array) -> "BaseGeometry":
         """The object at a configuration (p_x, p_y, φ) as a polygon with its holes, m."""
         from shapely import Polygon
 

@@ -1,7 +1,5 @@
 """Where a point of the grasped object lies seen from the reference point: h and γ of [BasanezSuarez] eqs. (8), (9)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -22,13 +20,13 @@ class Reach:
     gamma: float
 
     @staticmethod
-    def of(point: ArrayLike) -> Reach:
+    def of(point: ArrayLike) -> "Reach":
         """The polar form of a point (2,) in the gripper's frame, m."""
         x, y = frozen(point, 2, name="point of the grasped object")
         return Reach(math.hypot(x, y), math.atan2(y, x))
 
     @staticmethod
-    def from_grasp(p_g: float, v: float, angle: float) -> Reach:
+    def from_grasp(p_g: float, v: float, angle: float) -> "Reach":
         """The polar form of p_g + v (lengths, m), with γ counted from the direction of p_g; `angle` is φ_m + α, rad.
 
         h = √(p_g² + v² + 2 p_g v cos(φ_m + α)); γ = atan2(v sin(φ_m + α), p_g + v cos(φ_m + α)), where eq. (9) has an

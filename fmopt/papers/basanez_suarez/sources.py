@@ -4,8 +4,6 @@ The sums are ε_a of a static object, ε_pg and ε_φg of an object in the gripp
 moves. `fmopt.task.sources` has the same sums in space, with the share of each source.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -45,7 +43,7 @@ class Deviation(Value):
         require(position=self.position, angle=self.angle)
         object.__setattr__(self, "about", frozen(self.about, 2, name="about"))
 
-    def at(self, point: ArrayLike) -> Deviation:
+    def at(self, point: ArrayLike) -> "Deviation":
         """The deviation of another point (2,), m: a turn by up to ε_φ moves it by up to the chord of its arc."""
         lever = math.hypot(*(np.asarray(point) - self.about))
         chord = 2.0 * lever * math.sin(0.5 * min(self.angle, math.pi))

@@ -3,8 +3,6 @@
 All symbols are real; lengths in m, angles in rad.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache

@@ -3,8 +3,6 @@
 [BasanezSuarez] steps 1 to 3 of type-1 C-surfaces. With an edge of no length it is Uv or CUv, with the static edge CUl.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from itertools import count, pairwise, takewhile
@@ -59,11 +57,11 @@ class ArcSum(PlanarSet, start=(2,), end=(2,), labels={"start": "start of the edg
         """The start of the edge (2,), m."""
         return self.start
 
-    def widened(self, radius: float) -> ArcSum:
+    def widened(self, radius: float) -> "ArcSum":
         """The Minkowski sum with a further disc of this radius in m."""
         return replace(self, radius=self.radius + radius)
 
-    def displaced(self, by: Array) -> ArcSum:
+    def displaced(self, by: Array) -> "ArcSum":
         """The set displaced by a vector (2,) in m."""
         return replace(self, start=np.add(self.start, by), end=np.add(self.end, by))
 

@@ -11,8 +11,6 @@ steepest line's point from the axis. R − D and R + D are linear in s, so that 
 whose control points are closed forms without cancellation.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

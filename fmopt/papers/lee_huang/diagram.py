@@ -1,7 +1,5 @@
 """What of a cut-diagram can touch: straight edges, convex corners with their normals, and circular arcs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

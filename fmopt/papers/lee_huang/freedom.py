@@ -17,8 +17,6 @@ Contact is possible when a candidate's bounds can hold with f ≤ 0 and also wit
 over |eᵢ| ≤ aᵢ is not negative.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any

@@ -11,8 +11,6 @@ Let X be the pose of operand 1 in the B-frame. When the operands were not exchan
 When they were, the hand holds operand 2, and its pose in the frame of operand 1, which stands still, is X⁻¹.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any

@@ -9,8 +9,6 @@ corner of the ball the line.
 A straight leg of the nominal centre on a plane, and where it crosses lines and circles, in closed form.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -114,7 +112,7 @@ class Lines(Value):
         # A corner that turns with the section touches where it is; an edge that turns touches the fixed corner.
         return np.asarray(np.where(self.turning[rows, None], self.c[rows, 0] - points, self.arm[rows]))
 
-    def _rows(self, rows: Indices) -> Lines:
+    def _rows(self, rows: Indices) -> "Lines":
         return Lines(self.c[rows], self.m[rows], self.force[rows], self.turns[rows], self.arm[rows])
 
     def _near(self, leg: Leg) -> Bits:

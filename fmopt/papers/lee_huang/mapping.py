@@ -4,8 +4,6 @@
 shrinks to a line L, the nominal trajectory in what is left, and the uncertain line held against GE.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

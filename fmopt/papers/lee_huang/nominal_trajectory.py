@@ -9,8 +9,6 @@ look at each other across a narrow gap while their heights overlap. The pair beg
 end of the one face's heights passes an end of the other's: there a vertex or edge enters or leaves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

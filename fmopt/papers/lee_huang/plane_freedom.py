@@ -21,8 +21,6 @@ ball ⊕ line run on circles, its sides touch circles or stop where the cone end
 between neighbouring ones one test decides. Nothing is sampled.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

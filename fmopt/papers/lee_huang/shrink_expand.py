@@ -12,8 +12,6 @@ P(t), [LeeHuang1985] section 4.1.1 with errata.
 Polyhedral stand-ins that contain a solid, so that what is free of them is free of its true round surfaces.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

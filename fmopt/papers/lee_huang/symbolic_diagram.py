@@ -5,8 +5,6 @@ so that every curve that may bound the section comes with the condition under wh
 The curves hold for planes that do not run in a face, along an edge or through a corner.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -37,7 +35,7 @@ class SymbolicCurve:
     v: Expression
     present: Expression
 
-    def substituted(self, values: Mapping[Expression, Expression]) -> SymbolicCurve:
+    def substituted(self, values: Mapping[Expression, Expression]) -> "SymbolicCurve":
         """The curve with numbers or expressions for some of its symbols."""
         return SymbolicCurve(*(part.xreplace(dict(values)) for part in (self.u, self.v, self.present)))
 

@@ -6,8 +6,6 @@ e = (d, δ) in a box |eᵢ| ≤ aᵢ the candidate's distance is f(e) = f₀ + N
 both edges) are rows gₖ(e) = cₖ + Bₖ·e + o(e) ≥ 0, with |o| ≤ ρ in closed form (θ = |a_δ|, D = |a_d|).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -52,7 +50,7 @@ class Body(Value):
     tangents: Array
 
     @staticmethod
-    def of(polyhedron: Polyhedron) -> Body:
+    def of(polyhedron: Polyhedron) -> "Body":
         """The features of a polyhedron."""
         ends = np.array([edge.vertices for edge in polyhedron.edges])
         spans = polyhedron.vertices[ends]

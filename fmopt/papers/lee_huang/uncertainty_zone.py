@@ -5,8 +5,6 @@ max norm, the line's direction Ψ in a cone, and both together sweep the trapezo
 plane, from u to v. The cone's metric d₁ is the wrapped angle; unwrapped, a direction of 359° would be 358° from 1°.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import product

@@ -9,8 +9,6 @@ GE belongs to an orientation, and to three planes. Where operand 1 has not the g
 and what the planes do not show is found by `swept`.
 """
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import math

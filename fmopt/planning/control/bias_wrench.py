@@ -3,8 +3,6 @@
 The bias is the wrench *applied to* the moving part, about its reference point, in axes of the B-frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -171,8 +169,8 @@ class Balance(NamedTuple):
     `which` of them presses the least pressed contact; t by default.
     """
 
-    program: Program
-    push: Push
+    program: "Program"
+    push: "Push"
     rubbed: float
     x: Array
     which: int = -1

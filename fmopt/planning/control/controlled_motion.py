@@ -14,8 +14,6 @@ edges at the angle α up to arcsin(θ / sin α). With u = v + ω × a
 for the unit twist (v, ω) and the velocity error (e_t, e_r) as shares of it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -260,7 +258,7 @@ class Meeting(Value, normal=(3,), arms=(None, 3)):
     leverage: float
 
     @staticmethod
-    def of(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Meeting:
+    def of(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> "Meeting":
         """The meeting of a primitive contact of two parts at a pose."""
         arms = moving.vertices[list(contact.moving)] @ pose.R.T
         if contact.kind is Kind.BALL_FACE:

@@ -13,8 +13,6 @@ half-spaces of rays vₙ + μ e·vₜ: a few of each contact to begin with, then
 far. The nearest twist of so many half-spaces is a quadratic program.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -79,7 +77,7 @@ class FrictionCones(
     rho: float
 
     @staticmethod
-    def of(wrenches: Array, arms: Array, rho: float, friction: float) -> FrictionCones:
+    def of(wrenches: Array, arms: Array, rho: float, friction: float) -> "FrictionCones":
         """Of contacts with normal wrenches (m, 6) of unit force, and arms (m, 3) from the reference point, m."""
         rows = friction * sliding_maps(wrenches[:, :3], arms)
         return FrictionCones(wrenches / twist_scale(rho), rows / twist_scale(rho), rho)

@@ -9,8 +9,6 @@ Pereyra, SIAM J. Numer. Anal. 10, 1973, eq. 4.12).
 What errors take of the push by turning forces counts as it is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import assert_never
@@ -63,7 +61,7 @@ def holds(
 
 def move_derivatives(
     assembly: Assembly, claim: Claim, held: Sequence[PrimitiveContact], made: Sequence[PrimitiveContact]
-) -> MoveDerivatives:
+) -> "MoveDerivatives":
     """How a guarded move changes with displacements (12) of its start and goal, inside its contacts."""
     turn = claim.piece.start.local(claim.piece.goal)[3:]
     displacement = np.zeros((12, 6))
@@ -173,7 +171,7 @@ class _Change:
     dslid: Array
 
     @staticmethod
-    def of(move: GuardedMove, changing: MoveDerivatives, rho: float, specification: Specification) -> _Change:
+    def of(move: GuardedMove, changing: MoveDerivatives, rho: float, specification: Specification) -> "_Change":
         """Of a move."""
         scale, V, basis = twist_scale(rho), move.direction(rho), move.space(rho)
         dV = changing.displacement / move.length(rho)

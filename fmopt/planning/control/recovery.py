@@ -12,8 +12,6 @@ move nearer or farther; a contact that was never felt speaks for errors with whi
 early, or another in its place, for those with which they are nearer. Last comes the same start once more.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from fractions import Fraction

@@ -17,8 +17,6 @@ and ∂τ is what brings the last one to the goal of the move. The twists C are 
 turn with the poses of the moves before, and so does what gives way by more or less than in the first piece.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -179,7 +177,7 @@ class _Moved:
     motion: Array
 
     @staticmethod
-    def of(piece: Piece, way: Linearisation, turned: dict[bytes, Array], displaced: Array) -> _Moved:
+    def of(piece: Piece, way: Linearisation, turned: dict[bytes, Array], displaced: Array) -> "_Moved":
         """With derivatives of compliant twists, and of the commanded motion (6, n)."""
         none = np.zeros_like(displaced)
         directions = [c.direction for c in piece.basis]

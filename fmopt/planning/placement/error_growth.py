@@ -6,8 +6,6 @@ square. The least of these shares is made as large as possible, rows among them 
 contacts, and where it exceeds the share that is certified, that grows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -58,7 +56,7 @@ class _Grown:
     unit: float
 
     @classmethod
-    def of(cls, share: float, aim: Aim, placed: Placed, near: float) -> _Grown:
+    def of(cls, share: float, aim: Aim, placed: Placed, near: float) -> "_Grown":
         """A certified sequence, with its rows within `near` (m) of binding."""
         rows = sequence_rows(aim.assembly, placed.reached, aim.tolerance, near, drifting=True, felt=share == 1.0)
         # Of a row errors take λ a + λ² b, its reach and rest: per λ that is a + 2 λ b, or (reach + 2 rest) / λ.

@@ -11,8 +11,6 @@ with dist_j the clearance of obstacle j in the scaled metric and C the overlap a
 (The paper prints C − dist.) Bounds enter with C = 0 and a small factor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -96,7 +94,7 @@ def _state(scaled: ConeProgram, y: Array, unit: float) -> tuple[Array, Array]:
     return y, Vt[rank:].T
 
 
-def _line_search(cost: _Cost, y: Array, direction: Array, step: float, slope: float) -> tuple[float, Array]:
+def _line_search(cost: "_Cost", y: Array, direction: Array, step: float, slope: float) -> tuple[float, Array]:
     """Backtracking to Armijo's rule; returns the step taken and the point."""
     here = cost(y)
     while step > 1e-14:
@@ -115,7 +113,7 @@ class _Cost:
     asymptote: float
 
     @staticmethod
-    def of(program: ConeProgram, y: Array, asymptote: float) -> _Cost:
+    def of(program: ConeProgram, y: Array, asymptote: float) -> "_Cost":
         # A pose deeper in the overlap than C moves the asymptote below itself.
         least = float(_Cost(program, 0.0)._room(y)[0].min(initial=0.0))
         return _Cost(program, min(asymptote, 1.5 * least))

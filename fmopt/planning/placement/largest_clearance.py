@@ -4,8 +4,6 @@ Poses are local coordinates X = (d, δ) around one reference pose; the distance 
 in the metric |X|² = |d|² + ρ²|δ|² ([DakinPopplestone1993] appendix II, with D′ = D/|N*| for its eq. 19).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

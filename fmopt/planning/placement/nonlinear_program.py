@@ -3,8 +3,6 @@
 maximise t   s.t.   f_i(X) = 0,   f_j(X) − allowance_j ≥ t,   lower ≤ X ≤ upper
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass

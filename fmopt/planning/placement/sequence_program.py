@@ -8,8 +8,6 @@ the poses are put back on the true contact surfaces, everything is certified ane
 certified margin rose.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -53,7 +51,7 @@ class Refinement:
     least_gain: float
 
     @classmethod
-    def of(cls, spread: float, clearance: float) -> Refinement:
+    def of(cls, spread: float, clearance: float) -> "Refinement":
         """For a start error that displaces the tip by up to `spread` and a clearance a side, both in m."""
         return cls(16, 0.1 * (spread + clearance), 0.05 * clearance, 0.002 * clearance)
 

@@ -4,8 +4,6 @@ Every figure is a margin of the same moves under other errors, or with a slimmer
 and remainders derived again; nothing is linearised.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -61,7 +59,7 @@ class Motion:
     framing: Framing = IN_THE_WORLD
     known: Reached | None = None
 
-    def under(self, errors: Array) -> Motion:
+    def under(self, errors: Array) -> "Motion":
         """The motion under start errors with other half-widths (6,)."""
         return replace(self, box=errors, known=None)
 

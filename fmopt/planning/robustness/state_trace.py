@@ -6,8 +6,6 @@ confirmed states of it, the one a father of the other. Along a move a vertex may
 other contacts take over. That is no face of a local space but a common end of two; there all contacts of both touch.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress

@@ -9,8 +9,6 @@ gₖ being the images of the start errors at the pose X. Velocity errors, and wh
 these are the planner's own figures, of first order, and no part of what is certified.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

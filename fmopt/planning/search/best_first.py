@@ -9,8 +9,6 @@ answer comes soon, and the least bound among the states left open, or dropped fo
 and risks no more, says how much better another sequence could be: the gap.
 """
 
-from __future__ import annotations
-
 import heapq
 import math
 import re
@@ -203,7 +201,7 @@ def search(
     )
 
 
-def _sequence(node: Node, front: _Frontier, expanded: int) -> MoveSequence:
+def _sequence(node: Node, front: "_Frontier", expanded: int) -> MoveSequence:
     come = node.entry, node.moves, node.names, node.reached, node.cost
     return MoveSequence(*come, front.bound(node), expanded, *front.graph(node))
 

@@ -7,8 +7,6 @@ Placement of the whole sequence does not replace it: from entries as they are dr
 margin on the shipped problems, 0.8 times in the median.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Guarded moves: from a pose, along one freedom of the compliance frame, until the first new contact is made."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -90,7 +88,7 @@ class _Course:
     motion: tuple[Array, Array, Array, Array]
 
     @staticmethod
-    def of(assembly: Assembly, place: Place, freedom: Freedom) -> _Course:
+    def of(assembly: Assembly, place: Place, freedom: Freedom) -> "_Course":
         """From a place along a freedom."""
         pivot, at = place.pivot, place.pose.apply(place.pivot)
         motion = _own(place.pose.R), _own(pivot), _own(at), _own(freedom.twist)

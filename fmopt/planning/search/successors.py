@@ -1,7 +1,5 @@
 """One step of the search: the guarded moves from a contact state, what they cost, and the states that they lead to."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -66,7 +64,7 @@ class Costs:
     greed: float = 1.8
 
     @classmethod
-    def of(cls, spread: float, clearance: float) -> Costs:
+    def of(cls, spread: float, clearance: float) -> "Costs":
         """The costs for a start error that displaces the tip by up to `spread` and a clearance a side, both in m."""
         asymptote = -0.15 * spread - 0.5 * clearance
         return cls(reach=7.0 * spread + 10.0 * clearance, asymptote=asymptote, scale=clearance)

@@ -7,8 +7,6 @@ coordinates. The images of parts whose coordinates are the same to the bit, as t
 rounded, are the same to the bit. Into which pieces a part comes apart may still hang on the order of its tools.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -76,7 +74,7 @@ class Searched:
     states: tuple[SearchedState, ...] = ()
     way: tuple[int, ...] = ()
 
-    def of(self, moves: Sequence[Move]) -> Searched:
+    def of(self, moves: Sequence[Move]) -> "Searched":
         """The same with each guarded move named by the axis that it goes along, or turns about, most."""
         return replace(self, names=tuple(map(self._named, self.names, moves)))
 

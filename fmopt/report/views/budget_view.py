@@ -1,7 +1,5 @@
 """The uncertainty budget: what each source adds to the half-widths of the start error."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 from typing import TypeAlias

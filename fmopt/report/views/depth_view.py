@@ -1,7 +1,5 @@
 """The largest friction without a jam over depth, on the way into the hole."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

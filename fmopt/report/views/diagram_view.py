@@ -1,7 +1,5 @@
 """The three diagrams of the T-C mapping: operand 2 cut, expanded by operand 1, and the uncertain line L on its way."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

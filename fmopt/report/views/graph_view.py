@@ -1,7 +1,5 @@
 """The contact graph of a critical point with the chosen states, or the chain of the states when no graph is given."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

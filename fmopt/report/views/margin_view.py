@@ -1,7 +1,5 @@
 """Clearance and margin along the path: what the parts leave free, and what is left of it when all errors have taken."""
 
-from __future__ import annotations
-
 from functools import partial
 from textwrap import fill
 from typing import Any

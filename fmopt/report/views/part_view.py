@@ -1,7 +1,5 @@
 """A part as it is: seen from a corner, and its sections through the axis of its frame and across it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

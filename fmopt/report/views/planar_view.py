@@ -1,7 +1,5 @@
 """Planar sets of possible contact as the plan has them: arcs in the colour of the circle that they lie on."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

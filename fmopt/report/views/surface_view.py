@@ -1,7 +1,5 @@
 """CU as a body over φ, sliced, with the nominal C-surface inside."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

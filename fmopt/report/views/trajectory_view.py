@@ -1,7 +1,5 @@
 """The trajectory over time: P(t) and the bands of S(t), and where the plan has them Pa(t) and Fa(t)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Cross-sections of the tube: the set of errors at the start and at every move's end, in planes of two coordinates."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

@@ -4,8 +4,6 @@ A free entry that the lower pair constrains takes the pair's value; one that the
 rotations the goal nearest to the start's orientation. The rotation entries are a rotation vector, as everywhere here.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -9,8 +9,6 @@ A chain is evaluated from left to right. Not every CSG tree is one: A + (B − C
 A − B + C, and such a term keeps its own tree as its body.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -244,6 +242,6 @@ class ObjectTree(Value):
         """The solid of all features, in the object's frame."""
         return chain_solid(self.chain)
 
-    def at(self, frame: Pose) -> ObjectTree:
+    def at(self, frame: Pose) -> "ObjectTree":
         """The object put elsewhere."""
         return replace(self, frame=frame)

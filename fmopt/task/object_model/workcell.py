@@ -3,8 +3,6 @@
 Operands: a feature with its direct neighbours in the trees and across the links, [LeeHuang1985] section 3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
@@ -95,12 +93,12 @@ class Workcell(Value):
         tree, feature = self.resolve(ref)
         return tree.frame if feature is None else tree.frame.compose(feature.frame)
 
-    def connect(self, link: Link) -> Workcell:
+    def connect(self, link: Link) -> "Workcell":
         """The workcell with one more link; a link of the same two nodes is replaced."""
         kept = tuple(old for old in self.links if {old.one, old.other} != {link.one, link.other})
         return replace(self, links=(*kept, link))
 
-    def moved(self, names: Collection[str], move: Pose) -> Workcell:
+    def moved(self, names: Collection[str], move: Pose) -> "Workcell":
         """The workcell with the objects of some names moved: a global point at x goes to move.apply(x)."""
         there = (tree.at(move.compose(tree.frame)) if tree.name in names else tree for tree in self.objects)
         return replace(self, objects=tuple(there))

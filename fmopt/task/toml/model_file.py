@@ -8,8 +8,6 @@ part = "part"                       the named solid that the model is
 [features.peg] kind = "solid"       a frame on the centre line and a length, after [LeeHuang1985] section 3
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
@@ -68,7 +66,7 @@ class Turned(PlacedTable):
     is solid, inside what is taken away. A twentieth of the clearance a side, say, or less."""
 
     @model_validator(mode="after")
-    def _one_of_both(self) -> Turned:
+    def _one_of_both(self) -> "Turned":
         if {"sides", "sagitta"} <= self.model_fields_set:
             raise fault("conflict", "both sides and sagitta are given", "give one of them")
         return self

@@ -3,8 +3,6 @@
 Pydantic's errors as faults of this project: with line, column, key, code and advice.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -54,7 +52,7 @@ class Reading:
     bare: frozenset[Dimension] = frozenset()
 
     @staticmethod
-    def of(data: Mapping[str, Any]) -> Reading:
+    def of(data: Mapping[str, Any]) -> "Reading":
         """The reading of a file, from its `[units]` table as it stands, right or wrong.
 
         Without the table every plain number lacks its unit; with it lengths and angles do where it leaves them out, and

@@ -5,8 +5,6 @@ lies in the face's plane, and one that is no farther from it than a parallel fac
 front of that. Of parts that are off their form nothing is said beside what touches.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property

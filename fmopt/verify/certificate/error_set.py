@@ -17,8 +17,6 @@ row; it does not add up along the way.
 Linear algebra in error coordinates (e, ε): rows and columns of six, square matrices of six rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -77,7 +75,7 @@ class ErrorSet:
     slide: Square
     swing: Square
     shape: Square
-    linkage: Linkage | None = None
+    linkage: "Linkage | None" = None
 
     @cached_property
     def generators(self) -> tuple[Row, ...]:
@@ -138,7 +136,7 @@ class Linkage:
         """How many generators move on otherwise than the world's."""
         return sum(h != ZERO3 or g != NO_ROW for h, g in zip(self.hole, self.hand, strict=True))
 
-    def turned(self, turn: Matrix) -> Linkage:
+    def turned(self, turn: Matrix) -> "Linkage":
         """The linkage after the part has turned."""
         return replace(self, hand=tuple(turned(turn, g[:3]) + turned(turn, g[3:]) for g in self.hand))
 

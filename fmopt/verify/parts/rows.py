@@ -13,8 +13,6 @@ A row's linear part is interpolated between the ends of the piece; `remainder` b
 it asks of the same vectors remembered by the `Extent` of the piece.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -228,7 +226,7 @@ class Extent:
     box: Vector
 
     @cached_property
-    def standing(self) -> Extent:
+    def standing(self) -> "Extent":
         """The same errors without the motion."""
         return Extent(FREE, 0, FREE, self.theta, self.angles, self.box)
 

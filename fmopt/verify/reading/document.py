@@ -1,7 +1,5 @@
 """The part of a plan that the check judges, as values: read once, by `parse`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -258,7 +256,7 @@ class Plan:
     goal: Numbers
     touch: float
     not_covered: tuple[str, ...]
-    recovery: Recovery | None = None
+    recovery: "Recovery | None" = None
     presses: int = 0
     evidence: Evidence | None = None
     subject: str = ""

@@ -1,7 +1,5 @@
 """A plan whose claim needs a face to lie flat that need not, and the lie that says it does."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import json

@@ -3,8 +3,6 @@
 See forging.py for how to do so at length.
 """
 
-from __future__ import annotations
-
 import json
 import random
 import time

@@ -5,8 +5,6 @@ of the count, half of it forged, half of it mutants. A plan's problem is the fil
 folder's.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

@@ -1,7 +1,5 @@
 """What a lie about a plan is: one thing altered, and who can tell that it is false."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Callable, Iterator, Sequence

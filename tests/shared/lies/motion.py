@@ -1,7 +1,5 @@
 """Lies about the motion: contacts, their order, poses, witnesses."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from random import Random
 from typing import Any

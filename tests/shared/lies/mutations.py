@@ -1,7 +1,5 @@
 """Changes for the worse to a plan, each of which the check must notice."""
 
-from __future__ import annotations
-
 import copy
 import random
 from collections.abc import Callable, Iterator

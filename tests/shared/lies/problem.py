@@ -1,7 +1,5 @@
 """Lies about what a plan is for: errors, weights, forces, units, frames, the part."""
 
-from __future__ import annotations
-
 from random import Random
 
 from tests.shared.lies.lie import PROBLEM, Document, chosen, drawn, named

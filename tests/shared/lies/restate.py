@@ -4,8 +4,6 @@ The numbers come from the check's own derivation, as it compares them: where a p
 is written in its place. Bounds of errors rest on themselves and are taken to their fixed point.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 import re

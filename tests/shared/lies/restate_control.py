@@ -1,7 +1,5 @@
 """Axes and contact lists of a control strategy, as the contacts of an altered plan ask for them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lies about control, recovery, bounds of errors, and what is not covered."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from random import Random
 from typing import Any

@@ -1,7 +1,5 @@
 """Lies about the solids: surfaces that are none, and pieces that are not the part."""
 
-from __future__ import annotations
-
 from random import Random
 from typing import Any
 
