@@ -42,14 +42,11 @@ class Wall:
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """What held contacts say exactly.
-
-    Args:
-        turns: body directions, normals of flush faces first, with the world directions that they are turned onto.
-    """
+    """What held contacts say exactly."""
 
     owner: ref[Assembly]
     walls: tuple[Wall, ...]
+    # Body directions, normals of flush faces first, with the world directions that they are turned onto
     turns: tuple[tuple[Array, Array], ...]
 
     @property

@@ -38,17 +38,12 @@ class Onto:
 
 @dataclass(frozen=True, eq=False)
 class Counted:
-    """The rows of a witness that contacts do not settle: distances that must stay positive.
-
-    Args:
-        always: how many of them, the first ones, count always; the others as `onto` says.
-        edges: unit directions of the moving and of the fixed edge, for kind "edges".
-    """
+    """The rows of a witness that contacts do not settle: distances that must stay positive."""
 
     forms: Forms
-    always: int
+    always: int  # how many of them, the first ones, count always; the others as `onto` says
     onto: tuple[Onto, ...] = ()
-    edges: tuple[Array, Array] | None = None
+    edges: tuple[Array, Array] | None = None  # unit directions of the moving and of the fixed edge, for kind "edges"
 
     def scale(self, start: Pose, goal: Pose, extent: Extent) -> float:
         """What margins are divided by: an upper bound, at most 1, of the length of the rows' normal."""
@@ -83,19 +78,12 @@ def contacts_of(pair: Pair) -> tuple[PrimitiveContact, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Edge:
-    """An edge of a piece, run from one end to the other.
+    """An edge of a piece, run from one end to the other."""
 
-    Args:
-        ends: both ends (2, 3), m.
-        along: unit direction (3,).
-        arms: (v − a) × e for all vertices v of the piece (k, 3), a the first end and e the direction, m.
-        on: which vertices (k,) lie on its line.
-    """
-
-    ends: Array
-    along: Array
-    arms: Array
-    on: Mask
+    ends: Array  # both ends (2, 3), m
+    along: Array  # unit direction (3,)
+    arms: Array  # (v − a) × e for all vertices v of the piece (k, 3), a the first end and e the direction, m
+    on: Mask  # which vertices (k,) lie on its line
     points: frozenset[int]
 
 

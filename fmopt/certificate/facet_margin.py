@@ -113,17 +113,12 @@ def _judge(
 
 @dataclass(frozen=True, eq=False)
 class _Rim:
-    """An edge around a convex part of a face.
-
-    Args:
-        inward: normal of the plane that has the part in front of it (3,).
-        offset: of that plane, m.
-        whole: whether the part goes along the edge's line no farther than the edge does; beyond it is more of the face.
-    """
+    """An edge around a convex part of a face."""
 
     span: tuple[int, int]
-    inward: Array
-    offset: float
+    inward: Array  # normal of the plane that has the part in front of it (3,)
+    offset: float  # of that plane, m
+    # Whether the part goes along the edge's line no farther than the edge does; beyond it is more of the face
     whole: bool
     swallowed: tuple[Span, ...]
 

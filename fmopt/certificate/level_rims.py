@@ -26,21 +26,13 @@ Edges = tuple[tuple[tuple[int, int], tuple[int, int]], ...]
 
 @dataclass(frozen=True, eq=False)
 class LevelRim:
-    """A rim of the fixed part that is level with the plane of a face of the moving one, and not behind it.
+    """A rim of the fixed part that is level with the plane of a face of the moving one, and not behind it."""
 
-    Args:
-        at: a point of the rim (3,).
-        along: its unit direction (3,), as the contact's edge runs.
-        way: unit direction (3,) of the face's edge that touches it, in the body.
-        normal: of the face in the body (3,).
-        offset: of the face, m.
-    """
-
-    at: Array
-    along: Array
-    way: Array
-    normal: Array
-    offset: float
+    at: Array  # a point of the rim (3,)
+    along: Array  # its unit direction (3,), as the contact's edge runs
+    way: Array  # unit direction (3,) of the face's edge that touches it, in the body
+    normal: Array  # of the face in the body (3,)
+    offset: float  # of the face, m
     held: bool
 
     def before(self, points: Array, normal: Array, offset: float) -> Mask:

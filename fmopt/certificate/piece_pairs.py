@@ -21,33 +21,25 @@ _MEMORY = 2048
 
 @dataclass(frozen=True)
 class Witness:
-    """A plane between two pieces: along a face or edges, as vertex indices of the pieces, or any plane of the B-frame.
-
-    Args:
-        plane: for kind "plane" the unit normal (3) and the offset; the fixed piece lies behind it.
-    """
+    """A plane between two pieces: along a face or edges, as vertex indices of the pieces, or any plane of the B-frame."""
 
     kind: Literal["fixed-face", "moving-face", "edges", "plane"]
     moving: tuple[int, ...]
     fixed: tuple[int, ...]
+    # For kind "plane" the unit normal (3) and the offset; the fixed piece lies behind it
     plane: tuple[float, float, float, float] | None = None
 
 
 class Pair(NamedTuple):
-    """A moving piece against a fixed one, with the contacts that bear on the two.
-
-    Args:
-        state: all contacts held, for a pair of which contacts say something; else none.
-        left: all contacts given up, for such a pair; else none.
-        beside: the contact being made that counts and those given up, wherever, for such a pair; else none.
-    """
+    """A moving piece against a fixed one, with the contacts that bear on the two."""
 
     moving: Polyhedron
     fixed: Polyhedron
     held: tuple[PrimitiveContact, ...]
     opening: tuple[PrimitiveContact, ...]
-    state: tuple[PrimitiveContact, ...]
-    left: tuple[PrimitiveContact, ...]
+    state: tuple[PrimitiveContact, ...]  # all contacts held, for a pair of which contacts say something; else none
+    left: tuple[PrimitiveContact, ...]  # all contacts given up, for such a pair; else none
+    # The contact being made that counts and those given up, wherever, for such a pair; else none
     beside: tuple[PrimitiveContact, ...]
 
     @property

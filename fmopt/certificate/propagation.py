@@ -44,20 +44,15 @@ _IMPOSSIBLE = {
 
 @dataclass(frozen=True, eq=False)
 class Advance:
-    """The outcome of a step.
-
-    Args:
-        motion: displacement (6,) of the piece inside the held contacts.
-        approach: how much nearer the contact being made comes; None without one.
-        overtravel: how much longer or shorter the piece is at most until its move's contact is made, as a share of it.
-    """
+    """The outcome of a step."""
 
     ends: Ends
     basis: tuple[Compliance, ...]
-    motion: Array
+    motion: Array  # displacement (6,) of the piece inside the held contacts
     length: float
-    approach: Growth | None = None
+    approach: Growth | None = None  # how much nearer the contact being made comes; None without one
     departures: tuple[Growth, ...] = ()
+    # How much longer or shorter the piece is at most until its move's contact is made, as a share of it
     overtravel: float = 0.0
 
     @property

@@ -43,16 +43,11 @@ Reaching = tuple[Array, Array, Array, Array, Array]
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """How far a piece of motion and its errors reach.
+    """How far a piece of motion and its errors reach."""
 
-    Args:
-        twist: V = (Δ, τ) (6,) of the nominal motion, m and rad.
-        half: half-widths (6,) of a box around the errors all along, m and rad.
-        coupling: what the linear picture leaves of errors in different frames (2,), at most, m and rad.
-    """
-
-    twist: Array
-    half: Array
+    twist: Array  # V = (Δ, τ) (6,) of the nominal motion, m and rad
+    half: Array  # half-widths (6,) of a box around the errors all along, m and rad
+    # What the linear picture leaves of errors in different frames (2,), at most, m and rad
     coupling: Array = field(default_factory=lambda: UNCOUPLED)
 
     @property
@@ -254,19 +249,12 @@ def _columns(supports: Sequence[Reaching]) -> tuple[Array, NDArray[np.intp]]:
 
 @dataclass(frozen=True, eq=False)
 class Heights:
-    """Rows (k) over pieces of motion (n): at both ends values and gradients, what errors take there, and remainders.
+    """Rows (k) over pieces of motion (n): at both ends values and gradients, what errors take there, and remainders."""
 
-    Args:
-        f: values (2, n, k), m.
-        N: gradients (2, n, k, 6), m and m/rad.
-        reach: how far errors reach along the gradients (2, n, k), m.
-        rest: remainders (n, k), m.
-    """
-
-    f: Array
-    N: Array
-    reach: Array
-    rest: Array
+    f: Array  # values (2, n, k), m
+    N: Array  # gradients (2, n, k, 6), m and m/rad
+    reach: Array  # how far errors reach along the gradients (2, n, k), m
+    rest: Array  # remainders (n, k), m
 
     @property
     def bounds(self) -> Array:

@@ -19,73 +19,43 @@ Places = NDArray[np.intp]
 
 
 class Motion(NamedTuple):
-    """Pieces of motion (n) with their errors.
+    """Pieces of motion (n) with their errors."""
 
-    Args:
-        p: positions (2, n, 3) at both ends, m.
-        R: rotations (2, n, 3, 3).
-        columns: of the errors' supports (2, n, c, 6).
-        cuts: where generators, slide, swing and shape end among them (4,).
-        twist: (n, 6), m and rad.
-        half: half-widths (n, 6) of the box around the errors, m and rad.
-        coupling: what the linear picture leaves of errors in different frames (n, 2), m and rad.
-        form: how far the surfaces of both parts may lie from those planned with, together, m.
-    """
-
-    p: Array
-    R: Array
-    columns: Array
-    cuts: Places
-    twist: Array
-    half: Array
-    coupling: Array
-    form: float
+    p: Array  # positions (2, n, 3) at both ends, m
+    R: Array  # rotations (2, n, 3, 3)
+    columns: Array  # of the errors' supports (2, n, c, 6)
+    cuts: Places  # where generators, slide, swing and shape end among them (4,)
+    twist: Array  # (n, 6), m and rad
+    half: Array  # half-widths (n, 6) of the box around the errors, m and rad
+    coupling: Array  # what the linear picture leaves of errors in different frames (n, 2), m and rad
+    form: float  # how far the surfaces of both parts may lie from those planned with, together, m
 
 
 class Sides(NamedTuple):
     """Faces (f) of pieces of the one part against corners (v) of those of the other, for pairs (m) of pieces.
 
     No contact touches them, so that all rows count.
-
-    Args:
-        normals: unit normals (f, 3), in the frame of the part that the faces are of.
-        offsets: how far out its pieces reach along them (f,), m.
-        corners: (v, 3), in the frame of the other part, m.
-        levers: lengths of the normals (f,), and those of the corners (v,), m.
-        faces: where those of each pair begin and end (m, 2).
-        points: where the corners of each pair begin and end (m, 2).
-        moving: whether the faces are of the moving part.
     """
 
-    normals: Array
-    offsets: Array
-    corners: Array
-    levers: tuple[Array, Array]
-    faces: Places
-    points: Places
-    moving: bool
+    normals: Array  # unit normals (f, 3), in the frame of the part that the faces are of
+    offsets: Array  # how far out its pieces reach along them (f,), m
+    corners: Array  # (v, 3), in the frame of the other part, m
+    levers: tuple[Array, Array]  # lengths of the normals (f,), and those of the corners (v,), m
+    faces: Places  # where those of each pair begin and end (m, 2)
+    points: Places  # where the corners of each pair begin and end (m, 2)
+    moving: bool  # whether the faces are of the moving part
 
 
 class Witnesses(NamedTuple):
-    """Witnesses (w) that may keep pairs (m) apart, their rows (k) one after the other.
+    """Witnesses (w) that may keep pairs (m) apart, their rows (k) one after the other."""
 
-    Args:
-        begins: where the rows of each begin, and the last ones end (w + 1,).
-        places: witnesses of each pair (m, …), the last repeated where others have more.
-        always: how many rows of each, the first ones, count whatever the errors are (w,), unless they are behind.
-        surely: rows (k,) that count whatever the errors are.
-        edges: unit directions (w, 2, 3) of the moving and of the fixed edge; zero without.
-        onto: witness, row `outside` and row `inside` (o, 3) of walls that moving edges turn onto.
-        behind: rows (o, …) of the witness that are then behind the plane.
-    """
-
-    begins: Places
-    places: Places
-    always: Places
-    surely: Mask
-    edges: Array
-    onto: Places
-    behind: Mask
+    begins: Places  # where the rows of each begin, and the last ones end (w + 1,)
+    places: Places  # witnesses of each pair (m, …), the last repeated where others have more
+    always: Places  # how many rows of each, the first ones, count whatever the errors are (w,), unless they are behind
+    surely: Mask  # rows (k,) that count whatever the errors are
+    edges: Array  # unit directions (w, 2, 3) of the moving and of the fixed edge; zero without
+    onto: Places  # witness, row `outside` and row `inside` (o, 3) of walls that moving edges turn onto
+    behind: Mask  # rows (o, …) of the witness that are then behind the plane
 
 
 @part

@@ -30,36 +30,22 @@ _MEMORY = 512
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """The linear picture of a piece; letters are those of `segment`.
+    """The linear picture of a piece; letters are those of `segment`."""
 
-    Args:
-        twist: V (6,) from S to G.
-        directions: compliant twists C_h of the held basis (h, 6).
-        made: row of the contact being made, by the contacts held, at both ends; None without.
-        start_dual: T^S (6, h), dual to the held rows at the start.
-        goal_dual: T^h (6, h), dual to the held rows at the goal.
-        hold: Π_h = I − T^h N_h (6, 6).
-        motion: v = Π_h V (6,), the motion inside the held contacts.
-        rate: −N_m·v, how much nearer the contact being made comes, m.
-        seen: N′ = Π_hᵀ N_m (6,).
-        projector: Π = Π_h + φ v N′ᵀ/rate (6, 6).
-        rho: characteristic length ρ, m.
-    """
-
-    twist: Array
+    twist: Array  # V (6,) from S to G
     turn: float
     length: float
-    directions: Array
+    directions: Array  # compliant twists C_h of the held basis (h, 6)
     held: tuple[Rows, Rows]
-    made: tuple[Rows, Rows] | None
-    start_dual: Array
-    goal_dual: Array
-    hold: Array
-    motion: Array
-    rate: float
-    seen: Array
-    projector: Array
-    rho: float
+    made: tuple[Rows, Rows] | None  # row of the contact being made, by the contacts held, at both ends; None without
+    start_dual: Array  # T^S (6, h), dual to the held rows at the start
+    goal_dual: Array  # T^h (6, h), dual to the held rows at the goal
+    hold: Array  # Π_h = I − T^h N_h (6, 6)
+    motion: Array  # v = Π_h V (6,), the motion inside the held contacts
+    rate: float  # −N_m·v, how much nearer the contact being made comes, m
+    seen: Array  # N′ = Π_hᵀ N_m (6,)
+    projector: Array  # Π = Π_h + φ v N′ᵀ/rate (6, 6)
+    rho: float  # characteristic length ρ, m
 
     @property
     def travel(self) -> Array:
@@ -169,19 +155,12 @@ def cone(tolerance: Tolerance, way: Linearisation, N: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """How much a row grows along a piece, whatever the error.
+    """How much a row grows along a piece, whatever the error."""
 
-    Args:
-        row: its gradient inside the held contacts (6,).
-        nominal: how much it grows where there are no errors, m.
-        lost: what errors may take of that, m.
-        turned: how that changes with the pose (6,), as rows turn.
-    """
-
-    row: Array
-    nominal: float
-    lost: float
-    turned: Array = field(default_factory=lambda: np.zeros(6))
+    row: Array  # its gradient inside the held contacts (6,)
+    nominal: float  # how much it grows where there are no errors, m
+    lost: float  # what errors may take of that, m
+    turned: Array = field(default_factory=lambda: np.zeros(6))  # how that changes with the pose (6,), as rows turn
 
     @property
     def least(self) -> float:

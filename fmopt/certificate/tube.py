@@ -27,73 +27,43 @@ contact surfaces are too thick."""
 
 
 class Layers(NamedTuple):
-    """What the thickness of contact surfaces at both ends of a piece is made up of, whatever the errors.
+    """What the thickness of contact surfaces at both ends of a piece is made up of, whatever the errors."""
 
-    Args:
-        bending: rows of the held basis (h), and on the last piece that of the contact being made, along the piece (r).
-        f: values (h,) of the rows of those held at the start, m.
-        N: their gradients (h, 6).
-        off: how far the nominal pose at the goal is off the surfaces (r,), m.
-        residue: what rounding leaves of the made one under the projection, per m and per rad (2,).
-        start_dual: T^S (6, h), dual to the rows at the start.
-        goal_dual: T^G (6, r), dual to those at the goal.
-        shares: of the rows (r,) in what says how far the execution goes until it touches, 1 of the made one.
-        form: what tolerances of form add to the thickness of each (r,), m.
-    """
-
+    # Rows of the held basis (h), and on the last piece that of the contact being made, along the piece (r)
     bending: Bending
-    f: Array
-    N: Array
-    off: Array
-    residue: Array
-    start_dual: Array
-    goal_dual: Array
-    shares: Array
-    form: Array
+    f: Array  # values (h,) of the rows of those held at the start, m
+    N: Array  # their gradients (h, 6)
+    off: Array  # how far the nominal pose at the goal is off the surfaces (r,), m
+    residue: Array  # what rounding leaves of the made one under the projection, per m and per rad (2,)
+    start_dual: Array  # T^S (6, h), dual to the rows at the start
+    goal_dual: Array  # T^G (6, r), dual to those at the goal
+    shares: Array  # of the rows (r,) in what says how far the execution goes until it touches, 1 of the made one
+    form: Array  # what tolerances of form add to the thickness of each (r,), m
 
 
 class Numbers(NamedTuple):
-    """A piece of motion, in numbers.
+    """A piece of motion, in numbers."""
 
-    Args:
-        length: L in the metric of ρ, m.
-        rate: how much nearer the contact being made comes, m; 0 without one.
-        leaning: |turning part of N′|, m.
-        rates: velocity errors per unit of length, in translation and in angle (1/m).
-        seen: N′ (6,).
-        projector: Π (6, 6).
-    """
-
-    length: float
+    length: float  # L in the metric of ρ, m
     turn: float
-    rate: float
-    leaning: float
+    rate: float  # how much nearer the contact being made comes, m; 0 without one
+    leaning: float  # |turning part of N′|, m
     share: float
-    rates: tuple[float, float]
-    seen: Array
-    projector: Array
+    rates: tuple[float, float]  # velocity errors per unit of length, in translation and in angle (1/m)
+    seen: Array  # N′ (6,)
+    projector: Array  # Π (6, 6)
 
 
 class Errors(NamedTuple):
-    """A start set without its old thickness, in the roots of its parts.
+    """A start set without its old thickness, in the roots of its parts."""
 
-    Args:
-        core: generators (k, 6).
-        slide: root (6, a) of the drift in translation.
-        swing: root (6, b) of the drift in rotation.
-        shape: root (6, s) of the shape.
-        moved: the generators (k, 6) as the motion alone would carry them on, before contacts take errors up.
-        moved_shape: root (6, s′) of the shape, likewise.
-        links: sizes of the errors in different frames (5,), see `coupled`.
-    """
-
-    core: Array
-    slide: Array
-    swing: Array
-    shape: Array
-    moved: Array
-    moved_shape: Array
-    links: Array
+    core: Array  # generators (k, 6)
+    slide: Array  # root (6, a) of the drift in translation
+    swing: Array  # root (6, b) of the drift in rotation
+    shape: Array  # root (6, s) of the shape
+    moved: Array  # the generators (k, 6) as the motion alone would carry them on, before contacts take errors up
+    moved_shape: Array  # root (6, s′) of the shape, likewise
+    links: Array  # sizes of the errors in different frames (5,), see `coupled`
 
 
 @compiled

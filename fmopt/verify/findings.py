@@ -36,18 +36,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class Witness:
-    """A pose at which two pieces certainly overlap.
-
-    Args:
-        error: error (e, ε) on top of that nominal pose, zero for the nominal pose itself.
-        depth: certain depth of a common point in both pieces, m.
-    """
+    """A pose at which two pieces certainly overlap."""
 
     segment: int
     pose: tuple[float, ...]
-    error: tuple[float, ...]
+    error: tuple[float, ...]  # error (e, ε) on top of that nominal pose, zero for the nominal pose itself
     pair: tuple[int, int]
-    depth: float
+    depth: float  # certain depth of a common point in both pieces, m
 
 
 @dataclass(frozen=True)

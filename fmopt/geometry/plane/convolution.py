@@ -77,23 +77,14 @@ class _Lines:
 
 @dataclass(frozen=True, eq=False)
 class _Turns:
-    """Turning features c + ρ n(θ), n to the right of θ, for low ≤ θ ≤ high within [0, 2π].
+    """Turning features c + ρ n(θ), n to the right of θ, for low ≤ θ ≤ high within [0, 2π]."""
 
-    Args:
-        centre: c (n, 2) in m.
-        radius: ρ (n,) in m: 0 corners, negative right turns; nan where a conic arc takes the place of the formula.
-        low: (n,) in rad.
-        high: (n,) in rad.
-        sign: (n,), 1 for left turns, −1 for right turns.
-        conics: the conic arc of a row, None elsewhere.
-    """
-
-    centre: Array
-    radius: Array
-    low: Array
-    high: Array
-    sign: Array
-    conics: tuple[ConicArc | None, ...]
+    centre: Array  # c (n, 2) in m
+    radius: Array  # ρ (n,) in m: 0 corners, negative right turns; nan where a conic arc takes the place of the formula
+    low: Array  # (n,) in rad
+    high: Array  # (n,) in rad
+    sign: Array  # (n,), 1 for left turns, −1 for right turns
+    conics: tuple[ConicArc | None, ...]  # the conic arc of a row, None elsewhere
 
 
 def convolution(first: Sequence[Curve], second: Sequence[Curve], tolerance: float) -> list[Curve]:

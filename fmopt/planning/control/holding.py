@@ -149,26 +149,18 @@ def hold_derivatives(
 
 @dataclass(frozen=True, eq=False)
 class _Change:
-    """A guarded move with how it changes, in the terms of its linear programs.
-
-    Args:
-        scale: of twists (6,).
-        V, dV: unit twist (6,) and its derivatives (n, 6).
-        projector: Π (6, 6).
-        dprojector: its derivatives (n, 6, 6).
-        slid, dslid: how contact points slide (m, 3), and its derivatives (n, m, 3).
-    """
+    """A guarded move with how it changes, in the terms of its linear programs."""
 
     move: GuardedMove
     changing: MoveDerivatives
     specification: Specification
-    scale: Array
-    V: Array
-    dV: Array
-    projector: Array
-    dprojector: Array
-    slid: Array
-    dslid: Array
+    scale: Array  # of twists (6,)
+    V: Array  # unit twist (6,)
+    dV: Array  # its derivatives (n, 6)
+    projector: Array  # Π (6, 6)
+    dprojector: Array  # its derivatives (n, 6, 6)
+    slid: Array  # how contact points slide (m, 3)
+    dslid: Array  # its derivatives (n, m, 3)
 
     @staticmethod
     def of(move: GuardedMove, changing: MoveDerivatives, rho: float, specification: Specification) -> "_Change":

@@ -55,21 +55,15 @@ def described(
 
 @dataclass(frozen=True, eq=False)
 class _Wall:
-    """A fixed face that a face or an edge of the moving part lies in.
-
-    Args:
-        flush: whether it is a face that lies in it.
-        vertices: where they are in the body (n, 3).
-        convex: convex edges of the face, the first of its rims; at the others another face begins.
-    """
+    """A fixed face that a face or an edge of the moving part lies in."""
 
     number: int
-    flush: bool
+    flush: bool  # whether it is a face that lies in it
     own: frozenset[int]
-    vertices: Array
+    vertices: Array  # where they are in the body (n, 3)
     numbers: tuple[int, ...]
     edges: Edges
-    convex: tuple[int, ...]
+    convex: tuple[int, ...]  # convex edges of the face, the first of its rims; at the others another face begins
     rims: Rims
 
 

@@ -17,23 +17,14 @@ _REFINED = 6  # edges of a pair that are looked at more closely
 
 
 class Edges(NamedTuple):
-    """The planes through all edges of the fixed pieces of some pairs (m).
+    """The planes through all edges of the fixed pieces of some pairs (m)."""
 
-    Args:
-        arcs: normals (k, 2, 3) of the two faces of each edge, pair by pair.
-        cuts: where the edges of each pair begin, and the last ones end (m + 1,).
-        normals: all different normals (q, 3) of the first pass.
-        which: which of them each plane (k, shares) has.
-        offsets: how far out each plane (k, shares) is, m.
-        corners: vertices (m, v, 3) of the fixed pieces, some repeated where others have more, m.
-    """
-
-    arcs: Array
-    cuts: Places
-    normals: Array
-    which: Places
-    offsets: Array
-    corners: Array
+    arcs: Array  # normals (k, 2, 3) of the two faces of each edge, pair by pair
+    cuts: Places  # where the edges of each pair begin, and the last ones end (m + 1,)
+    normals: Array  # all different normals (q, 3) of the first pass
+    which: Places  # which of them each plane (k, shares) has
+    offsets: Array  # how far out each plane (k, shares) is, m
+    corners: Array  # vertices (m, v, 3) of the fixed pieces, some repeated where others have more, m
 
 
 @part

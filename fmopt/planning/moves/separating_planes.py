@@ -54,17 +54,11 @@ def choose_tightest(assembly: Assembly, facing: Facing, course: Course) -> list[
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """Planes chosen for pairs (m) over pieces of motion (n).
+    """Planes chosen for pairs (m) over pieces of motion (n)."""
 
-    Args:
-        chosen: the planes; None where there is none.
-        least: their margins (n, m), m; −∞ where there is none.
-        best: whether no other plane of a pair (m) keeps more.
-    """
-
-    chosen: list[list[Separation | None]]
-    least: Array
-    best: NDArray[np.bool_]
+    chosen: list[list[Separation | None]]  # the planes; None where there is none
+    least: Array  # their margins (n, m), m; −∞ where there is none
+    best: NDArray[np.bool_]  # whether no other plane of a pair (m) keeps more
 
     @property
     def tightest(self) -> int:

@@ -22,29 +22,17 @@ Moving = tuple[Array, Array, Array, Places, Array, Array, Array]
 
 
 class Reached(NamedTuple):
-    """How far a moving piece reaches at both ends of pieces of motion (n).
+    """How far a moving piece reaches at both ends of pieces of motion (n)."""
 
-    Args:
-        vertices: where they are (2, n, 3, v), m.
-        moved: how the columns of the errors' supports displace them (2, n, v, c, 3), m.
-        cuts: where generators, slide, swing and shape end among the columns (4,).
-        tilted: what errors that turn a plane leave at each vertex (n, v), per their size, m.
-        arc: what the nominal turn leaves there (n, v), m.
-        linked: what the linear picture leaves there of errors in different frames (n, v), m.
-        most: how far below its nominal heights no vertex is taken along any normal (n, v), m.
-        angles: half-widths (n, 3) of the box around the angle errors, rad.
-        turn: nominal turns (n, 3), rad.
-    """
-
-    vertices: Array
-    moved: Array
-    cuts: Places
-    tilted: Array
-    arc: Array
-    linked: Array
-    most: Array
-    angles: Array
-    turn: Array
+    vertices: Array  # where they are (2, n, 3, v), m
+    moved: Array  # how the columns of the errors' supports displace them (2, n, v, c, 3), m
+    cuts: Places  # where generators, slide, swing and shape end among the columns (4,)
+    tilted: Array  # what errors that turn a plane leave at each vertex (n, v), per their size, m
+    arc: Array  # what the nominal turn leaves there (n, v), m
+    linked: Array  # what the linear picture leaves there of errors in different frames (n, v), m
+    most: Array  # how far below its nominal heights no vertex is taken along any normal (n, v), m
+    angles: Array  # half-widths (n, 3) of the box around the angle errors, rad
+    turn: Array  # nominal turns (n, 3), rad
 
 
 @part

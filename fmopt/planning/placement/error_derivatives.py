@@ -41,22 +41,16 @@ class Sensitivity:
     """The generators (k, 6) that a piece carries on, at both ends, and their derivatives (k, 6, n).
 
     Derivatives are with respect to displacements (d, δ) of all poses one after the other, n = 6 (moves + 1).
-
-    Args:
-        held: what is left of displacements (6, 6) at both ends once compliance has kept the held contacts.
-        compliant: derivatives of the twists along which the contacts of the held basis give way (h, 6, n).
-        brought: what errors at the end of each move before have become at both ends (k, 6, 6).
-        longer: how much longer displacements make these moves (k, n).
-        rates: velocity errors per unit of length, in translation and in angle (1/m).
     """
 
     start: tuple[Array, Array]
     goal: tuple[Array, Array]
+    # What is left of displacements (6, 6) at both ends once compliance has kept the held contacts
     held: tuple[Array, Array]
-    compliant: Array
-    brought: tuple[Array, Array]
-    longer: Array
-    rates: tuple[float, float]
+    compliant: Array  # derivatives of the twists along which the contacts of the held basis give way (h, 6, n)
+    brought: tuple[Array, Array]  # what errors at the end of each move before have become at both ends (k, 6, 6)
+    longer: Array  # how much longer displacements make these moves (k, n)
+    rates: tuple[float, float]  # velocity errors per unit of length, in translation and in angle (1/m)
 
     def drift(self, N: Array, end: int) -> Array:
         """How displacements (n,) change what drift before takes of rows N (m, 6) at end 0 or 1: (m, n)."""
@@ -162,19 +156,13 @@ def _turning(by: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Moved:
-    """A piece of motion, and how it changes.
-
-    Args:
-        inverse: (N_h C)⁻¹ (h, h).
-        compliant: derivatives of the twists C (h, 6, n).
-        motion: derivative of v (6, n).
-    """
+    """A piece of motion, and how it changes."""
 
     way: Linearisation
     share: float
-    inverse: Array
-    compliant: Array
-    motion: Array
+    inverse: Array  # (N_h C)⁻¹ (h, h)
+    compliant: Array  # derivatives of the twists C (h, 6, n)
+    motion: Array  # derivative of v (6, n)
 
     @staticmethod
     def of(piece: Piece, way: Linearisation, turned: dict[bytes, Array], displaced: Array) -> "_Moved":

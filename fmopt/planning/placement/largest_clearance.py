@@ -66,16 +66,12 @@ class Placement(Room, N=(None, 6), D=("N",)):
 
         N_j·X − D_j ≥ t,   X in `goal`,   lower ≤ X ≤ upper,   t ≤ cap.
 
-    Args:
-        N: gradient rows (k, 6) of the obstacles; divided by |N*|, as D, they make t a distance in the metric.
-        D: offsets (k,), in m times that length; allowances such as √(NᵀQN) are added by the caller.
-
     Raises:
         ValueError: shapes do not fit.
     """
 
-    N: Array
-    D: Array
+    N: Array  # gradient rows (k, 6) of the obstacles; divided by |N*|, as D, they make t a distance in the metric
+    D: Array  # offsets (k,), in m times that length; allowances such as √(NᵀQN) are added by the caller
     goal: Flat
 
     def program(self) -> ConeProgram:

@@ -91,23 +91,18 @@ def certified(
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """What a sequence is placed for.
-
-    Args:
-        step: greatest turn of one piece, rad.
-        fit: whether a sequence will do, whatever its margin.
-        turning: whether goal poses in free space may turn. If not, how the part is tilted as it enters is for the
-            search to say: what gives way under a contact that is aslant is the robot.
-        lift: height of the lowest point above the mouth at the start, m, where the start may be displaced at that
-            height; None where it stays.
-    """
+    """What a sequence is placed for."""
 
     assembly: Assembly
     start: Reached
     tolerance: Tolerance
-    step: float
-    fit: Callable[[Placed], bool] = lambda _: True
+    step: float  # greatest turn of one piece, rad
+    fit: Callable[[Placed], bool] = lambda _: True  # whether a sequence will do, whatever its margin
+    # Whether goal poses in free space may turn. If not, how the part is tilted as it enters is for the search to say:
+    # what gives way under a contact that is aslant is the robot.
     turning: bool = False
+    # Height of the lowest point above the mouth at the start, m, where the start may be displaced at that height; None
+    # where it stays
     lift: float | None = None
     holds: Callable[[Sequence[Claim]], list[Hold]] = lambda _: []
 

@@ -29,48 +29,29 @@ _ALIKE = 1e-6  # slopes that differ by less are one
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Rows (r,) within a trust region: value + slopes·x − Σ|at + slope·x| over its kinks, at least counted·t.
+    """Rows (r,) within a trust region: value + slopes·x − Σ|at + slope·x| over its kinks, at least counted·t."""
 
-    Args:
-        values: at x = 0, kinks and all, m.
-        slopes: (r, n).
-        counted: 1 for rows of the margin, or their weight in it; 0 for those that only have to hold.
-        kinks: row, value and slope (n,) of each product whose sign may change.
-    """
-
-    values: Array
-    slopes: Array
-    counted: Array
+    values: Array  # at x = 0, kinks and all, m
+    slopes: Array  # (r, n)
+    counted: Array  # 1 for rows of the margin, or their weight in it; 0 for those that only have to hold
     drifts: Array
     moves: NDArray[np.intp]
-    kinks: tuple[list[int], list[float], list[Array]]
+    kinks: tuple[list[int], list[float], list[Array]]  # row, value and slope (n,) of each product whose sign may change
 
 
 @dataclass(frozen=True, eq=False)
 class SequenceRows:
-    """Rows (r,) near binding: their values, with slopes (r, n), and what they lose to k generators of errors.
+    """Rows (r,) near binding: their values, with slopes (r, n), and what they lose to k generators of errors."""
 
-    Args:
-        values: what is left for the margin, m.
-        slopes: of the distance (r, n).
-        counted: 1 for rows of the margin, or their weight in it; 0 for those that only have to hold.
-        drifts: sizes of gradients (r,).
-        moves: whose row it is (r,).
-        products: N·g (r, k), m; zero where something else than the generators bounds the errors.
-        turning: their slopes (r, k, n).
-        reach: what errors take of the values, to first order (r,), m.
-        rest: what remainders take (r,), m.
-    """
-
-    values: Array
-    slopes: Array
-    counted: Array
-    drifts: Array
-    moves: NDArray[np.intp]
-    products: Array
-    turning: Array
-    reach: Array
-    rest: Array
+    values: Array  # what is left for the margin, m
+    slopes: Array  # of the distance (r, n)
+    counted: Array  # 1 for rows of the margin, or their weight in it; 0 for those that only have to hold
+    drifts: Array  # sizes of gradients (r,)
+    moves: NDArray[np.intp]  # whose row it is (r,)
+    products: Array  # N·g (r, k), m; zero where something else than the generators bounds the errors
+    turning: Array  # their slopes (r, k, n)
+    reach: Array  # what errors take of the values, to first order (r,), m
+    rest: Array  # what remainders take (r,), m
 
     @staticmethod
     def none(k: int, n: int) -> SequenceRows:
@@ -119,23 +100,16 @@ class SequenceRows:
 
 
 class _Block(NamedTuple):
-    """Rows of a piece at one of its ends.
+    """Rows of a piece at one of its ends."""
 
-    Args:
-        N: gradients (m, 6).
-        values: (m,), what errors and remainders take of them off.
-        reach, rest: what these take (m,).
-        counted: whether they are rows of the margin.
-    """
-
-    N: Array
-    values: Array
-    reach: Array
-    rest: Array
+    N: Array  # gradients (m, 6)
+    values: Array  # (m,), what errors and remainders take of them off
+    reach: Array  # what errors take (m,)
+    rest: Array  # what remainders take (m,)
     end: int
     scale: float = 1.0
     factor: float = 1.0
-    counted: float = 1.0
+    counted: float = 1.0  # whether they are rows of the margin
 
 
 def sequence_rows(

@@ -50,25 +50,17 @@ _OPEN = 1e-9  # m: a contact nearer than this touches
 
 @dataclass(frozen=True, eq=False)
 class UnplannedContact(Value, row=(6,), wrench=(6,)):
-    """A contact that a move does not plan, and what error would make it.
-
-    Args:
-        axis, axis_factor: the one start error that makes it alone at the least factor of its own; "" and infinite where
-            none does.
-        gap: nominal distance, m, where it comes nearest.
-        row: gradient (6,) of the distance in the start errors, m per half-width; those of axes without error are 0.
-        wrench: reaction (6,) for a unit normal force there, about the moving frame's origin, axes of B.
-        angle: least angle (rad) between its friction cone and that of the contact that the move makes, modulo the held
-            contacts; None where the move makes none, or where the held contacts take all of one of the two.
-    """
+    """A contact that a move does not plan, and what error would make it."""
 
     contact: PrimitiveContact
     factor: float
-    axis: str
-    axis_factor: float
-    gap: float
-    row: Array
-    wrench: Array
+    axis: str  # the one start error that makes it alone at the least factor of its own; "" where none does
+    axis_factor: float  # that factor, infinite where none does
+    gap: float  # nominal distance, m, where it comes nearest
+    row: Array  # gradient (6,) of the distance in the start errors, m per half-width; those of axes without error are 0
+    wrench: Array  # reaction (6,) for a unit normal force there, about the moving frame's origin, axes of B
+    # Least angle (rad) between its friction cone and that of the contact that the move makes, modulo the held contacts;
+    # None where the move makes none, or where the held contacts take all of one of the two
     angle: float | None
 
     def described(self, move: int, told: bool) -> diagnostics.UnplannedContact:

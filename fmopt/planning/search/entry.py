@@ -47,30 +47,22 @@ _DEEPER, _ASIDE = (2.6, 3.2, 4.5), (0.5, 0.0)
 
 @dataclass(frozen=True)
 class Shape:
-    """A tilted way to begin, by numbers that may be varied.
+    """A tilted way to begin, by numbers that may be varied."""
 
-    Args:
-        about_y: tilt about y that lowers the leading corner, rad.
-        about_x: tilt about x that does, rad.
-        turn: turn about the part's own axis, rad.
-        depth: how far below the mouth the corner goes, m.
-        room: how far from the walls next to it the corner goes in, along x and y, m.
-        touch: how far outside the nearest of these walls the corner touches the top first, and how high above the mouth
-            it is then brought over the place where it goes in, m; None where it goes in at once.
-        flat: how far from both walls the corner is at least while the part lies flat on the top first, how high above
-            the mouth it is then brought over the place where it goes in, m, and how far the part leans along the edge
-            that it comes down on, rad; it leans twice as far away from that.
-        heading: turn about z of the axes that the other numbers are about, rad: of the axes turned so, the leading
-            corner lies towards −x and −y.
-    """
-
-    about_y: float
-    about_x: float
-    turn: float
-    depth: float
-    room: tuple[float, float]
+    about_y: float  # tilt about y that lowers the leading corner, rad
+    about_x: float  # tilt about x that does, rad
+    turn: float  # turn about the part's own axis, rad
+    depth: float  # how far below the mouth the corner goes, m
+    room: tuple[float, float]  # how far from the walls next to it the corner goes in, along x and y, m
+    # How far outside the nearest of these walls the corner touches the top first, and how high above the mouth it is
+    # then brought over the place where it goes in, m; None where it goes in at once
     touch: tuple[float, float] | None = None
+    # How far from both walls the corner is at least while the part lies flat on the top first, how high above the mouth
+    # it is then brought over the place where it goes in, m, and how far the part leans along the edge that it comes
+    # down on, rad; it leans twice as far away from that
     flat: tuple[float, float, float] | None = None
+    # Turn about z of the axes that the other numbers are about, rad: of the axes turned so, the leading corner lies
+    # towards −x and −y
     heading: float = 0.0
     between: tuple[int, int] | None = None
 
@@ -89,25 +81,19 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A way to begin.
-
-    Args:
-        corner: that corner (3,) in the body.
-        shape: what it was made of.
-        shallow: whether the corner is still among the slopes of the mouth; caught on one, it may go in deeper.
-        over: pose above the mouth to which it goes after the corner has touched the top below the start; None where it
-            goes in at once.
-        leant: how it is laid flat on the top first; None where it is not.
-        walls: inward normals (2, 2) of those that it goes in between; None for those next to the corner.
-    """
+    """A way to begin."""
 
     start: Pose
     inside: Pose
-    corner: Array
-    shape: Shape | None = None
+    corner: Array  # that corner (3,) in the body
+    shape: Shape | None = None  # what it was made of
+    # Whether the corner is still among the slopes of the mouth; caught on one, it may go in deeper
     shallow: bool = False
+    # Pose above the mouth to which it goes after the corner has touched the top below the start; None where it goes in
+    # at once
     over: Pose | None = None
-    leant: Leant | None = None
+    leant: Leant | None = None  # how it is laid flat on the top first; None where it is not
+    # Inward normals (2, 2) of those that it goes in between; None for those next to the corner
     walls: Array | None = None
 
     @property

@@ -48,20 +48,14 @@ _Towards = tuple[float, tuple[int, int] | None]
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """What ways to begin are drawn for.
-
-    Args:
-        play: free travel (x, y) of the upright part between the walls, m.
-        start_box: half-widths (6,) of the errors at the start, m and rad.
-        max_tilt: greatest tilt about each axis, rad.
-    """
+    """What ways to begin are drawn for."""
 
     moving: Part
     fixed: Part
-    play: tuple[float, float]
-    start_box: Array
+    play: tuple[float, float]  # free travel (x, y) of the upright part between the walls, m
+    start_box: Array  # half-widths (6,) of the errors at the start, m and rad
     rate: float
-    max_tilt: float
+    max_tilt: float  # greatest tilt about each axis, rad
 
     def shapes(self, seed: int) -> Iterator[Shape]:
         """Shapes of entries without end, the same for the same seed."""

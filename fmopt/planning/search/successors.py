@@ -43,25 +43,17 @@ _ALIGNED = 1e-6  # rad, by which axes are turned against each other that are the
 
 @dataclass(frozen=True)
 class Costs:
-    """Weights of the search, and when a transition is given up.
+    """Weights of the search, and when a transition is given up."""
 
-    Args:
-        reach: how far a move may go to its contact, turns and the way down apart, m.
-        asymptote: margin (m, negative) at which danger becomes infinite, the paper's C.
-        scale: margin (m) that is roomy; more of it is not less dangerous.
-        coarse: greatest turn of one piece while searching, rad.
-        greed: weight of the transitions still to come in the order of expansion, at least 1.
-    """
-
-    reach: float
-    asymptote: float
-    scale: float
+    reach: float  # how far a move may go to its contact, turns and the way down apart, m
+    asymptote: float  # margin (m, negative) at which danger becomes infinite, the paper's C
+    scale: float  # margin (m) that is roomy; more of it is not less dangerous
     transition: float = 1.0
     signature: float = 0.25
     danger: float = 1.0
-    coarse: float = 0.03
+    coarse: float = 0.03  # greatest turn of one piece while searching, rad
     states: int = 60
-    greed: float = 1.8
+    greed: float = 1.8  # weight of the transitions still to come in the order of expansion, at least 1
 
     @classmethod
     def of(cls, spread: float, clearance: float) -> "Costs":
