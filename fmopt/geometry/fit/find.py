@@ -57,29 +57,17 @@ class Stated:
 
 @dataclass(frozen=True)
 class Fit:
-    """A solid in an opening of another one.
+    """A solid in an opening of another one."""
 
-    Args:
-        exchanged: whether the part that moves is the one with the opening.
-        solid: frame of what goes in, in its model: the origin in its tip, z back into the part.
-        hollow: frame of the opening in its model: the origin in its mouth, z out of it, x along its longest side.
-        clearance: on each side, m; negative by how much what goes in would have to shrink.
-        depth: of the tip below the mouth, m, the axes of the two frames on each other.
-        hole: depth of the opening, m.
-        peg: how long what goes in is, m.
-        through: whether the opening goes through.
-        alike: how many openings fit alike.
-    """
-
-    exchanged: bool
-    solid: Pose
-    hollow: Pose
-    clearance: float
-    depth: float
-    hole: float
-    peg: float
-    through: bool
-    alike: int = 1
+    exchanged: bool  # whether the part that moves is the one with the opening
+    solid: Pose  # frame of what goes in, in its model: the origin in its tip, z back into the part
+    hollow: Pose  # frame of the opening in its model: the origin in its mouth, z out of it, x along its longest side
+    clearance: float  # on each side, m; negative by how much what goes in would have to shrink
+    depth: float  # of the tip below the mouth, m, the axes of the two frames on each other
+    hole: float  # depth of the opening, m
+    peg: float  # how long what goes in is, m
+    through: bool  # whether the opening goes through
+    alike: int = 1  # how many openings fit alike
 
     @property
     def pose(self) -> Pose:

@@ -74,28 +74,21 @@ class Led:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A solid, swept up to a slab, in an opening of other material at `at` (3,) of its pivot (2,).
-
-    Args:
-        closed: whether the opening is closed all round.
-        height: of the section whose opening it is, m.
-        depth: of the tip below the top of the material, m, by the slabs of the search.
-        walls: area of walls that run along walls, m², for each of `SHARES`.
-        twin: the candidate that this one is, shifted to another opening; what is around both is the same.
-    """
+    """A solid, swept up to a slab, in an opening of other material at `at` (3,) of its pivot (2,)."""
 
     led: Led
     slab: int
     material: Layers
-    height: float
+    height: float  # of the section whose opening it is, m
     opening: shapely.Polygon
-    closed: bool
+    closed: bool  # whether the opening is closed all round
     pivot: Array
     at: Array
     clearance: float
     width: float
-    depth: float
-    walls: tuple[float, ...]
+    depth: float  # of the tip below the top of the material, m, by the slabs of the search
+    walls: tuple[float, ...]  # area of walls that run along walls, m², for each of `SHARES`
+    # The candidate that this one is, shifted to another opening; what is around both is the same
     twin: "Candidate | None" = None
 
     @cached_property

@@ -38,23 +38,16 @@ TOLD = 1e-7  # m: what facets are off their faces by more is said
 
 @dataclass(frozen=True, eq=False)
 class Imported(Value, where=(3,), labels={"where": "place"}):
-    """A mesh as it came in.
+    """A mesh as it came in, with the place (3,), m, where facets of its file lie farthest from its faces."""
 
-    Args:
-        body: the polyhedron, m.
-        chord_error: how far the curved surfaces that it stands for may lie from it, m.
-        off: how far the facets of the file lie from the faces of the polyhedron at most, m.
-        where: the place (3,) of that, m.
-        noise: how far points of facets may be off, m, that stand for curved surfaces and are no faces; None of others.
-    """
-
-    body: Polyhedron
-    chord_error: float
+    body: Polyhedron  # the polyhedron, m
+    chord_error: float  # how far the curved surfaces that it stands for may lie from it, m
     mended: tuple[Patch, ...] = ()
     notes: tuple[str, ...] = ()
-    off: float = 0.0
+    off: float = 0.0  # how far the facets of the file lie from the faces of the polyhedron at most, m
     where: Array = field(default_factory=lambda: np.zeros(3))
     kind: Literal["mesh", "solid"] = "mesh"
+    # How far points of facets may be off, m, that stand for curved surfaces and are no faces; None of others
     noise: float | None = None
 
     def moved(self, pose: Pose) -> "Imported":
@@ -90,19 +83,12 @@ class _Closed:
 
 @dataclass(frozen=True, eq=False)
 class NamedBody(Value):
-    """A body of a file that holds several.
+    """A body of a file that holds several."""
 
-    Args:
-        name: told apart from others by a number at its end; "" where it has none.
-        number: its place in the file, from 1.
-        mesh: the body in its own frame, m.
-        pose: of that frame in the file's.
-    """
-
-    name: str
-    number: int
-    mesh: Imported
-    pose: Pose
+    name: str  # told apart from others by a number at its end; "" where it has none
+    number: int  # its place in the file, from 1
+    mesh: Imported  # the body in its own frame, m
+    pose: Pose  # of that frame in the file's
 
 
 def mesh_bodies(path: Path, unit: Unit) -> tuple[NamedBody, ...]:

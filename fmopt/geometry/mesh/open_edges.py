@@ -26,18 +26,12 @@ _MOST_SPLITS = 10  # times that triangles are split at the rims of gaps
 
 @dataclass(frozen=True, eq=False)
 class Patch(Value, corners=(None, 3), labels={"corners": "rim of a gap"}):
-    """What closes a gap of a mesh.
+    """Triangles (k, 3) that close a gap of a mesh, within its rim (n, 3), m."""
 
-    Args:
-        triangles: (k, 3) vertex indices, counter-clockwise seen from outside.
-        corners: (n, 3), the rim of the gap, m.
-        flush: whether it goes on a face that is there, in its plane.
-    """
-
-    triangles: Indices
+    triangles: Indices  # vertex indices, counter-clockwise seen from outside
     corners: Array
     beside: int
-    flush: bool = False
+    flush: bool = False  # whether it goes on a face that is there, in its plane
 
 
 @dataclass(frozen=True)

@@ -30,19 +30,12 @@ _FLAT = 1e-3  # of planes at a corner: the least singular value that tells them 
 
 @dataclass(frozen=True, eq=False)
 class Facets(Value):
-    """Facets of a solid.
-
-    Args:
-        points: (n, 3), mm.
-        triangles: (m, 3), outward.
-        off: how far curved surfaces are from their facets, mm; None where there are no curved faces.
-        around: how much larger than the solid the facets are at fillets at most, mm.
-    """
+    """Facets of a solid: outward triangles (m, 3) between points (n, 3), mm."""
 
     points: Array
     triangles: Indices
-    off: float | None
-    around: float
+    off: float | None  # how far curved surfaces are from their facets, mm; None where there are no curved faces
+    around: float  # how much larger than the solid the facets are at fillets at most, mm
 
 
 def exact_facets(solid: "TopoDS_Shape", deviation: float) -> Facets:

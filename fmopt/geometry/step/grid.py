@@ -25,22 +25,15 @@ _SPARE = 0.1  # of a step: an arc this little longer than some steps takes no fu
 
 @dataclass(frozen=True, eq=False)
 class Cuts:
-    """Where the members of one class are cut.
+    """Where the members of one class are cut: stops (k,), rad or fractions, in a frame in mm."""
 
-    Args:
-        axis: the frame of the angles: a point (3,) on the axis, mm, and the axes (3, 3) in columns; None where stops
-            are fractions of each member's own range.
-        stops: angles (k,) in rad, ascending, or fractions from 0 to 1.
-        stretch: how much further out than the surface each stop (k,) lies, 1 on it.
-        off: how far the surface may lie outside of its facets, or inside of those around a hole, mm.
-        around: how much larger the facets make the solid at most, mm.
-    """
-
+    # The frame of the angles: a point (3,) on the axis, mm, and the axes (3, 3) in columns; None where stops are
+    # fractions of each member's own range
     axis: tuple[Array, Array] | None
-    stops: Array
-    stretch: Array
-    off: float
-    around: float
+    stops: Array  # angles (k,) in rad, ascending, or fractions from 0 to 1
+    stretch: Array  # how much further out than the surface each stop (k,) lies, 1 on it
+    off: float  # how far the surface may lie outside of its facets, or inside of those around a hole, mm
+    around: float  # how much larger the facets make the solid at most, mm
 
 
 class Grid:

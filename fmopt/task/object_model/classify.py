@@ -23,15 +23,10 @@ _PLURALS = {"box": "boxes", "body": "bodies"}
 
 @dataclass(frozen=True)
 class Claim:
-    """What a model file says of a mating feature beyond its frame.
+    """What a model file says of a mating feature beyond its frame."""
 
-    Args:
-        classification: name of its feature class; "" for holes or pegs, by its kind.
-        terms: names of the terms that it is made of; none to have them found on its axis.
-    """
-
-    classification: str = ""
-    terms: tuple[str, ...] = ()
+    classification: str = ""  # name of its feature class; "" for holes or pegs, by its kind
+    terms: tuple[str, ...] = ()  # names of the terms that it is made of; none to have them found on its axis
 
 
 def object_tree(name: str, terms: Chain, mating: Sequence[MatingFeature], claims: Mapping[str, Claim]) -> ObjectTree:
