@@ -25,36 +25,22 @@ VERTEX_AT_FACE, FACE_AT_VERTEX, EDGE_AT_EDGE = 0, 1, 2
 
 
 class Corners(NamedTuple):
-    """The n convex vertices of a part, and the centres of its balls.
-
-    Attributes:
-        points: (n, 3), m.
-        radii: of the balls about them (n,), m; 0 of vertices.
-        away: unit vectors (n, k, 3) along their edges, away from them; zero where there are fewer than k.
-        arcs: normals (n, k, 2, 3) of the faces beside these; zero where there are fewer.
-    """
+    """The convex vertices (n, 3) of a part, m, and the centres of its balls."""
 
     points: Array
-    radii: Array
-    away: Array
-    arcs: Array
+    radii: Array  # of the balls about them (n,), m; 0 of vertices
+    away: Array  # unit vectors (n, k, 3) along their edges, away from them; zero where there are fewer than k
+    arcs: Array  # normals (n, k, 2, 3) of the faces beside these; zero where there are fewer
 
 
 class Walls(NamedTuple):
-    """The m faces of a part.
-
-    Attributes:
-        normals: (m, 3), unit length.
-        offsets: (m,), m.
-        tails: (s, 3), where the edges of each face begin, m.
-        begun: (m + 1,), which of the edges are the first of each face, and how many there are.
-    """
+    """The m faces of a part, their normals (m, 3) and offsets (m,), m."""
 
     normals: Array
     offsets: Array
-    tails: Array
+    tails: Array  # (s, 3), where the edges of each face begin, m
     heads: Array
-    begun: NDArray[np.int64]
+    begun: NDArray[np.int64]  # (m + 1,), which of the edges are the first of each face, and how many there are
 
 
 class Ridges(NamedTuple):

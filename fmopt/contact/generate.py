@@ -18,8 +18,6 @@ _HEAD = '''"""Kernels of primitive contacts, written by `python -m fmopt.contact
 together are numbered in that order. A pose is its position p (3) in m and its rotation R (3, 3); distances are in m.
 """
 
-from __future__ import annotations
-
 from typing import Any, TypeAlias
 
 from numpy import sqrt

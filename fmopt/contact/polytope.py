@@ -19,18 +19,12 @@ _MERGE_REACHES = (0.0, INCIDENCE, 10.0 * INCIDENCE, 100.0 * INCIDENCE)  # within
 
 @dataclass(frozen=True, eq=False)
 class Faces(Value):
-    """All faces of {x: normals·x ≥ offsets}, largest dimension first.
+    """All faces of {x: normals·x ≥ offsets}, each with a point (n, 6) inside, largest dimension first."""
 
-    Attributes:
-        active: (n, k), the half-spaces whose planes hold the face.
-        points: (n, 6), a point in the relative interior of each face.
-        lineality: dimension of the lines in the polyhedron, part of every face.
-    """
-
-    active: Bits
+    active: Bits  # (n, k), the half-spaces whose planes hold the face
     dimensions: NDArray[np.intp]
-    points: Array
-    lineality: int
+    points: Array  # in the relative interior of each face
+    lineality: int  # dimension of the lines in the polyhedron, part of every face
 
     def __post_init__(self) -> None:
         for array in (self.active, self.dimensions, self.points):
@@ -73,23 +67,14 @@ def first_equal(rows: Array) -> NDArray[np.intp]:
 
 @dataclass(frozen=True, eq=False)
 class _Cut(Value):
-    """A polyhedron cut down to a pointed, full-dimensional one around 0, orthogonal to its lines.
+    """A polyhedron cut down to a pointed, full-dimensional one around 0, orthogonal to its lines."""
 
-    Attributes:
-        rows: (q, r), unit normals that count there, each of another plane.
-        levels: (q,), negative.
-        kinds: (k,), which of these each of all rows is equal to; −1 where none.
-        everywhere: (k,), which of the others hold all of it.
-        interior: (n,), the point that is 0.
-        axes: (n, r), orthonormal, of its coordinates.
-    """
-
-    rows: Array
-    levels: Array
-    kinds: NDArray[np.intp]
-    everywhere: Bits
-    interior: Array
-    axes: Array
+    rows: Array  # (q, r), unit normals that count there, each of another plane
+    levels: Array  # (q,), negative
+    kinds: NDArray[np.intp]  # (k,), which of these each of all rows is equal to; −1 where none
+    everywhere: Bits  # (k,), which of the others hold all of it
+    interior: Array  # (n,), the point that is 0
+    axes: Array  # (n, r), orthonormal, of its coordinates
     lineality: int
 
     @staticmethod

@@ -73,21 +73,13 @@ class Poses(Value):
 
 @dataclass(frozen=True, eq=False)
 class Measures(Value):
-    """What n states have at n poses, in clearances.
+    """What n states have at n poses, in clearances."""
 
-    Attributes:
-        own: (n, k), f of the contacts that are to touch, 0 for the others.
-        others: (n, k), of the other contacts the distance, or how far outside their bounds they are; inf for own.
-        depths: (n, k, clauses), how far inside each clause of its bounds an own contact is; inf for others.
-        binding: (n, k, clauses), which bound of the table that is.
-        limits: (n, l), how far inside the limits of the local space.
-    """
-
-    own: Array
-    others: Array
-    depths: Array
-    binding: NDArray[np.intp]
-    limits: Array
+    own: Array  # (n, k), f of the contacts that are to touch, 0 for the others
+    others: Array  # (n, k), of the other contacts the distance, or how far outside their bounds they are; inf for own
+    depths: Array  # (n, k, clauses), how far inside each clause of its bounds an own contact is; inf for others
+    binding: NDArray[np.intp]  # (n, k, clauses), which bound of the table that is
+    limits: Array  # (n, l), how far inside the limits of the local space
 
     @cached_property
     def residual(self) -> Array:

@@ -32,19 +32,13 @@ Loop = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class Patchwork:
-    """A closed mesh and the regions that its triangles make.
-
-    Attributes:
-        vertices: (n, 3), m.
-        triangles: (m, 3), counter-clockwise seen from outside.
-        across: for each side k of a triangle, from corner k to k + 1, the triangle and the side across it.
-        region: number of the region of each triangle (m,), from 0.
-    """
+    """A closed mesh of triangles (m, 3) between vertices (n, 3), m, and the regions that they make."""
 
     vertices: Array
-    triangles: Indices
+    triangles: Indices  # counter-clockwise seen from outside
+    # For each side k of a triangle, from corner k to k + 1, the triangle and the side across it
     across: tuple[tuple[tuple[int, int], ...], ...]
-    region: Indices
+    region: Indices  # number of the region of each triangle (m,), from 0
 
     @cached_property
     def areas(self) -> Array:

@@ -30,15 +30,11 @@ _Point = tuple[float, float]
 
 
 class Prisms(NamedTuple):
-    """A body as a prism less others.
+    """A body as a prism less others."""
 
-    Attributes:
-        base: convex.
-        tools: convex, floor and roof the first of their faces; those at one height overlap, those of neighbouring
-            levels share faces.
-    """
-
-    base: Polyhedron
+    base: Polyhedron  # convex
+    # Convex, floor and roof the first of their faces; those at one height overlap, those of neighbouring levels share
+    # faces
     tools: list[Polyhedron]
 
 

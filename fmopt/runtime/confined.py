@@ -23,15 +23,11 @@ _NEXT = "scipy.spatial"  # which every answer is worked on with: it is imported 
 
 @dataclass(frozen=True)
 class Reader:
-    """What reads files.
-
-    Attributes:
-        entry: "module:function" of texts, which returns what JSON has; its GeometryErrors are raised by `read`.
-        simpler, again: advice where it takes too long or too much memory, and where it breaks down.
-    """
+    """What reads files."""
 
     name: str
-    entry: str
+    entry: str  # "module:function" of texts, which returns what JSON has; its GeometryErrors are raised by `read`
+    # simpler, again: advice where it takes too long or too much memory, and where it breaks down
     simpler: str
     again: str
 

@@ -26,18 +26,12 @@ Planes = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class Fits:
-    """The planes that fit groups of points best, with the least largest distance for each normal.
-
-    Attributes:
-        normals, offsets: (k, 3), and in m (k,).
-        widths: the least extent of each group in its plane (k,), m.
-        off: how far any point lies off its plane at most, m.
-    """
+    """The planes that fit groups of points best, with the least largest distance for each normal (k, 3)."""
 
     normals: Array
-    offsets: Array
-    widths: Array
-    off: float
+    offsets: Array  # (k,), m
+    widths: Array  # the least extent of each group in its plane (k,), m
+    off: float  # how far any point lies off its plane at most, m
 
     @staticmethod
     def of(points: Array, groups: Sequence[Sequence[int] | Indices]) -> "Fits":

@@ -57,23 +57,14 @@ class Imported(Value, where=(3,), labels={"where": "place"}):
 
 @dataclass(frozen=True)
 class _Closed:
-    """A surface that closes, as far as it can be closed.
+    """A surface that closes, as far as it can be closed."""
 
-    Attributes:
-        points: (n, 3), m.
-        triangles: (m, 3).
-        numbers: what each triangle is called (m,).
-        mended: what closes its gaps.
-        moved: how far points were moved to become one, m.
-        notes: what was done.
-    """
-
-    points: Array
-    triangles: Indices
-    numbers: Indices
-    mended: tuple[Patch, ...]
-    moved: float
-    notes: tuple[str, ...]
+    points: Array  # (n, 3), m
+    triangles: Indices  # (m, 3)
+    numbers: Indices  # what each triangle is called (m,)
+    mended: tuple[Patch, ...]  # what closes its gaps
+    moved: float  # how far points were moved to become one, m
+    notes: tuple[str, ...]  # what was done
 
     @property
     def is_closed(self) -> bool:

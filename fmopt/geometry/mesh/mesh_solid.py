@@ -19,21 +19,13 @@ _VOLUME = 1e-4  # of the volume, by which pieces may be off
 
 @dataclass(frozen=True, eq=False)
 class Decomposed(Value):
-    """A mesh as convex pieces.
+    """A mesh as convex pieces."""
 
-    Attributes:
-        solid: that they are, the convex hull less others.
-        boundary: of the solid, m.
-        pieces: whose union it is.
-        notes: what was done.
-        larger: by how much they go beyond it, m, where they are bodies of an enclosure.
-    """
-
-    solid: Solid
-    boundary: Polyhedron
-    pieces: tuple[Polyhedron, ...]
-    notes: tuple[str, ...] = ()
-    larger: float | None = None
+    solid: Solid  # that they are, the convex hull less others
+    boundary: Polyhedron  # of the solid, m
+    pieces: tuple[Polyhedron, ...]  # whose union it is
+    notes: tuple[str, ...] = ()  # what was done
+    larger: float | None = None  # by how much they go beyond it, m, where they are bodies of an enclosure
 
 
 @remembered(1)

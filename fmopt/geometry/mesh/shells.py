@@ -17,21 +17,13 @@ _DEEP = 4.0  # times the distance within which vertices are one, by which faces 
 
 @dataclass(frozen=True, eq=False)
 class United:
-    """A surface whose closed shells are one solid where they touch or overlap.
-
-    Attributes:
-        points: (n, 3), m.
-        triangles: (m, 3).
-        count: of solids; 0 where not every shell closes and faces outward, so that nothing was united.
-        moved: how far faces were moved to meet each other, m.
-        notes: what was done.
-    """
+    """A surface of triangles (k, 3) between points (n, 3), m, its closed shells one where they touch or overlap."""
 
     points: Array
     triangles: Indices
-    count: int = 0
-    moved: float = 0.0
-    notes: tuple[str, ...] = ()
+    count: int = 0  # of solids; 0 where not every shell closes and faces outward, so that nothing was united
+    moved: float = 0.0  # how far faces were moved to meet each other, m
+    notes: tuple[str, ...] = ()  # what was done
 
 
 def united(points: Array, triangles: Indices, reach: float) -> United:

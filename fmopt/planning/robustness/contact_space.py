@@ -194,22 +194,15 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Confirmation(Value):
-    """A state on the true surfaces.
-
-    Attributes:
-        residual: largest |f| of its contacts there, m; of a split one, in the middle of its linear facet.
-        clearance: least f of the other contacts within their bounds, m; inf when there are none.
-        inside: how far the pose is inside the bounds of its contacts, m; inf when there are none.
-        against: id of the contact, or of the neighbour across a bound, that stands against the state; "" without.
-    """
+    """A state on the true surfaces."""
 
     state: str
     verdict: Verdict
     pose: Pose
-    residual: float
-    clearance: float
-    inside: float
-    against: str
+    residual: float  # largest |f| of its contacts there, m; of a split one, in the middle of its linear facet
+    clearance: float  # least f of the other contacts within their bounds, m; inf when there are none
+    inside: float  # how far the pose is inside the bounds of its contacts, m; inf when there are none
+    against: str  # id of the contact, or of the neighbour across a bound, that stands against the state; "" without
 
 
 def confirm(graph: ContactGraph, moving: Polyhedron, fixed: Polyhedron) -> tuple[Confirmation, ...]:

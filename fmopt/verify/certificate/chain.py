@@ -62,14 +62,10 @@ class Broken(ValueError):
 
 @dataclass(frozen=True)
 class Link:
-    """What a segment hands on.
-
-    Attributes:
-        thick_along: directions in whose span its thickness generators lie.
-    """
+    """What a segment hands on."""
 
     errors: ErrorSet
-    thick_along: tuple[Row, ...]
+    thick_along: tuple[Row, ...]  # directions in whose span its thickness generators lie
     basis: Basis
     facts: Facts | None
 
@@ -318,20 +314,13 @@ def _aim(segment: Segment) -> tuple[list[str], list[str], tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class Leg:
-    """A piece of a move, as far as the fit of the pieces is concerned.
+    """A piece of a move, as far as the fit of the pieces is concerned."""
 
-    Attributes:
-        twist: V = (Δ, ω).
-        overtravel: bound of how much longer or shorter than V an execution's piece can be, as a share of V.
-        directions: C, along which contacts give way.
-        hold: projector along C.
-    """
-
-    twist: Row
+    twist: Row  # V = (Δ, ω)
     progress: int
-    overtravel: int
-    directions: tuple[Row, ...]
-    hold: Square
+    overtravel: int  # bound of how much longer or shorter than V an execution's piece can be, as a share of V
+    directions: tuple[Row, ...]  # C, along which contacts give way
+    hold: Square  # projector along C
 
 
 def misfit(legs: Sequence[Leg]) -> tuple[int, int]:

@@ -20,17 +20,14 @@ from fmopt.verify.remembered import remembered
 
 @dataclass
 class Wall:
-    """A fixed plane and what is known to lie on it.
-
-    Attributes:
-        between: pairs of body points with an unknown point strictly between them on it.
-        looked: how many points, flushes and turns there were when conclusions were last looked for.
-    """
+    """A fixed plane and what is known to lie on it."""
 
     plane: Plane
     points: list[Vector] = field(default_factory=list)
+    # Pairs of body points with an unknown point strictly between them on it
     between: list[tuple[Vector, Vector]] = field(default_factory=list)
     flush: list[Flush] = field(default_factory=list)
+    # How many points, flushes and turns there were when conclusions were last looked for
     looked: tuple[int, int, int] = (0, 0, 0)
     _lines: tuple[int, int, tuple[Line, ...]] = (0, 0, ())
 

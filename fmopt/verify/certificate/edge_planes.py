@@ -21,15 +21,11 @@ from fmopt.verify.reading.document import Witness
 
 
 class LevelRim(NamedTuple):
-    """A rim that contacts keep level with a face of the moving part, and from going behind it.
-
-    Attributes:
-        held: whether the rim lies in that; else it may yet come nearer, or go away.
-    """
+    """A rim that contacts keep level with a face of the moving part, and from going behind it."""
 
     touch: Touch
     face: Plane
-    held: bool
+    held: bool  # whether the rim lies in that; else it may yet come nearer, or go away
 
     def before(self, w: Vector, plane: Plane) -> bool:
         """Whether a fixed point is not behind a body plane parallel to the face, as that is as far behind it at least.
@@ -42,18 +38,13 @@ class LevelRim(NamedTuple):
 
 @dataclass(frozen=True)
 class Known:
-    """What contacts say during the piece: facts of the held ones, and those that open or close but never pass.
-
-    Attributes:
-        hinge: its hinge, when it has one among the held contacts.
-        leaving: contacts that the move gives up; none of them has a hinge among the held ones.
-        coming_off: planes with the body points that lay in them with the contacts given up.
-    """
+    """What contacts say during the piece: facts of the held ones, and those that open or close but never pass."""
 
     facts: Facts
     made: Touch | None
-    hinge: tuple[Plane, Vector, Vector] | None
-    leaving: tuple[Touch, ...]
+    hinge: tuple[Plane, Vector, Vector] | None  # its hinge, when it has one among the held contacts
+    leaving: tuple[Touch, ...]  # contacts that the move gives up; none of them has a hinge among the held ones
+    # Planes with the body points that lay in them with the contacts given up
     coming_off: tuple[tuple[Plane, Vector], ...]
 
     @property

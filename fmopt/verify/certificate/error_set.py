@@ -59,22 +59,14 @@ NO_ROW: Row = (0, 0, 0, 0, 0, 0)
 
 @dataclass(frozen=True)
 class ErrorSet:
-    """Errors known from outside in two ways: in Zonotope(core, thickness) ⊕ slide ⊕ swing, and in shape.
+    """Errors known from outside in two ways: in Zonotope(core, thickness) ⊕ slide ⊕ swing, and in shape."""
 
-    Attributes:
-        core: generators that are images of the start box.
-        thick: generators of the thickness of the last piece's contact surfaces.
-        slide: shape matrix (6, 6) of the ellipsoid of what velocity errors add in translation.
-        swing: shape matrix (6, 6) of the ellipsoid of what they add in rotation.
-        shape: shape matrix (6, 6) of the ellipsoid around everything.
-        linkage: how the first generators of the core move on with the part; None where all stay as they are.
-    """
-
-    core: tuple[Row, ...]
-    thick: tuple[Row, ...]
-    slide: Square
-    swing: Square
-    shape: Square
+    core: tuple[Row, ...]  # generators that are images of the start box
+    thick: tuple[Row, ...]  # generators of the thickness of the last piece's contact surfaces
+    slide: Square  # shape matrix (6, 6) of the ellipsoid of what velocity errors add in translation
+    swing: Square  # shape matrix (6, 6) of the ellipsoid of what they add in rotation
+    shape: Square  # shape matrix (6, 6) of the ellipsoid around everything
+    # How the first generators of the core move on with the part; None where all stay as they are
     linkage: "Linkage | None" = None
 
     @cached_property
@@ -117,19 +109,12 @@ def start_errors(plan: Plan) -> ErrorSet:
 
 @dataclass(frozen=True)
 class Linkage:
-    """How the first generators of an error set move on with the part.
+    """How the first generators of an error set move on with the part."""
 
-    Attributes:
-        hole: turns of the hole (3,), rad; zero for generators that are not fixed there.
-        hand: generators fixed in the hand, as they are turned now; zero for others.
-        sizes: bounds of |h_p|, |h|, |g_p| and |g_r|.
-        origin: p̄₀.
-    """
-
-    hole: tuple[Vector, ...]
-    hand: tuple[Row, ...]
-    sizes: tuple[int, int, int, int]
-    origin: Vector
+    hole: tuple[Vector, ...]  # turns of the hole (3,), rad; zero for generators that are not fixed there
+    hand: tuple[Row, ...]  # generators fixed in the hand, as they are turned now; zero for others
+    sizes: tuple[int, int, int, int]  # bounds of |h_p|, |h|, |g_p| and |g_r|
+    origin: Vector  # p̄₀
 
     @property
     def linked(self) -> int:

@@ -16,25 +16,18 @@ from fmopt.verify.remembered import remembered
 
 @dataclass(frozen=True)
 class Touch:
-    """A primitive contact with its geometry.
-
-    Attributes:
-        moving: body points.
-        fixed: world points.
-        plane: of the face (in the world for vertex-face, in the body for face-vertex), None for edge-edge; for
-            ball-face that on which the ball's centre is, a radius over the face.
-        faces: planes of the fixed faces left and right of a fixed edge, in the world; for vertex-face and ball-face its
-            own.
-        face: index of the face, −1 for edge-edge.
-    """
+    """A primitive contact with its geometry."""
 
     id: str
     kind: str
-    moving: tuple[Vector, ...]
-    fixed: tuple[Vector, ...]
+    moving: tuple[Vector, ...]  # body points
+    fixed: tuple[Vector, ...]  # world points
+    # Of the face (in the world for vertex-face, in the body for face-vertex), None for edge-edge; for ball-face that on
+    # which the ball's centre is, a radius over the face
     plane: Plane | None
+    # Planes of the fixed faces left and right of a fixed edge, in the world; for vertex-face and ball-face its own
     faces: tuple[Plane, ...]
-    face: int
+    face: int  # index of the face, −1 for edge-edge
     indices: tuple[tuple[int, ...], tuple[int, ...]]
 
     @cached_property
@@ -49,17 +42,12 @@ class Touch:
 
 
 class Rim(NamedTuple):
-    """A face of the moving part, one edge of which is held on a rim, and how another edge meets it.
-
-    Attributes:
-        away: unit direction in the face across the edge held, in the body.
-        far: how far along `away` the other edge reaches, m.
-    """
+    """A face of the moving part, one edge of which is held on a rim, and how another edge meets it."""
 
     held: Touch
     face: Plane
-    away: Vector
-    far: int
+    away: Vector  # unit direction in the face across the edge held, in the body
+    far: int  # how far along `away` the other edge reaches, m
 
     def settles(self, v: Vector) -> bool:
         """Whether a body point is on the face, on the side of the other edge.
@@ -75,28 +63,19 @@ class Rim(NamedTuple):
 
 @dataclass(frozen=True)
 class Task:
-    """The piece to be carried through.
-
-    Attributes:
-        goal_state: all contacts held after the move.
-        share: φ, the piece's share of what is left of the move; ONE on its last piece.
-        theta: stated bound of |ε|, rad.
-        angles: stated half-widths of the box of ε, rad.
-        box: stated half-widths of the box of e, m.
-        rates: λ_t and λ_r.
-    """
+    """The piece to be carried through."""
 
     start: Pose
     goal: Pose
     held: tuple[tuple[Touch, Row], ...]
     made: Touch | None
     state: tuple[Touch, ...]
-    goal_state: tuple[Touch, ...]
-    share: int
-    theta: int
-    angles: Vector
-    box: Vector
-    rates: tuple[int, int]
+    goal_state: tuple[Touch, ...]  # all contacts held after the move
+    share: int  # φ, the piece's share of what is left of the move; ONE on its last piece
+    theta: int  # stated bound of |ε|, rad
+    angles: Vector  # stated half-widths of the box of ε, rad
+    box: Vector  # stated half-widths of the box of e, m
+    rates: tuple[int, int]  # λ_t and λ_r
     rho: int
 
     @property

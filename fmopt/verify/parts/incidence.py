@@ -189,19 +189,13 @@ def _sharing(piece: Body, part: Body) -> Body:
 
 
 class Turn(NamedTuple):
-    """A body direction that is known to be turned onto a world direction.
-
-    Attributes:
-        exact: the body direction exactly.
-        onto: the world direction exactly; None for an edge in a wall at an odd angle to a flush.
-        level: for such an edge the normal of the wall exactly, else None.
-    """
+    """A body direction that is known to be turned onto a world direction."""
 
     body: Vector
     world: Vector
-    exact: Vector
-    onto: Vector | None
-    level: Vector | None
+    exact: Vector  # the body direction exactly
+    onto: Vector | None  # the world direction exactly; None for an edge in a wall at an odd angle to a flush
+    level: Vector | None  # for such an edge the normal of the wall exactly, else None
 
     def keeps(self, normal: Vector) -> bool:
         """Whether the world direction is level with planes of a normal."""

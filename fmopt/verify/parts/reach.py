@@ -15,19 +15,12 @@ _LEVEL = 1e-3  # sine of the angle below which two edges cross in no one point
 
 
 class Contact(NamedTuple):
-    """A contact at a pose.
+    """A contact at a pose."""
 
-    Attributes:
-        point: where it touches, in the world, m.
-        arm: the same from the part's reference point.
-        wrench: of a unit normal force, about the reference point.
-        centre: of a ball, from the reference point; None of others.
-    """
-
-    point: Numbers
-    arm: Numbers
-    wrench: Numbers
-    centre: Numbers | None = None
+    point: Numbers  # where it touches, in the world, m
+    arm: Numbers  # the same from the part's reference point
+    wrench: Numbers  # of a unit normal force, about the reference point
+    centre: Numbers | None = None  # of a ball, from the reference point; None of others
 
     def sliding(self, V: Numbers) -> float:
         """The speed at which the contact point slides along the contact for the twist V."""

@@ -73,17 +73,11 @@ def pose(x: tuple[float, ...]) -> Pose:
 
 
 class Bend(NamedTuple):
-    """What makes a row bilinear.
+    """What makes a row bilinear."""
 
-    Attributes:
-        body: β = R b, a unit vector.
-        arm: y = M p + s, m.
-        across: the direction e_f across which it feels translations (M = [e_f]×), `FREE` when it feels them all
-            (M = −1).
-    """
-
-    body: Vector
-    arm: Vector
+    body: Vector  # β = R b, a unit vector
+    arm: Vector  # y = M p + s, m
+    # The direction e_f across which it feels translations (M = [e_f]×), `FREE` when it feels them all (M = −1)
     across: Vector
 
     def moved(self, x: Vector) -> Vector:
@@ -103,22 +97,14 @@ class Bend(NamedTuple):
 
 
 class Distance(NamedTuple):
-    """A distance at one pose.
-
-    Attributes:
-        N: gradient (6,) in (e, ε).
-        reach: |u||k|.
-        push: u.
-        turned: R k.
-        bend: R b, M p + s and M of a bilinear row, None of others.
-    """
+    """A distance at one pose."""
 
     f: int
-    N: Row
-    reach: int
-    push: Vector
-    turned: Vector
-    bend: Bend | None = None
+    N: Row  # gradient (6,) in (e, ε)
+    reach: int  # |u||k|
+    push: Vector  # u
+    turned: Vector  # R k
+    bend: Bend | None = None  # R b, M p + s and M of a bilinear row, None of others
 
 
 # The functions that distances are taken of. As tuples they differ in their form: none is taken for another.
@@ -207,23 +193,14 @@ Function = PointAbove | DirectionAlong | FaceAbove | EdgesApart
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """How far a piece of motion and its errors reach.
+    """How far a piece of motion and its errors reach."""
 
-    Attributes:
-        spin: τ (3,), the nominal turn, rad.
-        turn: |τ|, rounded up.
-        travel: Δ (3,), m.
-        theta: bound of |ε|, rad.
-        angles: half-widths (3,) of the box of ε, rad.
-        box: half-widths (3,) of the box of e, m.
-    """
-
-    spin: Vector
-    turn: int
-    travel: Vector
-    theta: int
-    angles: Vector
-    box: Vector
+    spin: Vector  # τ (3,), the nominal turn, rad
+    turn: int  # |τ|, rounded up
+    travel: Vector  # Δ (3,), m
+    theta: int  # bound of |ε|, rad
+    angles: Vector  # half-widths (3,) of the box of ε, rad
+    box: Vector  # half-widths (3,) of the box of e, m
 
     @cached_property
     def standing(self) -> "Extent":

@@ -105,55 +105,37 @@ class Tube:
 
 @dataclass(frozen=True)
 class JamFree:
-    """What is claimed of the directions of a segment's applied wrench.
+    """What is claimed of the directions of a segment's applied wrench."""
 
-    Attributes:
-        push: along the motion, for which angles are stated.
-        least_push: above which the push is not balanced; None where none is stated.
-        angle: by which the wrench may turn in any direction.
-        planes: how far it may turn from, and to, what the name says.
-        twists: what proves it.
-    """
-
-    push: float
-    least_push: float | None
-    angle: float
-    planes: tuple[tuple[str, tuple[float, float]], ...]
-    twists: tuple[Numbers, ...]
+    push: float  # along the motion, for which angles are stated
+    least_push: float | None  # above which the push is not balanced; None where none is stated
+    angle: float  # by which the wrench may turn in any direction
+    planes: tuple[tuple[str, tuple[float, float]], ...]  # how far it may turn from, and to, what the name says
+    twists: tuple[Numbers, ...]  # what proves it
 
 
 @dataclass(frozen=True)
 class Hybrid:
-    """What is claimed of a segment's control.
+    """What is claimed of a segment's control."""
 
-    Attributes:
-        frame: compliance frame, a pose in the B-frame.
-        position_axes, force_axes: twists servoed in position and wrenches servoed in force, in its coordinates.
-        velocity: unit twist of the reference point in axes of the B-frame.
-        bias: wrench applied to the moving part.
-        push: size of its part along the motion.
-        pressed: held contacts with the normal forces that balance the rest of it.
-        wrench, threshold, max_travel, timeout: when the move ends.
-        stays: what the held contacts stay closed under: "push", "stop" or "none".
-        jam_free: directions in which the bias cannot be balanced; None where nothing is claimed.
-        impact: normal speed of the contact met for a unit twist, and its force; None where none is limited.
-    """
-
-    frame: Numbers
+    frame: Numbers  # compliance frame, a pose in the B-frame
+    # position_axes, force_axes: twists servoed in position and wrenches servoed in force, in its coordinates
     position_axes: tuple[Numbers, ...]
     force_axes: tuple[Numbers, ...]
-    velocity: Numbers
+    velocity: Numbers  # unit twist of the reference point in axes of the B-frame
     speed: float
-    bias: Numbers
-    push: float
-    pressed: tuple[tuple[str, float], ...]
+    bias: Numbers  # wrench applied to the moving part
+    push: float  # size of its part along the motion
+    pressed: tuple[tuple[str, float], ...]  # held contacts with the normal forces that balance the rest of it
     felt: tuple[str, ...]
+    # wrench, threshold, max_travel, timeout: when the move ends
     wrench: Numbers
     threshold: float
     max_travel: float
     timeout: float
-    stays: str
-    jam_free: JamFree | None = None
+    stays: str  # what the held contacts stay closed under: "push", "stop" or "none"
+    jam_free: JamFree | None = None  # directions in which the bias cannot be balanced; None where nothing is claimed
+    # Normal speed of the contact met for a unit twist, and its force; None where none is limited
     impact: tuple[float, float] | None = None
 
 
@@ -192,74 +174,58 @@ class Segment:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a plan of presses states of its trials.
+    """What a plan of presses states of its trials."""
 
-    Attributes:
-        draws, seated, first_tries: uniform draws, how many seat, and how many at the first attempt.
-        confidence, bound, min_rate: of the rate with which draws seat, and the rate asked for.
-        vertices, vertices_seated: of the start box.
-        tested: whether it says that the rate asked for is reached.
-        start: half-widths (6,) of the start errors that are drawn from, m and rad.
-        outcomes, vertex_outcomes: for each the attempt at which it seats, from 0; −1 where it does not, or touches.
-        seconds: that each of the draws took.
-        max_time: s, within which 95 % of the draws that seat are through; None where that was not asked for.
-    """
-
+    # draws, seated, first_tries: uniform draws, how many seat, and how many at the first attempt
     draws: int
     seated: int
     first_tries: int
+    # confidence, bound, min_rate: of the rate with which draws seat, and the rate asked for
     confidence: float
     bound: float
     min_rate: float
+    # vertices, vertices_seated: of the start box
     vertices: int
     vertices_seated: int
     subject: str
-    tested: bool
-    start: Numbers
+    tested: bool  # whether it says that the rate asked for is reached
+    start: Numbers  # half-widths (6,) of the start errors that are drawn from, m and rad
+    # outcomes, vertex_outcomes: for each the attempt at which it seats, from 0; −1 where it does not, or touches
     outcomes: tuple[int, ...]
     vertex_outcomes: tuple[int, ...]
-    seconds: tuple[float, ...]
-    max_time: float | None
+    seconds: tuple[float, ...]  # that each of the draws took
+    max_time: float | None  # s, within which 95 % of the draws that seat are through; None where that was not asked for
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan without its description.
-
-    Attributes:
-        title, problem: of the problem that it is for, and that problem's SHA-256.
-        sha256, digest_holds: its seal, and whether it is that of the document.
-        start_box: half-widths (6,) of the start errors, m and rad.
-        velocity_error: shares of translation and of rotation.
-        rho: characteristic length, m.
-        sources: boxes of the start errors by the frame that they are fixed in; none where all are in the world.
-        touch: how far apart parts are taken to touch, m.
-        presses: number of segments that are presses: all or none.
-        subject: SHA-256 of what evidence is of: parts, presses and goal.
-    """
+    """A plan without its description."""
 
     verdict: str
+    # title, problem: of the problem that it is for, and that problem's SHA-256
     title: str
     problem: str
     version: str
+    # sha256, digest_holds: its seal, and whether it is that of the document
     sha256: str
     digest_holds: bool
     moving: Part
     fixed: Part
     contacts: tuple[Contact, ...]
     segments: tuple[Segment, ...]
-    start_box: Numbers
-    velocity_error: Numbers
-    rho: float
+    start_box: Numbers  # half-widths (6,) of the start errors, m and rad
+    velocity_error: Numbers  # shares of translation and of rotation
+    rho: float  # characteristic length, m
+    # Boxes of the start errors by the frame that they are fixed in; none where all are in the world
     sources: tuple[tuple[str, Numbers], ...]
     specification: Specification
     goal: Numbers
-    touch: float
+    touch: float  # how far apart parts are taken to touch, m
     not_covered: tuple[str, ...]
     recovery: "Recovery | None" = None
-    presses: int = 0
+    presses: int = 0  # number of segments that are presses: all or none
     evidence: Evidence | None = None
-    subject: str = ""
+    subject: str = ""  # SHA-256 of what evidence is of: parts, presses and goal
 
     @property
     def parts(self) -> dict[str, Part]:
@@ -269,50 +235,32 @@ class Plan:
 
 @dataclass(frozen=True)
 class Lift:
-    """How the part backs off, along z of the B-frame.
+    """How the part backs off, along z of the B-frame."""
 
-    Attributes:
-        above: m in B; nothing new is touched while the part's lowest point lies above this.
-        clear: m in B; height of the lowest point from which the part is turned and carried to a start.
-        turn: rad; the furthest that it is turned then.
-    """
-
-    above: float
-    clear: float
-    turn: float
+    above: float  # m in B; nothing new is touched while the part's lowest point lies above this
+    clear: float  # m in B; height of the lowest point from which the part is turned and carried to a start
+    turn: float  # rad; the furthest that it is turned then
 
 
 @dataclass(frozen=True)
 class MoveRecovery:
-    """What to do when a move fails.
-
-    Attributes:
-        back_off: whether the part may be lifted from anywhere in it.
-        room: by how much its lowest point stays above what it could be lifted into, m; None without a lift.
-        early, late: retries in order, after something was felt that was not wanted, and after nothing was.
-    """
+    """What to do when a move fails."""
 
     move: int
-    back_off: bool
-    room: float | None
+    back_off: bool  # whether the part may be lifted from anywhere in it
+    room: float | None  # by how much its lowest point stays above what it could be lifted into, m; None without a lift
+    # early, late: retries in order, after something was felt that was not wanted, and after nothing was
     early: tuple[int, ...]
     late: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """Backing off and trying again.
+    """Backing off and trying again."""
 
-    Attributes:
-        lift: how; None where the part cannot be lifted.
-        why: why not, or why there are no retries; empty where there are.
-        retries: shifts (6,) of the start, m and rad.
-        covers: half-widths (6,) of the start errors that the plan covers with its retries.
-    """
-
-    lift: Lift | None
-    why: str
-    retries: tuple[Numbers, ...]
-    covers: Numbers
+    lift: Lift | None  # how; None where the part cannot be lifted
+    why: str  # why not, or why there are no retries; empty where there are
+    retries: tuple[Numbers, ...]  # shifts (6,) of the start, m and rad
+    covers: Numbers  # half-widths (6,) of the start errors that the plan covers with its retries
     moves: tuple[MoveRecovery, ...]
     not_covered: tuple[str, ...]

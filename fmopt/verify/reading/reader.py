@@ -309,14 +309,10 @@ class Reader:
 
 @dataclass(frozen=True)
 class Fields:
-    """The keys that an object of a plan file may have.
+    """The keys that an object of a plan file may have."""
 
-    Attributes:
-        where: its place, such as "segments[].tube".
-        classes: what each key counts for; one whose value is an object or a list of such has the classes of its keys.
-    """
-
-    where: str
+    where: str  # its place, such as "segments[].tube"
+    # What each key counts for; one whose value is an object or a list of such has the classes of its keys
     classes: tuple[tuple[str, str], ...]
     required: tuple[str, ...]
     known: frozenset[str]
