@@ -219,8 +219,7 @@ def init(
 @app.command(epilog="Example: fmopt check problems/square_peg.toml, or fmopt check peg.step --out peg.svg")
 def check(
     file: Annotated[
-        Path,
-        typer.Argument(help="Problem or assembly (TOML; or - for standard input); a part: mesh, STEP or model."),
+        Path, typer.Argument(help="Problem or assembly (TOML; or - for standard input); a part: mesh, STEP or model.")
     ],
     unit: MeshUnit = None,
     out: Annotated[Path | None, typer.Option("--out", help="Drawing of what was found: .svg, .png, .html.")] = None,

@@ -227,11 +227,7 @@ _Part = tuple[Problem, CertifiedMotion, Stages]
 
 
 def _largest_share(
-    problem: Problem,
-    seconds: float,
-    progress: Progress,
-    velocity: Callable[[float], VelocityError],
-    lates: list[bool],
+    problem: Problem, seconds: float, progress: Progress, velocity: Callable[[float], VelocityError], lates: list[bool]
 ) -> tuple[float, _Part] | None:
     """The largest share of the start errors, each with its errors of velocity, for which a motion is proved.
 

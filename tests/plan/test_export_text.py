@@ -37,12 +37,7 @@ TEXTS = {
 }
 OF_THE_FORM = {"kind", "role", "stays", "axis"}  # words of the format: another one may stop the export
 BASE = (0.4, -0.1, 0.2, 0.3, 3.0, -0.2)
-FILES = {
-    "urscript": ("",),
-    "csv": ("",),
-    "json": ("",),
-    "ros2": ("segments.yaml", "controllers.yaml"),
-}
+FILES = {"urscript": ("",), "csv": ("",), "json": ("",), "ros2": ("segments.yaml", "controllers.yaml")}
 
 
 def strings(value: Any, key: str = "") -> Iterator[tuple[str, str]]:

@@ -8,7 +8,7 @@ is where a piece starts but for drift and compliance.
 """
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from tests.shared.executions.promises import Ledger, Tube, Witness
 
 Plan = dict[str, Any]
 Watch = Callable[["Piece", Poses, bool], None]
+Through = Callable[["Piece", Ledger, "Course"], tuple[Array, Array]]
 OVERLAP, ROUNDING, NOTHING_BOUNDS, FARTHEST = 1e-7, 1e-9, 0.9, 2.0
 
 
@@ -170,25 +171,32 @@ def execute(
     at are so many in every piece, besides its start; `watch` is shown them, and whether a move ends there. Sources are
     boxes of start errors, each with the frame in which it is fixed; the plan's where none are given.
     """
+    scene = Scene(plan)
+    own = sources_of(plan) if sources is None else sources
+    return carried_out(plan, partial(Piece, scene), partial(_through, steps=steps, watch=watch), own, (count, seed))
+
+
+def carried_out(
+    plan: Plan, piece_at: Callable[[int], Piece], through: Through, sources: Sources, drawn: tuple[int, int]
+) -> Ledger:
+    """Takes executions, so many drawn with a seed, through a plan; checks error sets and lengths of ways."""
+    (count, seed), ledger, sets, piece = drawn, Ledger(), error_sets(parse(plan)), piece_at(0)
     rng = np.random.default_rng(seed)
-    scene, ledger = Scene(plan), Ledger()
-    piece = Piece(scene, 0)
-    e, fixed = start_errors(sources_of(plan) if sources is None else sources, (piece.p, piece.R), count, rng)
+    e, fixed = start_errors(sources, (piece.p, piece.R), count, rng)
     fickle, rate, late = rng.random((count, 1)) < 0.5, np.zeros((count, 6)), np.zeros(count)
-    sets = error_sets(parse(plan))
-    Tube(piece.said["tube"], sets[:1], scene.rho).check(ledger, -1, fixed.summed(e, (piece.p, piece.R)))
+    Tube(piece.said["tube"], sets[:1], piece.scene.rho).check(ledger, -1, fixed.summed(e, (piece.p, piece.R)))
     for k in range(len(plan["segments"])):
-        piece = Piece(scene, k)
+        piece = piece_at(k)
         rate = np.where(fickle | piece.first, drifts(piece, count, rng), rate)
-        e, end = _through(piece, ledger, _Course(e, rate * piece.length, fixed), steps, watch)
+        e, end = through(piece, ledger, Course(e, rate * piece.length, fixed))
         late = (0.0 if piece.first else late) + (end - 1.0) * piece.length
         bound = piece.said["hybrid"]["termination"]["max_travel"] - piece.length
         ledger.require("neither longer nor shorter than stated", k, bound - np.abs(late) + ROUNDING)
-        Tube(piece.said["tube"], sets[k + 1 : k + 2], scene.rho).check(ledger, k, fixed.summed(e, piece.goal))
+        Tube(piece.said["tube"], sets[k + 1 : k + 2], piece.scene.rho).check(ledger, k, fixed.summed(e, piece.goal))
     return ledger
 
 
-class _Course(NamedTuple):
+class Course(NamedTuple):
     """What executions bring to a piece: κ (n, 6) at its start, its drift (n, 6) over it, and the other sources."""
 
     start: Array
@@ -200,7 +208,7 @@ class _Course(NamedTuple):
         return piece.settled(self.start + travel[:, None] * self.drift, travel, self.fixed)
 
 
-def _through(piece: Piece, ledger: Ledger, course: _Course, steps: int, watch: Watch) -> tuple[Array, Array]:
+def _through(piece: Piece, ledger: Ledger, course: Course, steps: int, watch: Watch) -> tuple[Array, Array]:
     """Takes all executions through a piece; κ (n, 6) about its goal, and ways (n,) as shares of the piece's."""
 
     def at(travel: Array) -> Poses:
@@ -212,7 +220,7 @@ def _through(piece: Piece, ledger: Ledger, course: _Course, steps: int, watch: W
         if piece.first:
             early = piece.distance(at(0.0 * end)) - piece.said["margin"]
             ledger.require("not made before its move", piece.number, early + ROUNDING)
-        end = first_zero(_left(piece, at), count, FARTHEST)
+        end = first_zero(left(piece, at), count, FARTHEST)
         ledger.require("gets there", piece.number, FARTHEST - end)
         end = np.nan_to_num(end, nan=FARTHEST)
     for share in np.linspace(0.0, 1.0, steps + 1):
@@ -225,7 +233,7 @@ def _through(piece: Piece, ledger: Ledger, course: _Course, steps: int, watch: W
     return piece.errors_at_goal(commanded), end
 
 
-def _left(piece: Piece, at: Callable[[Array], Poses]) -> Callable[[Array], Array]:
+def left(piece: Piece, at: Callable[[Array], Poses]) -> Callable[[Array], Array]:
     """What is zero where the piece ends.
 
     A move ends as it touches. Before, progress is each execution's own: it goes on to its next piece as soon as its
@@ -236,12 +244,12 @@ def _left(piece: Piece, at: Callable[[Array], Poses]) -> Callable[[Array], Array
         return lambda travel: piece.touched(at(travel))
     kept, twist = 1.0 - piece.share, np.concatenate([piece.delta, piece.omega])
 
-    def left(travel: Array) -> Array:
+    def behind(travel: Array) -> Array:
         error = piece.errors_at_goal(at(travel))
         planned = error - (travel[:, None] - 1.0) * twist
         return np.asarray((error - kept * planned) @ piece.way_row)
 
-    return left
+    return behind
 
 
 def _look(piece: Piece, ledger: Ledger, poses: Poses) -> None:

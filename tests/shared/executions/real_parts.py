@@ -6,16 +6,25 @@ inside their real features, moves neither too short nor too long.
 """
 
 import copy
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmopt.plan.error_sets import error_sets
-from fmopt.verify.reading.parse import parse
-from tests.shared.executions.errors import Fixed, drifts, sources_of, start_errors
+from tests.shared.executions.errors import sources_of
 from tests.shared.executions.geometry import Array, Poses, Scene, Touch, gaps, normal_of, unit
-from tests.shared.executions.model import FARTHEST, NOTHING_BOUNDS, OVERLAP, ROUNDING, Piece, first_zero
-from tests.shared.executions.promises import Ledger, Tube
+from tests.shared.executions.model import (
+    FARTHEST,
+    NOTHING_BOUNDS,
+    OVERLAP,
+    ROUNDING,
+    Course,
+    Piece,
+    carried_out,
+    first_zero,
+    left,
+)
+from tests.shared.executions.promises import Ledger
 
 Plan = dict[str, Any]
 Plane = tuple[Array, float]
@@ -102,20 +111,9 @@ class _Any(NamedTuple):
 
 def execute(plan: Plan, real: Plan, count: int, seed: int, steps: int = 4) -> Ledger:
     """Runs executions of a plan on real parts, and checks what it promises of them."""
-    rng, ledger = np.random.default_rng(seed), Ledger()
-    nominal, scene, sets = Scene(plan), Scene(real), error_sets(parse(plan))
-    first = Piece(scene, 0)
-    e, fixed = start_errors(sources_of(plan), (first.p, first.R), count, rng)
-    fickle, rate, late = rng.random((count, 1)) < 0.5, np.zeros((count, 6)), np.zeros(count)
-    for k in range(len(plan["segments"])):
-        piece = _piece(nominal, scene, k)
-        rate = np.where(fickle | piece.first, drifts(piece, count, rng), rate)
-        e, end = _through(piece, ledger, (e, rate * piece.length, fixed), steps)
-        late = (0.0 if piece.first else late) + (end - 1.0) * piece.length
-        bound = piece.said["hybrid"]["termination"]["max_travel"] - piece.length
-        ledger.require("neither longer nor shorter than stated", k, bound - np.abs(late) + ROUNDING)
-        Tube(piece.said["tube"], sets[k + 1 : k + 2], scene.rho).check(ledger, k, fixed.summed(e, piece.goal))
-    return ledger
+    nominal, scene = Scene(plan), Scene(real)
+    through = partial(_through, steps=steps)
+    return carried_out(plan, partial(_piece, nominal, scene), through, sources_of(plan), (count, seed))
 
 
 def _piece(nominal: Scene, scene: Scene, k: int) -> Piece:
@@ -133,31 +131,20 @@ def _piece(nominal: Scene, scene: Scene, k: int) -> Piece:
     return piece
 
 
-def _through(piece: Piece, ledger: Ledger, course: tuple[Array, Array, Fixed], steps: int) -> tuple[Array, Array]:
-    start, drift, fixed = course
+def _through(piece: Piece, ledger: Ledger, course: Course, steps: int) -> tuple[Array, Array]:
+    def at(travel: Array) -> Poses:
+        return course.at(piece, travel)[1]
 
-    def at(travel: Array) -> tuple[Poses, Poses]:
-        return piece.settled(start + travel[:, None] * drift, travel, fixed)
-
-    count, k = len(start), piece.number
-    end, twist = np.ones(count), np.concatenate([piece.delta, piece.omega])
+    count, k = len(course.start), piece.number
+    end = np.ones(count)
     if piece.made is not None:
         if piece.first:
-            ledger.require("not made before its move", k, piece.touched(at(0.0 * end)[1]))
-
-        def left(travel: Array) -> Array:
-            poses = at(travel)[1]
-            if piece.last:
-                return piece.touched(poses)
-            error = piece.errors_at_goal(poses)
-            planned = error - (travel[:, None] - 1.0) * twist
-            return np.asarray((error - (1.0 - piece.share) * planned) @ piece.way_row)
-
-        end = first_zero(left, count, FARTHEST)
+            ledger.require("not made before its move", k, piece.touched(at(0.0 * end)))
+        end = first_zero(left(piece, at), count, FARTHEST)
         ledger.require("gets there", k, FARTHEST - end)
         end = np.nan_to_num(end, nan=FARTHEST)
     for share in np.linspace(0.0, 1.0, steps + 1):
-        commanded, poses = at(share * end)
+        commanded, poses = course.at(piece, share * end)
         _look(piece, ledger, poses)
     return piece.errors_at_goal(commanded), end
 
