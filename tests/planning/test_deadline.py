@@ -2,7 +2,6 @@
 
 import math
 import time
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,23 +15,16 @@ from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import near_contacts, near_tips
 from fmopt.errors import OverdueError, SearchError
 from fmopt.planning.moves.separating_planes import Faces
-from fmopt.planning.pipeline import certified_motion, planned, synthesise
+from fmopt.planning.pipeline import planned, synthesise
 from fmopt.planning.placement.sequence_program import certified
 from fmopt.planning.posed import Posed, placement
-from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.runtime.clock import clock, deadline, heed, until
 from fmopt.spatial.se3 import Pose
-from fmopt.task.problem import Problem
 from fmopt.verify import verify
 from tests.shared.files.prisms import prism, regular
+from tests.shared.searched import shipped_motion
 
 _SLACK = 5.0  # s beyond the limit
-
-
-@cache
-def solved() -> tuple[Problem, CertifiedMotion]:
-    problem = fmopt.load(fmopt.example("square_peg"))
-    return problem, certified_motion(problem)
 
 
 def test_moments_nest_and_are_heeded() -> None:
@@ -49,7 +41,7 @@ def test_moments_nest_and_are_heeded() -> None:
 
 
 def test_without_time_a_placement_keeps_what_it_has() -> None:
-    problem, motion = solved()
+    problem, motion = shipped_motion("square_peg")
     posed = Posed.of(problem)
     moves = motion.placed.moves
     with until(clock() - 1.0):  # there is still time to certify the moves once
@@ -59,7 +51,7 @@ def test_without_time_a_placement_keeps_what_it_has() -> None:
 
 
 def test_without_time_a_plan_goes_without_what_its_verdict_does_not_rest_on() -> None:
-    problem, motion = solved()
+    problem, motion = shipped_motion("square_peg")
     with until(clock() - 1.0):
         document, verdict = planned(problem, motion)
     assert verdict.verdict == "CERTIFIED"
@@ -68,7 +60,7 @@ def test_without_time_a_plan_goes_without_what_its_verdict_does_not_rest_on() ->
 
 
 def test_a_check_that_was_cut_short_proves_nothing() -> None:
-    problem, motion = solved()
+    problem, motion = shipped_motion("square_peg")
     document, verdict = planned(problem, motion)
     assert verdict.verdict == "CERTIFIED"
     for most in (0, 1, len(document["segments"]) - 1):
@@ -111,7 +103,7 @@ def test_contacts_have_the_same_numbers_one_by_one_and_all_at_once(n: int, tmp_p
 
 
 def test_of_the_moving_faces_the_best_is_found_without_a_table() -> None:
-    _, motion = solved()
+    _, motion = shipped_motion("square_peg")
     assembly, seen = motion.assembly, 0
     for claim in motion.claims[::3]:
         listed, course = facing(assembly, claim.piece), Course.of([claim.advance.ends])

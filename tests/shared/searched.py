@@ -1,6 +1,7 @@
-"""The motion that the search finds from one way to begin, certified in fine pieces, without placement."""
+"""Motions of shipped problems, and those that the search finds from one way to begin, in fine pieces, not placed."""
 
 from dataclasses import replace
+from functools import cache
 from itertools import islice
 from typing import Any
 
@@ -9,7 +10,7 @@ from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.propagation import Tolerance
 from fmopt.planning.motion import drawing
 from fmopt.planning.moves.moves import Reached
-from fmopt.planning.pipeline import planned
+from fmopt.planning.pipeline import certified_motion, planned
 from fmopt.planning.placement.sequence_program import certified
 from fmopt.planning.posed import FINE, Posed
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
@@ -18,8 +19,16 @@ from fmopt.planning.search.entry import Entry, Shape, start_spread, tilted_entry
 from fmopt.planning.search.entry_room import room
 from fmopt.planning.search.successors import Costs, Task
 from fmopt.spatial.se3 import Pose
-from fmopt.task.problem import Problem, VelocityError
+from fmopt.task.problem import Problem, VelocityError, load
 from fmopt.task.sizes import characteristic_length, drift, measured_clearance
+from tests import PROBLEMS
+
+
+@cache
+def shipped_motion(name: str) -> tuple[Problem, CertifiedMotion]:
+    """A shipped problem and its motion."""
+    problem = load(PROBLEMS / f"{name}.toml")
+    return problem, certified_motion(problem)
 
 
 def steadier(problem: Problem) -> Problem:

@@ -1,35 +1,24 @@
 """How surely contacts are held, as rows of the placement of a sequence."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 
 from fmopt.planning.control.holding import holds
 from fmopt.planning.optimise.solvers import ClarabelSolver
-from fmopt.planning.pipeline import certified_motion
 from fmopt.planning.placement.error_derivatives import pose_derivatives
 from fmopt.planning.placement.sequence_program import Aim, displaced, refine, state_rows, surer
 from fmopt.planning.placement.sequence_rows import hold_rows
 from fmopt.planning.posed import FINE, Posed
-from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.spatial.values import Array
-from fmopt.task.problem import Problem, load
-from tests import PROBLEMS
-
-
-@cache
-def found(name: str) -> tuple[Problem, CertifiedMotion]:
-    problem = load(PROBLEMS / f"{name}.toml")
-    return problem, certified_motion(problem)
-
+from tests.shared.searched import shipped_motion
 
 LEAST = 0.05, 0.17  # more than the plan of the problem is asked for
 
 
 def aim_of(name: str) -> tuple[Posed, Aim]:
-    problem, done = found(name)
+    problem, done = shipped_motion(name)
     posed = Posed.of(problem)
 
     def asked(claims: object) -> list:  # type: ignore[type-arg]
@@ -40,7 +29,7 @@ def aim_of(name: str) -> tuple[Posed, Aim]:
 
 def free_shift(aim: Aim, name: str, seed: int) -> Array:
     """A random small displacement (m + 1, 6) of all goal poses but the last inside their contact states."""
-    moves, rng = found(name)[1].placed.moves, np.random.default_rng(seed)
+    moves, rng = shipped_motion(name)[1].placed.moves, np.random.default_rng(seed)
     shift = np.zeros((len(moves) + 1, 6))
     for k, move in enumerate(moves[:-1], 1):
         N = state_rows(aim.assembly, (*move.held, *move.making), move.goal)
@@ -52,7 +41,7 @@ def free_shift(aim: Aim, name: str, seed: int) -> Array:
 def test_holds_change_with_the_poses_of_a_sequence_as_their_rows_say() -> None:
     name = "square_peg"
     _, aim = aim_of(name)
-    placed = found(name)[1].placed
+    placed = shipped_motion(name)[1].placed
     here = aim.holds(placed.reached.claims)
     rows = hold_rows(aim.assembly, placed.reached, aim.tolerance, here, 2)
     assert len(here) >= 5
@@ -70,7 +59,7 @@ def test_holds_change_with_the_poses_of_a_sequence_as_their_rows_say() -> None:
 def test_poses_between_pieces_change_with_those_of_the_sequence_as_differences_say() -> None:
     name = "square_peg"
     _, aim = aim_of(name)
-    placed = found(name)[1].placed
+    placed = shipped_motion(name)[1].placed
     claims = placed.reached.claims
     changes = pose_derivatives(aim.assembly, claims, aim.tolerance)
     for seed in range(3):
@@ -85,7 +74,7 @@ def test_poses_between_pieces_change_with_those_of_the_sequence_as_differences_s
 
 def test_contacts_come_to_be_held_as_surely_as_is_asked_and_stay_so() -> None:
     posed, aim = aim_of("square_peg")
-    begun = found("square_peg")[1].placed
+    begun = shipped_motion("square_peg")[1].placed
 
     def surest(placed: object) -> float:
         return min(hold.share / hold.least for hold in aim.holds(placed.reached.claims))  # type: ignore[attr-defined]
@@ -106,7 +95,7 @@ def test_contacts_come_to_be_held_as_surely_as_is_asked_and_stay_so() -> None:
 
 def test_nothing_that_is_held_surely_is_moved() -> None:
     posed, aim = aim_of("square_peg")
-    begun = found("square_peg")[1].placed
+    begun = shipped_motion("square_peg")[1].placed
     assert surer(replace(aim, holds=lambda _: []), begun, ClarabelSolver(), posed.refinement) is begun
     rows = posed.holds(begun.reached.claims)
     assert min(hold.share / hold.least for hold in rows) >= 1.0

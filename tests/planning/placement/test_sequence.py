@@ -1,7 +1,5 @@
 """Placement of whole sequences: errors that move along with the poses, rows within a trust region, what is kept."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -9,23 +7,15 @@ from fmopt.errors import InfeasibleError
 from fmopt.planning.control.controlled_motion import least_firm, least_steady
 from fmopt.planning.moves.moves import Care, Reached, in_a_row, onto_surfaces
 from fmopt.planning.optimise.solvers import ClarabelSolver
-from fmopt.planning.pipeline import certified_motion
 from fmopt.planning.placement.error_derivatives import sensitivities
 from fmopt.planning.placement.sequence_program import Aim, Placed, Refinement, certified, refine, state_rows
 from fmopt.planning.placement.sequence_rows import SequenceRows, sequence_rows
 from fmopt.planning.posed import FINE, FIRM, STEADY
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.spatial.values import Array
-from fmopt.task.problem import Problem, load
-from tests import PROBLEMS
+from tests.shared.searched import shipped_motion
 
 STEP = 1e-6
-
-
-@cache
-def found(name: str) -> tuple[Problem, CertifiedMotion]:
-    problem = load(PROBLEMS / f"{name}.toml")
-    return problem, certified_motion(problem)
 
 
 def displaced(done: CertifiedMotion, number: int, shift: Array) -> Placed | None:
@@ -42,7 +32,7 @@ def displaced(done: CertifiedMotion, number: int, shift: Array) -> Placed | None
 
 
 def test_generators_change_with_the_poses_as_differences_say() -> None:
-    _, done = found("square_peg")
+    _, done = shipped_motion("square_peg")
     predicted = sensitivities(done.assembly, done.placed.reached.claims, done.tolerance)
     weights, seen = np.array([1.0, 1.0, 1.0, *[done.tolerance.rho] * 3]), 0
     for number, move in enumerate(done.placed.moves[:-1]):
@@ -92,7 +82,7 @@ def test_rows_within_a_trust_region_bind_as_all_rows_do(seed: int) -> None:
 
 
 def test_a_sequence_is_placed_for_more_margin_and_contacts_hold_no_less() -> None:
-    problem, done = found("square_peg")
+    problem, done = shipped_motion("square_peg")
     begun = done.placed
     start = Reached(done.errors, (), ())
     shift = np.array([2e-4, -1e-4, 0.0, 0.004, 0.003, 0.004])
@@ -118,7 +108,7 @@ def test_a_sequence_is_placed_for_more_margin_and_contacts_hold_no_less() -> Non
 
 
 def test_every_row_is_at_least_the_margin_where_nothing_is_displaced() -> None:
-    _, done = found("square_peg")
+    _, done = shipped_motion("square_peg")
     rows = sequence_rows(done.assembly, done.placed.reached, done.tolerance, 2e-4)
     counted = rows.values[rows.counted > 0.0]
     assert counted.min() == pytest.approx(done.placed.margin, rel=1e-9)
