@@ -21,19 +21,12 @@ BROKEN = ("full", "closed", "left", "said nowhere", "deaf")
 
 @dataclass
 class Calls:
-    """What came of calls.
+    """What came of calls."""
 
-    Args:
-        counts: of each kind of call.
-        wrong: what did not hold, in words.
-        slowest: longest time from a signal to the end, s.
-        orphans: longest time that a worker outlived its parent, s.
-    """
-
-    counts: Counter[str] = field(default_factory=Counter)
-    wrong: list[str] = field(default_factory=list)
-    slowest: float = 0.0
-    orphans: float = 0.0
+    counts: Counter[str] = field(default_factory=Counter)  # of each kind of call
+    wrong: list[str] = field(default_factory=list)  # what did not hold, in words
+    slowest: float = 0.0  # longest time from a signal to the end, s
+    orphans: float = 0.0  # longest time that a worker outlived its parent, s
 
 
 def called(plan: Path, folder: Path, calls: int, seed: int, patience: float = 0.0) -> Calls:

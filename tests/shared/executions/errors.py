@@ -16,17 +16,11 @@ Sources = Sequence[tuple[str, Sequence[float]]]
 
 @dataclass(frozen=True)
 class Fixed:
-    """Errors of executions that are fixed in the hole or in the hand.
+    """Errors of executions that are fixed in the hole or in the hand."""
 
-    Attributes:
-        origin: where the motion starts (3,), about which the hole is turned.
-        hole: shifts and turns (n, 6) of the hole, as the part is seen in its frame.
-        hand: shifts and turns (n, 6) of the part in the hand, in the part's frame.
-    """
-
-    origin: Array
-    hole: Array
-    hand: Array
+    origin: Array  # where the motion starts (3,), about which the hole is turned
+    hole: Array  # shifts and turns (n, 6) of the hole, as the part is seen in its frame
+    hand: Array  # shifts and turns (n, 6) of the part in the hand, in the part's frame
 
     def seen(self, poses: Poses) -> Poses:
         """Poses in the hole's frame of what is held as it is: H⁻¹ · X · G."""

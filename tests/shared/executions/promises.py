@@ -39,28 +39,19 @@ class Ledger:
 
 @dataclass(frozen=True, eq=False)
 class Witness:
-    """A plane that keeps a moving piece above and a fixed piece below it; a stated normal gets its own offset.
+    """A plane that keeps a moving piece above and a fixed piece below it; a stated normal gets its own offset."""
 
-    Attributes:
-        kind: "plane", "fixed-face", "moving-face" or "edges".
-        normal, offset: the plane, for "plane" and "fixed-face" in the fixed frame, for "moving-face" in the moving one.
-        edges: points of the moving and of the fixed edge, (2, 3) each, for "edges".
-        sign: which way the normal of two edges points.
-        margin: what the heights that count are stated to keep, m.
-        counted: which do: those of points that nothing brings to the plane.
-        beside: which others only stay on their side: held contacts may leave them there, by less than the margin.
-    """
-
-    kind: str
+    kind: str  # "plane", "fixed-face", "moving-face" or "edges"
     moving: Array
     fixed: Array
+    # normal, offset: the plane, for "plane" and "fixed-face" in the fixed frame, for "moving-face" in the moving one
     normal: Array
     offset: float
-    edges: tuple[Array, Array]
-    sign: float
-    margin: float
-    counted: Array
-    beside: Array
+    edges: tuple[Array, Array]  # points of the moving and of the fixed edge, (2, 3) each, for "edges"
+    sign: float  # which way the normal of two edges points
+    margin: float  # what the heights that count are stated to keep, m
+    counted: Array  # which do: those of points that nothing brings to the plane
+    beside: Array  # which others only stay on their side: held contacts may leave them there, by less than the margin
     radius: float = 0.0
 
     @staticmethod

@@ -52,17 +52,11 @@ class Judged:
 
 @dataclass(frozen=True)
 class Court:
-    """Who judges plans that were made of an honest one.
+    """Who judges plans that were made of an honest one."""
 
-    Attributes:
-        honest: the plan that they were made of.
-        differences: what a plan states otherwise than its problem; None where it has none.
-        executions: how many are sampled of a plan that passes.
-    """
-
-    honest: Document
-    differences: Differences | None
-    executions: int
+    honest: Document  # the plan that they were made of
+    differences: Differences | None  # what a plan states otherwise than its problem; None where it has none
+    executions: int  # how many are sampled of a plan that passes
 
     def judge(self, plan: Document, oracle: str) -> Judged:
         """Has a plan checked, and where it passes, asks an oracle whether it is false."""

@@ -19,21 +19,14 @@ SAMPLING = "sampling"  # executions tell
 
 @dataclass(frozen=True)
 class Lie:
-    """A kind of lie.
+    """A kind of lie."""
 
-    Attributes:
-        name: in a few words.
-        oracle: who can tell that a plan with it is false: one of the constants above.
-        tell: alters a plan in place by numbers drawn; False where the plan has nothing of the kind to lie about.
-        settled: whether the dependent numbers are derived anew.
-        base: the plan that it is told of, where it needs one of its own.
-    """
-
-    name: str
-    oracle: str
+    name: str  # in a few words
+    oracle: str  # who can tell that a plan with it is false: one of the constants above
+    # Alters a plan in place by numbers drawn; False where the plan has nothing of the kind to lie about
     tell: Callable[[Document, Random], bool]
-    settled: bool = True
-    base: Callable[[], Document] | None = None
+    settled: bool = True  # whether the dependent numbers are derived anew
+    base: Callable[[], Document] | None = None  # the plan that it is told of, where it needs one of its own
 
 
 class Untold(Exception):

@@ -53,34 +53,21 @@ class Placing:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two parts that go together.
-
-    Attributes:
-        name, family: what it is.
-        peg: the solid feature.
-        bore: what is taken out of the part with the peg; empty for most.
-        hole: the hollow feature.
-        block: size (x, y, z) of the block that the hole is in, centred about it, its top in the mouth.
-        clearance: on each side.
-        depth: how far the peg goes in.
-        through: whether the hole is open below.
-        size: about how wide the section is.
-        placings: of the part with the peg, and of that with the hole.
-        exchanged: whether the part with the hole is the one that moves.
-    """
+    """Two parts that go together."""
 
     name: str
     family: str
-    peg: Stack
-    bore: Stack
-    hole: Stack
+    peg: Stack  # the solid feature
+    bore: Stack  # what is taken out of the part with the peg; empty for most
+    hole: Stack  # the hollow feature
+    # Size (x, y, z) of the block that the hole is in, centred about it, its top in the mouth
     block: tuple[float, float, float]
-    clearance: float
-    depth: float
-    through: bool
-    size: float
-    placings: tuple[Placing, Placing]
-    exchanged: bool = False
+    clearance: float  # on each side
+    depth: float  # how far the peg goes in
+    through: bool  # whether the hole is open below
+    size: float  # about how wide the section is
+    placings: tuple[Placing, Placing]  # of the part with the peg, and of that with the hole
+    exchanged: bool = False  # whether the part with the hole is the one that moves
 
     @property
     def error(self) -> tuple[float, float]:

@@ -31,21 +31,14 @@ class LostError(AssertionError):
 
 @dataclass
 class Kills:
-    """What has happened so far.
+    """What has happened so far."""
 
-    Args:
-        counts: kills by what was killed.
-        studies: studies that were brought to their end.
-        begun: evaluations that were begun.
-        needed: evaluations that were needed.
-        orphans: longest time that a worker outlived its parent, s.
-    """
-
+    # Kills by what was killed
     counts: dict[str, int] = field(default_factory=lambda: {"parent": 0, "worker": 0, "group": 0})
-    studies: int = 0
-    begun: int = 0
-    needed: int = 0
-    orphans: float = 0.0
+    studies: int = 0  # studies that were brought to their end
+    begun: int = 0  # evaluations that were begun
+    needed: int = 0  # evaluations that were needed
+    orphans: float = 0.0  # longest time that a worker outlived its parent, s
 
     @property
     def total(self) -> int:
