@@ -1,7 +1,5 @@
 """What is asked for without a problem file: two parts, or an assembly, and a start error."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -56,7 +54,7 @@ def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
     return Asked((files[0], files[1]), error, (unit, unit), (moving, fixed))
 
 
-def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: bool) -> Problem:
+def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: bool) -> "Problem":
     """The problem that files and options ask for, its file written into the folder of the results."""
     from fmopt.runtime import output
     from fmopt.task.problem import load
@@ -71,7 +69,7 @@ def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: boo
     return problem
 
 
-def told(problem: Problem) -> None:
+def told(problem: "Problem") -> None:
     """Says what a user has to know of how the parts were taken, on standard error."""
     for part in (problem.moving, problem.fixed):
         for note in part.notes:
@@ -100,7 +98,7 @@ def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
     return [target, draw_found((problem.moving, problem.fixed), target.with_suffix(".svg"))]
 
 
-def draw_found(parts: Sequence[Part], target: Path) -> Path:
+def draw_found(parts: "Sequence[Part]", target: Path) -> Path:
     """Draws what was taken for what on parts."""
     from fmopt.report.views import part_view
 

@@ -1,7 +1,5 @@
 """`fmopt solve`, `verify`, `check` and `schema`."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -121,7 +119,7 @@ def _write_report(found: Plan, folder: Path) -> None:
     output.save(report_page(found, drawn).encode(), folder / "report.html")
 
 
-def _summary(plan: Plan, verdict: Verdict, folder: Path) -> dict[str, Any]:
+def _summary(plan: Plan, verdict: "Verdict", folder: Path) -> dict[str, Any]:
     found = {**_findings(verdict), "verdict": plan.verdict, "plan": str(folder / "plan.json")}
     if plan.press_plan is not None:
         evidence = {} if plan.evidence is None else asdict(plan.evidence)
@@ -139,7 +137,7 @@ def _summary(plan: Plan, verdict: Verdict, folder: Path) -> dict[str, Any]:
     }
 
 
-def _findings(verdict: Verdict) -> dict[str, Any]:
+def _findings(verdict: "Verdict") -> dict[str, Any]:
     """A verdict as JSON: every finding in words and as data, the collision when there is one."""
     return {
         "verdict": str(verdict.verdict),
@@ -152,7 +150,7 @@ def _findings(verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def _margins(plan: proof.Plan) -> dict[str, Any]:
+def _margins(plan: "proof.Plan") -> dict[str, Any]:
     """What each segment states, in m; stated, not proved, unless the verdict is CERTIFIED."""
     keys = {"move": "move", "margin": "margin", "clearance": "clearance", "binding_contact": "binding"}
     return {"segment_margins": [{key: getattr(s, name) for key, name in keys.items()} for s in plan.segments]}

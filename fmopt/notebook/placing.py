@@ -1,7 +1,5 @@
 """The cone program that places the goal poses of a plan, to be changed and solved in a notebook, and what follows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
@@ -48,9 +46,9 @@ class Placing:
         margin: what the program says of the margin, m; what holds is the margin of `motion`.
     """
 
-    program: cvxpy.Problem
-    shift: cvxpy.Expression
-    margin: cvxpy.Expression
+    program: "cvxpy.Problem"
+    shift: "cvxpy.Expression"
+    margin: "cvxpy.Expression"
     now: CertifiedMotion
     aim: Aim
 

@@ -1,7 +1,5 @@
 """Problems from Python: read from a file, varied by path, given another clearance, said back in words."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -46,7 +44,7 @@ class Problem(task.Problem):
     source: Source
 
     @cached_property
-    def measured(self) -> Clearance:
+    def measured(self) -> "Clearance":
         """The clearance as measured on the parts, m; computed when it is first asked for.
 
         >>> round(fmopt.load(fmopt.example("square_peg")).measured.per_side, 9)
@@ -69,7 +67,7 @@ class Problem(task.Problem):
         """
         return tuple(Base.read(self.path).targets())
 
-    def with_(self, values: Mapping[str, Given] | None = None, /, **named: Given) -> Problem:
+    def with_(self, values: Mapping[str, Given] | None = None, /, **named: Given) -> "Problem":
         """The same problem with other values; this one stays as it is.
 
         >>> problem = fmopt.load(fmopt.example("square_peg"))
@@ -105,7 +103,7 @@ class Problem(task.Problem):
 
         return explain(self, self.measured)
 
-    def _with(self, values: Mapping[str, Given]) -> Problem:
+    def _with(self, values: Mapping[str, Given]) -> "Problem":
         known = Base.read(self.path).targets()
         spoken = {path.replace(".", "_"): path for path in known}
         placed, faults, mine = [], [], {}

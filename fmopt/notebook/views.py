@@ -1,7 +1,5 @@
 """Which drawings there are of which values: a table by type, looked up by name so that nothing is imported in vain."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -37,7 +35,7 @@ def views_of(value: Any) -> dict[str, Drawing]:
     return {}
 
 
-def _plan(plan: Plan) -> Iterable[Drawing]:
+def _plan(plan: "Plan") -> Iterable[Drawing]:
     from fmopt.report.figures import catalogue
     from fmopt.report.scene import scene
 
@@ -48,7 +46,7 @@ def _plan(plan: Plan) -> Iterable[Drawing]:
     yield from catalogue(stated).values()
 
 
-def _problem(problem: Problem) -> Iterable[Drawing]:
+def _problem(problem: "Problem") -> Iterable[Drawing]:
     """Both parts; the scene with the nominal trajectory straight down, which no plan has confirmed; cut-diagrams."""
     from fmopt.report.scene import seating
     from fmopt.report.views import diagram_view, part_view
@@ -68,7 +66,7 @@ def _problem(problem: Problem) -> Iterable[Drawing]:
     yield Drawing("diagrams", diagram_view.TITLE, alt, diagram_view.paper(3), paint)
 
 
-def _diagrams(mapping: Diagrams) -> Iterable[Drawing]:
+def _diagrams(mapping: "Diagrams") -> Iterable[Drawing]:
     from fmopt.papers.lee_huang.mapping import diagrams
     from fmopt.report.views import diagram_view
 

@@ -1,7 +1,5 @@
 """How a plan was found: contact graphs, cut-diagrams, error budget and tolerance, planar sets, motion of the hand."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -65,7 +63,7 @@ class Graph:
     chosen: Many[Index]
 
     @model_validator(mode="after")
-    def _check_sons(self) -> Graph:
+    def _check_sons(self) -> "Graph":
         if not len(self.states) == len(self.sons) == len(self.verdicts):
             raise ValueError("each state must have sons and a verdict")
         for what, indices in (("chosen", self.chosen), *(("sons", sons) for sons in self.sons)):
@@ -183,7 +181,7 @@ class Sensitivity:
     change: Number | None = None
 
     @model_validator(mode="after")
-    def _check_step(self) -> Sensitivity:
+    def _check_step(self) -> "Sensitivity":
         if self.step == 0.0:
             raise ValueError("step must not be 0")
         return self
@@ -239,7 +237,7 @@ class Curve:
     arc: tuple[Number, Number, Number, Number, Number] | None = None
 
     @model_validator(mode="after")
-    def _check_kind(self) -> Curve:
+    def _check_kind(self) -> "Curve":
         if (self.line is None) == (self.arc is None):
             raise ValueError("must be either a line or an arc")
         return self

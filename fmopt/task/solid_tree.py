@@ -1,7 +1,5 @@
 """The tree of named solids of a model file: its references checked, and the part it describes built."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import reduce
@@ -99,7 +97,7 @@ def part_reach(source: Source, file: files.ModelFile) -> Array:
     return np.array([(x, 0.0, z) for polygon in file.profile.polygons for x, z in polygon])
 
 
-def build_part(source: Source, file: files.ModelFile, mesh: Imported | None = None, few: float = np.inf) -> Part:
+def build_part(source: Source, file: files.ModelFile, mesh: "Imported | None" = None, few: float = np.inf) -> Part:
     """The part of a checked model file, in its model frame.
 
     Args:
@@ -145,7 +143,7 @@ def shape_part(source: Source, key: Key, shape: files.Primitive) -> Part:
         return part_of(str(key[-1]), csg.Placed(solid, Pose.from_vector([*shape.at, *shape.turn])))
 
 
-def build_tree(source: Source, file: files.ModelFile, mesh: Imported | None = None) -> ObjectTree:
+def build_tree(source: Source, file: files.ModelFile, mesh: "Imported | None" = None) -> ObjectTree:
     """The object tree of a checked model file, after [LeeHuang1985] section 3.
 
     A mesh, and a part with a feature that none of its solids make (a hole that others leave between them), becomes its
@@ -170,7 +168,7 @@ def build_tree(source: Source, file: files.ModelFile, mesh: Imported | None = No
     return tree
 
 
-def _hull_less_others(source: Source, file: files.ModelFile, mesh: Imported | None, chain: Chain) -> csg.Solid:
+def _hull_less_others(source: Source, file: files.ModelFile, mesh: "Imported | None", chain: Chain) -> csg.Solid:
     """The part as its convex hull less convex bodies, from its chain or its mesh."""
     from fmopt.geometry.inverse_csg import MESH_NOISE, apart
     from fmopt.geometry.mesh.mesh_solid import decomposed

@@ -10,8 +10,6 @@ inscribed, so that what is free here is free for the true surfaces. The guarante
 two points of the bodies come closer than touching to 1e-9 m.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -124,7 +122,7 @@ def free_until(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTraje
     return path.duration
 
 
-def _keeps(stretch: _Stretch, other: Polyhedron, margin: float) -> bool:
+def _keeps(stretch: "_Stretch", other: Polyhedron, margin: float) -> bool:
     """Whether a stretch is shown to keep its distance, halved until its stray is small against it."""
     stray = stretch.stray
     # Every point of the piece is within its stray of the hull of both ends.
@@ -231,7 +229,7 @@ class _Stretch(Value):
         axes = axes_across(along, np.vstack([directions(other), travel]))
         return min(least, overlap(points, still, axes, round_))
 
-    def halves(self) -> tuple[_Stretch, _Stretch]:
+    def halves(self) -> "tuple[_Stretch, _Stretch]":
         middle = 0.5 * (self.span[0] + self.span[1])
         return replace(self, span=(self.span[0], middle)), replace(self, span=(middle, self.span[1]))
 

@@ -9,8 +9,6 @@ many starts, its own facet first, then half way to its neighbours and from poses
 confirmed by a pose. Refuted means that none of the starts led to one, and says what was in the way at the best of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -61,7 +59,7 @@ class Space:
     name: str
     pose: Array
     graph: ContactGraph
-    found: tuple[Confirmation, ...]
+    found: "tuple[Confirmation, ...]"
     enumerated: bool
 
     def state(self, contacts: frozenset[str]) -> int | None:
@@ -244,13 +242,13 @@ class _Best:
     settled: Bits
 
     @staticmethod
-    def of(near: Neighbourhood, on: Bits, met: Met) -> _Best:
+    def of(near: Neighbourhood, on: Bits, met: Met) -> "_Best":
         at = near.measured(on, met.poses)
         inside = at.limits.min(axis=1, initial=np.inf) > _OUTSIDE
         found = (at.residual <= RESIDUAL) & (at.slack > APART) & inside
         return _Best(found, met.poses, np.where(found, -1.0, met.short), met.settled)  # nothing beats what was found
 
-    def improved(self, near: Neighbourhood, on: Bits, which: NDArray[np.intp], met: Met) -> _Best:
+    def improved(self, near: Neighbourhood, on: Bits, which: NDArray[np.intp], met: Met) -> "_Best":
         """With further searches for states `which` (m,), several for each."""
         new = _Best.of(near, on[which], met)
         # By states, and within each by what is short: the first of each is its best.
