@@ -132,12 +132,7 @@ class _Body:
     """A solid with its hull."""
 
     def __init__(self, shape: Manifold, size: float, gap: float) -> None:
-        """Takes the surface of a shape.
-
-        Args:
-            size: diameter of the solid that it was cut from, m.
-            gap: how far beside a plane it is cut, m.
-        """
+        """Take the surface of a shape cut from a solid of this diameter, m, to be cut by a gap, m, beside planes."""
         mesh = shape.to_mesh64()
         self.shape, self.size, self.gap = shape, size, gap
         self.points = np.array(mesh.vert_properties)[:, :3]

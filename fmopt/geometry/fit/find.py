@@ -232,11 +232,7 @@ class _Seat:
     """A candidate at its seat: as deep as the straight way goes, or as a goal states, where it has the most room."""
 
     def __init__(self, candidate: Candidate, depth: float | None = None, tip: float | None = None) -> None:
-        """Seats it.
-
-        Args:
-            depth: of the goal below the mouth, m; that of `tip` if None, a height (m), or the first stop.
-        """
+        """Seat it with its tip at a depth below the mouth, m, else at the height `tip`, m, else at the first stop."""
         self.candidate, self.own, self.other = candidate, candidate.led.layers, candidate.material
         self.way = Way(candidate.led, candidate.material, candidate.pivot)
         self.at, self.clearance = candidate.at, candidate.clearance

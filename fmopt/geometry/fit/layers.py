@@ -101,11 +101,7 @@ class Layers:
     """A polyhedron seen along a direction."""
 
     def __init__(self, body: Polyhedron, turn: Array) -> None:
-        """Cuts nothing yet.
-
-        Args:
-            turn: (3, 3), takes the body's frame to one whose z runs along the direction.
-        """
+        """Cut nothing yet; the turn (3, 3) takes the body's frame to one whose z runs along the direction."""
         self.turn = turn
         self.points = body.vertices @ turn.T
         self.low, self.high = float(self.points[:, 2].min()), float(self.points[:, 2].max())

@@ -35,11 +35,7 @@ class Facing:
     """An outline that moves, and material that it is placed beside."""
 
     def __init__(self, moving: Outline, material: Outline, pivot: Array) -> None:
-        """Nothing is measured yet.
-
-        Args:
-            pivot: (2,) of the outline, m, which is put at (x, y) and about which it is turned.
-        """
+        """Measure nothing yet; the pivot (2,) of the outline, m, is put at (x, y), and the outline turned about it."""
         self.pivot, self._material = pivot, material.shape
         self._own_sides, self._material_sides = moving.sides, material.sides
         self._own, self._walls = (moving.start - pivot, moving.end - pivot), (material.start, material.end)
@@ -50,11 +46,7 @@ class Facing:
         self._about: Array | None = None
 
     def rows(self, at: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Signed distances (n,), m, gradients (n, 3) in x, y (1) and turn (m/rad), and a number (n,) of each pair.
-
-        Args:
-            at: (3,), x, y in m and turn in rad.
-        """
+        """Signed distances (n,), m, at x, y (m) and turn (rad), gradients (n, 3) by these, numbers (n,) of pairs."""
         turn = _turn(float(at[2]))
         start, end = (corners @ turn.T + at[:2] for corners in self._own)
         walls = self._walls
@@ -90,11 +82,7 @@ Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 def _close(points: Array, used: NDArray[np.bool_], sides: shapely.STRtree, reach: float) -> Pairs:
-    """Points (n, 2) and sides that may come to be the nearest while both move by a quarter of `reach` (m).
-
-    Args:
-        used: of the points (n,).
-    """
+    """Used points (n, 2) and sides that may come to be the nearest while both move by a quarter of `reach` (m)."""
     points, at = points[used], np.flatnonzero(used)
     _, far = sides.query_nearest(shapely.points(points), return_distance=True, all_matches=False)
     around = np.maximum(far + 0.5 * reach, reach)[:, None]

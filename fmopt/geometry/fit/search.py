@@ -290,9 +290,7 @@ def placements(
 ) -> Iterator[tuple[float, Array]]:
     """Clearances, m, and places (3,) of an outline in an opening, from the turns with the least overlap or from all.
 
-    Args:
-        pivot: (2,) of the outline, which is put into the middle of the opening, m.
-        tolerance: of the clearance, m.
+    The pivot (2,) of the outline, m, is put into the middle of the opening. The tolerance is that of clearances, m.
     """
     middle, found = np.array(opening.centroid.coords[0]), list[tuple[float, float, Array]]()
     far = float(np.hypot(*(outline.start - pivot).T).max())

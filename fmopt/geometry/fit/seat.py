@@ -36,11 +36,7 @@ class Way:
     """A solid that is led straight into the other one's material, at any depth of its tip below the top of that."""
 
     def __init__(self, led: Led, material: Layers, pivot: Array) -> None:
-        """Nothing is cut yet.
-
-        Args:
-            pivot: (2,) of the solid's layers, m.
-        """
+        """Cut nothing yet; the pivot (2,), m, is of the solid's layers."""
         self.led, self.own, self.material, self.pivot = led, led.layers, material, pivot
         self._swept = dict[float, Outline]()
 

@@ -37,9 +37,7 @@ Planes = tuple[Array, Array]
 def rings(angle: Array, slack: Array) -> Iterator[tuple[NDArray[np.intp], float, float]]:
     """Side faces (n,) around a round surface, the even turn between them, and how far they are off that, rad.
 
-    Args:
-        angle: bearing of the outward normal of each side face (n,), rad.
-        slack: how far off its place each may be (n,), rad.
+    The bearings of their outward normals are (n,), rad, as is how far each may be off its place.
     """
     if len(angle) > _MANY:
         ahead = np.sort(angle)
@@ -61,12 +59,9 @@ def is_even(normals: Array) -> bool:
 
 
 def evenly_out(normals: Array, offsets: Array, slack: float) -> Array:
-    """Offsets (k,) of planes, m: those around a round surface exactly as far from its axis, but for the slack.
+    """Offsets (k,) of planes, m: those around a round surface exactly as far from its axis, but for the slack, m.
 
-    Args:
-        normals: in a frame that has the axis along z (k, 3).
-        offsets: of the planes, m.
-        slack: by how much offsets may be moved, m.
+    Normals (k, 3) are in a frame that has the axis along z.
     """
     # Facets of one slope have it in common by now, but for rounding.
     made, alike = np.array(offsets), np.round(normals[:, 2], 9)
@@ -141,11 +136,8 @@ def through_columns(points: Array, faces: Sequence[Sequence[Loop]], planes: Plan
 def chord_error(body: Polyhedron, where: Callable[[Array], bool] = lambda corners: True) -> float:
     """The sagitta (m) of the arcs that chains of facets stand for, 0 where there are none.
 
-    A facet counts when it has neighbours that it may be one surface with across two or more of its edges: one alone is
-    a chamfer or a draft.
-
-    Args:
-        where: whether a facet with corners (n, 3) counts.
+    A facet with corners (n, 3) counts where `where` says so and it has neighbours that it may be one surface with
+    across two or more of its edges: one alone is a chamfer or a draft.
     """
     found = list(chords(body))
     neighbours = Counter(number for faces, _ in found for number in faces)
@@ -187,12 +179,8 @@ def sagitta(points: Array, triangles: Indices) -> float:
 def met(moving: Part, fixed: Part, depth: float, beside: float) -> tuple[Part, Part]:
     """Two parts in their mating frames, charged only with curved surfaces that meet the other one's on the way in.
 
-    These are the ones of the moving part that get below the mouth, and of the fixed part those beside what does. The
-    holes of a flange that lands on the mouth stay above.
-
-    Args:
-        depth: of the goal, m.
-        beside: how far beside its way the moving part may be, m.
+    These are the ones of the moving part that get below the mouth, down to the depth of the goal, m, and of the fixed
+    part those beside what does, so far, m. The holes of a flange that lands on the mouth stay above.
     """
     from shapely import MultiPoint
 

@@ -164,8 +164,7 @@ class Arc(Value):
     def share(self, angle: float, slack: float = 0.0) -> float | None:
         """The parameter at which the arc passes the polar `angle` (rad) of its circle, None when it does not.
 
-        Args:
-            slack: an overshoot in rad that still counts as an end.
+        An overshoot by the slack (rad) still counts as an end.
         """
         if self.sweep == 0.0:
             return 0.0 if abs(math.remainder(angle - self.start, math.tau)) <= slack else None

@@ -41,12 +41,7 @@ class Curve:
     point_like: bool
 
     def at(self, parameter: float, across: float = 1.0) -> Array:
-        """The point (3,) at a parameter, its distance from the centre of a circle stretched.
-
-        Args:
-            parameter: the kernel's; an angle in rad on a circle.
-            across: by what a circle's radius is multiplied; nothing on other curves.
-        """
+        """The point (3,) at a parameter of the kernel, rad on a circle, whose radius is multiplied by `across`."""
         if self.circle is None:
             return _xyz(self.curve.Value(parameter))
         centre, axes, radius = self.circle
@@ -80,9 +75,7 @@ class Surface:
     def at(self, u: float, v: float, across: float = 1.0, along: float = 1.0) -> Array:
         """The point (3,), mm, at its parameters, the distance from its axis and from its profile's centre stretched.
 
-        Args:
-            u, v: the kernel's parameters: u about the axis, rad; v along a straight profile, mm, or around a round one,
-                rad.
+        The kernel's u is about the axis, rad, its v along a straight profile, mm, or around a round one, rad.
         """
         if self.kind == "Cylinder":
             r, z = self.radius, v
