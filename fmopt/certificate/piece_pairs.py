@@ -21,7 +21,7 @@ _MEMORY = 2048
 
 @dataclass(frozen=True)
 class Witness:
-    """A plane between two pieces: along a face or edges, as vertex indices of the pieces, or any plane of the B-frame."""
+    """A plane between two pieces: along a face or edges, as vertex indices of pieces, or any plane of the B-frame."""
 
     kind: Literal["fixed-face", "moving-face", "edges", "plane"]
     moving: tuple[int, ...]

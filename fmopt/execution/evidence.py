@@ -21,6 +21,7 @@ class Examination:
         min_rate: that the bound has to reach.
         examined: number of the plan among those examined for the problem, from 1.
         threads: of the physics engine, None for as many as there are cores.
+        vertices: whether those of the start box are tried, too; without them a plan is not tested.
         max_time: s, within which 95 % of the draws that seat have to be through; None where that is not asked for.
     """
 
@@ -30,6 +31,7 @@ class Examination:
     examined: int = 1
     threads: int | None = None
     max_time: float | None = None
+    vertices: bool = True
 
 
 def examine(
@@ -38,10 +40,12 @@ def examine(
 ) -> Evidence:  # fmt: skip
     """Carries a plan out for all draws and vertices, whatever comes of the first ones."""
     presses, threads = count_presses(plan), asked.threads or cores()
-    progress(f"evidence: {asked.draws} draws and {VERTICES} vertices")
-    numbers = range(asked.draws + VERTICES)
-    drawn_part = drawn_errors(conditions, presses, asked.seed, numbers[: asked.draws])
-    errors = drawn_part.followed_by(vertex_errors(conditions, presses))
+    count = VERTICES if asked.vertices else 0
+    progress(f"evidence: {asked.draws} draws and {count} vertices")
+    numbers = range(asked.draws + count)
+    errors = drawn_errors(conditions, presses, asked.seed, numbers[: asked.draws])
+    if count:
+        errors = errors.followed_by(vertex_errors(conditions, presses))
     outcomes = _with_few_ways(carry_out(bodies, plan, errors, asked.seed, numbers, threads=threads))
     drawn, vertices = outcomes[: asked.draws], outcomes[asked.draws :]
     seated, at_vertices = count_seated(drawn), count_seated(vertices)
@@ -55,7 +59,7 @@ def examine(
         confidence=CONFIDENCE,
         bound=bound,
         min_rate=asked.min_rate,
-        vertices=VERTICES,
+        vertices=count,
         vertices_seated=at_vertices,
         examined=asked.examined,
         seed=asked.seed,

@@ -151,12 +151,14 @@ def evidence_words(plan: Plan) -> str:
     own = "".join(f" {words}." for words in own_words(plan))
     if evidence is None:
         return f"There is no evidence: {plan.description.untried or 'trials of the presses were left out'}.{own}"
+    vertices = f"{evidence.vertices_seated} of {evidence.vertices} vertices of the start errors seat."
+    if not evidence.vertices:
+        vertices = "Vertices of the start errors were not tried, so that the plan is not TESTED."
     most = "" if evidence.max_time is None else f", asked for {evidence.max_time:.3g} s"
     return (
         f"{evidence.seated} of {evidence.draws} draws seat in the physics engine, {evidence.first_tries} at the first "
         f"attempt{timing_words(evidence.cycle_times)}{most}: a rate of at least {100.0 * evidence.bound:.1f} % at "
-        f"{evidence.confidence:.1%} confidence, asked for {100.0 * evidence.min_rate:g} %. {evidence.vertices_seated} "
-        f"of {evidence.vertices} vertices of the start errors seat."
+        f"{evidence.confidence:.1%} confidence, asked for {100.0 * evidence.min_rate:g} %. {vertices}"
         + _clear_words(evidence)
         + ("" if share is None else f" Guarded moves are certified for {share:.0%} of the start errors.")
         + own

@@ -77,6 +77,7 @@ class Settings:
     max_time: float | None
     min_rate: float
     draws: int
+    vertices: bool
     seed: int
     method: Literal["sound", "dakin1993"]
     placement: Literal["socp+nlp", "descent"]

@@ -35,7 +35,7 @@ angle = "deg"
 def folder(tmp_path: Path) -> Path:
     """A folder with the square peg, ten draws asked for, a plan of presses for it, and a study of both."""
     text = (PROBLEMS / "square_peg.toml").read_text("utf-8").replace("../models", str(ROOT / "models"))
-    changed = text.replace('evidence = "certified"', 'evidence = "tested"\ndraws = 10\nmin_rate = 0.3')
+    changed = text.replace('evidence = "certified"', 'evidence = "tested"\ndraws = 10\nvertices = false')
     (tmp_path / "base.toml").write_text(changed, "utf-8")
     plan.write(press_plan_document(), tmp_path / "plan.json")
     (tmp_path / "study.toml").write_text(STUDY, "utf-8")
@@ -64,7 +64,8 @@ def test_a_known_plan_is_tried_with_parts_and_errors_of_each_run(folder: Path, m
     assert answers["bound"] == lower_bound(int(answers["seated"] or 0), 10)
     assert str(answers["seats"]).count("1") == answers["seated"]
     kept = json.loads(zlib.decompress(row.kept))
-    assert str(verify(kept).verdict) == kept["verdict"] == answers["verdict"]
+    assert kept["evidence"]["vertices"] == answers["vertices_seated"] == 0
+    assert str(verify(kept).verdict) == kept["verdict"] == answers["verdict"] == "NOT_PROVED"
 
 
 @pytest.mark.parametrize(

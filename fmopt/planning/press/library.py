@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from fmopt.plan import Numbers
 from fmopt.plan.field_types import numbers as numbers_of
 from fmopt.plan.press import Attempt, End, Gives, Level, Point, Press, PressRobot, Rocking, Standstill, Time, Travel
 from fmopt.planning.press.entry import corner_entry
+from fmopt.planning.press.placed.placement import stroke
 from fmopt.planning.press.task import Corner, PressTask, Shelf
 from fmopt.spatial.values import Array
 
@@ -18,6 +20,7 @@ FORCE = 8.0  # N, lateral force of a press at strength 1
 AXIAL = 20.0  # N, of the last press
 TURNING = 0.25  # rad/s, upright
 LATERAL_SPEED, AXIAL_SPEED, TURN_SPEED = 0.01, 0.012, 1.0  # m/s and rad/s, limits of axes that give way
+SWEEP_SPEED = 0.06  # rad/s
 COME_DOWN = 4.0, 0.01  # N and m/s
 DATUM, SLIDE = (10.0, 2.0), 4.0  # N: lateral and axial; axial
 _DROPPING, _SLIDING = 0.08, 0.005  # s for which a part that slides stays in its play, and m/s at most
@@ -32,6 +35,8 @@ _LONGEST = 6.0  # s, of the last presses to no great depth
 _LAST = (4.5e-4, 4e-4)  # m above the goal of a through hole where the last press begins, and its speed in m/s
 _LIFTED = 2.0  # times the offset of the force that is pressed down at least: the offset would lift the part out
 _HELD_SPEED = 0.008  # m/s, down with the attitude held: a part that cannot turn lands harder
+_TURNED = 0.1  # offset of the torque over the last force times the width, from which it turns the part
+_AGAINST, _SWEEPING = 3.0, 0.35  # times that offset, and of the lateral force, with which the part is turned back
 _ARM = 0.01  # m, least lever that turns count by
 _DAMPING = 400.0  # N·s/m
 _LEVER = 0.02  # m, least that damping of turns is made of
@@ -53,6 +58,8 @@ class CornerPress:
         hold, axial: lateral force while turning upright, in that of the press; axial in that lateral one.
         yaw: whether yaw gives way then.
         end: lateral over axial force of the last press.
+        rock: whether the part is rocked before it.
+        strokes: whether the tip is led along each wall of the corner even where one direction does.
     """
 
     tilt: float
@@ -64,14 +71,15 @@ class CornerPress:
     yaw: bool
     end: float
     rock: bool = False
+    strokes: bool = False
 
 
 LIBRARY = (
     CornerPress(math.radians(4.5), 1.65, 0.115, 0.39, 0.89, 0.90, True, 0.12),
-    CornerPress(math.radians(8.0), 1.65, 0.100, 0.39, 0.89, 0.90, True, 0.12),
-    CornerPress(math.radians(13.0), 1.75, 0.054, 0.48, 0.91, 0.49, False, 0.05),
-    CornerPress(math.radians(12.0), 1.45, 0.050, 0.22, 0.66, 0.45, True, 0.05),
-    CornerPress(math.radians(6.0), 1.85, 0.120, 0.60, 0.60, 0.90, True, 0.20),
+    CornerPress(math.radians(8.0), 1.65, 0.100, 0.39, 0.89, 0.90, True, 0.12, rock=True),
+    CornerPress(math.radians(13.0), 1.75, 0.054, 0.48, 0.91, 0.49, False, 0.05, strokes=True),
+    CornerPress(math.radians(12.0), 1.45, 0.050, 0.22, 0.66, 0.45, True, 0.05, strokes=True),
+    CornerPress(math.radians(6.0), 1.85, 0.120, 0.60, 0.60, 0.90, True, 0.20, rock=True),
     CornerPress(math.radians(4.5), 1.65, 0.115, 0.39, 0.89, 0.90, False, 0.12),
 )
 _CORNER = 2.3  # lateral errors from the corner along its bisector, at least
@@ -104,9 +112,20 @@ def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: 
     lean = corner.angle if lean is None else lean
     below = numbers.down * task.size
     entry = corner_entry(task, corner, numbers.tilt, lean, corner_distance(task, corner, numbers.distance), below)
-    u = direction(corner.angle)
-    down = come_down(entry.descent + below)
-    return Attempt(numbers_of(entry.pose.vector()), (down, *into_the_mouth(task, u, lean, numbers)), "corner")
+    # Friction on both walls, and their lean, do not hold the part up while it is turned upright.
+    sinks = task.problem.friction[1] / math.cos(0.5 * corner.turn) + math.tan(numbers.tilt)
+    numbers, aside = replace(numbers, axial=max(numbers.axial, sinks)), strokes(task, corner, numbers.strokes)
+    pressed = into_the_mouth(task, direction(corner.angle), lean, numbers, aside=aside)
+    return Attempt(numbers_of(entry.pose.vector()), (come_down(entry.descent + below), *pressed), "corner")
+
+
+def strokes(task: PressTask, corner: Corner, always: bool) -> tuple[Array, ...]:
+    """Directions (3,) of lateral forces that lead the tip along either wall into a corner.
+
+    One is enough where it leads away from each wall at the largest friction; else, or `always`, each wall has its own.
+    """
+    enough, off = stroke(round(corner.turn, 9), task.problem.friction[1])
+    return tuple(direction(corner.angle + turn) for turn in ((0.0,) if enough and not always else (off, -off)))
 
 
 def corner_distance(task: PressTask, corner: Corner, least: float) -> float:
@@ -115,7 +134,7 @@ def corner_distance(task: PressTask, corner: Corner, least: float) -> float:
 
 
 def into_the_mouth(
-    task: PressTask, u: Array, lean: float, numbers: CornerPress, gives: Gives = XYZ
+    task: PressTask, u: Array, lean: float, numbers: CornerPress, gives: Gives = XYZ, aside: Sequence[Array] = ()
 ) -> tuple[Press, ...]:
     """Press towards a direction (3,), turn upright under the press, settle, and go in.
 
@@ -123,12 +142,14 @@ def into_the_mouth(
         task: the insertion, the tip inside the mouth.
         u: unit vector of the lateral force.
         lean: direction of the low side, rad.
-        gives: axes that give way to the first press.
+        gives: axes that give way to the first presses.
+        aside: directions (3,) of these presses, u if there is one alone.
     """
     hold = numbers.hold * FORCE
     axial = max(numbers.axial * hold, _LIFTED * task.offset_share * AXIAL)
     upright = turn_upright(task, numbers.tilt, lean, six(hold * u, -axial), numbers.yaw)
-    return (press_aside(task, u, numbers.kappa, gives), *upright, *to_the_goal(task, u, numbers.end, numbers.rock))
+    pressed = (press_aside(task, one, numbers.kappa, gives) for one in aside or (u,))
+    return (*pressed, *upright, *to_the_goal(task, u, numbers.end, numbers.rock))
 
 
 def press_aside(task: PressTask, u: Array, kappa: float, gives: Gives = XYZ) -> Press:
@@ -208,16 +229,25 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
 
 
 def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
-    """The last presses: the attitude is held where the play leaves room for its error, and let go on the floor."""
-    wrench, reach, gives = six(end * AXIAL * u, -AXIAL), down_and_more(task), ALL
+    """The last presses: the attitude is held where the play leaves room for its error, and let go on the floor.
+
+    Small parts, which an offset of the torque turns, are turned about the axis either way until their walls meet, and
+    pressed down with the attitude held before it gives way.
+    """
+    wrench, light = six(end * AXIAL * u, -AXIAL), six(end * FORCE * u, -FORCE)
+    reach, gives = down_and_more(task), ALL
     before: tuple[Press, ...] = ()
     if task.keeps_attitude:
         held = XYZ if task.round else XYZ_YAW  # a round part that an offset of the torque turns would not stand still
         gives = (*XYZ[:3], *task.turned_flat, held[5])
-        light = six(end * FORCE * u, -FORCE)
         slow = press_on(task, held, light if all(task.turned_flat) else wrench)
         slow = replace(slow, speed=(*SPEEDS[:2], _HELD_SPEED, *SPEEDS[3:]))
         before = () if gives == held else (slow, press_on(task, gives, light))
+    elif not task.round and task.problem.robot.torque_offset > _TURNED * task.steady_force * task.narrow:
+        turn = _AGAINST * task.problem.robot.torque_offset * AXIAL / task.steady_force
+        across = six(_SWEEPING * FORCE * u, -FORCE)[:5]
+        swept = (sweep_yaw(task, (*across, sign * turn), 2.0) for sign in (1.0, -1.0))
+        before = (*swept, press_on(task, XYZ_YAW, light))
     time = Time(long_enough(task), "retry")
     if not task.through:
         stands = replace(standstill(5e-5, 0.3), then="seated", below=deepest_known(task))
@@ -228,6 +258,12 @@ def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
     there = Level(speed * DELAY - task.depth, "seated")  # the part goes on for as long as the measurement takes
     ends = (there, replace(standstill(2e-5, 0.3), then="retry"), Time(4.0, "retry"))
     return (*before, down, Press("lower to the depth", gives, (0.0,) * 6, wrench, slow_speeds, reach, ends))
+
+
+def sweep_yaw(task: PressTask, wrench: Numbers, seconds: float) -> Press:
+    """Turn about the axis by a torque, all else but the tilt giving way, until the part stands."""
+    ends = (*levels(task), standstill(), Time(seconds, "next"))
+    return Press("sweep yaw", XYZ_YAW, (0.0,) * 6, wrench, (*SPEEDS[:5], SWEEP_SPEED), in_the_mouth(task), ends)
 
 
 def down_and_more(task: PressTask) -> tuple[float, float]:

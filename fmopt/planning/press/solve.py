@@ -30,9 +30,10 @@ from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.record import subject
 from fmopt.planning.press.task import PressTask
 from fmopt.runtime.clock import clock, deadline, until
-from fmopt.task.problem import Problem
+from fmopt.task.problem import Problem, Settings
 
 _CLEAR_OF_OFFSET = 3.0  # times the accuracy of the force, that a press has at least
+_MORE = 1.1  # times that much is advised: forces against an offset do not grow with the limit
 _TRACE_SECONDS = 60.0  # for a trial of each attempt and its rows, shown even where the time limit is used up
 _TRACE_EVERY = 25  # periods between poses that are shown
 
@@ -69,12 +70,12 @@ def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSo
         settings.max_time or math.inf,
     )  # fmt: skip
     progress("presses: sections of the parts")
-    pace, limit = Pace(settings.draws + VERTICES), deadline() - clock()
+    pace, limit = Pace(settings.draws + VERTICES * settings.vertices), deadline() - clock()
     proposed = kept_clear(task, proposals(task))
     if weak := weakness(choosing, proposed, problem):
         progress(weak)
     ranked = halved(choosing, proposed, progress, pace)
-    asked = Examination(settings.draws, settings.min_rate, settings.seed, max_time=settings.max_time)
+    asked = _examination(settings)
     plan, evidence = choosing.plan(with_retries(ranked)), None
     if settings.draws and not pace.in_vain:
         plan, evidence = examined(choosing, ranked, asked, partial(subject, posed), progress)
@@ -93,8 +94,12 @@ def tried_again(posed: Posed, plan: PressPlan) -> PressSolution:
     task = task_of(posed)
     robot = replace(robot_for(task), damping=plan.robot.damping, limits=plan.robot.limits, arm=plan.robot.arm)
     same = replace(plan, robot=robot, seat=task.seat, filled=task.filled, cell=problem.cell)
-    asked = Examination(settings.draws, settings.min_rate, settings.seed, threads=1, max_time=settings.max_time)
+    asked = replace(_examination(settings), threads=1)
     return PressSolution(same, examine(task.bodies, same, conditions_of(problem), asked, subject(posed, same)))
+
+
+def _examination(wanted: Settings) -> Examination:
+    return Examination(wanted.draws, wanted.min_rate, wanted.seed, max_time=wanted.max_time, vertices=wanted.vertices)
 
 
 def task_of(posed: Posed) -> PressTask:
@@ -120,15 +125,19 @@ def conditions_of(problem: Problem) -> Conditions:
 def weakness(choosing: Choosing, proposed: Sequence[Attempt], problem: Problem) -> str:
     """A warning where each sequence has a press below three times the accuracy of the robot's force; else empty.
 
-    A press counts by its largest component. The first one, which comes down, ends where it meets the part.
+    A press counts by its force across the axis or along it, whichever is larger. The first one, which comes down, ends
+    where it meets the part.
     """
     robot, wanted = problem.robot, problem.specification
     sequences = [choosing.plan([one]).attempts[0].presses[1:] for one in proposed]
-    least = max(min((max(map(abs, press.wrench[:3])) for press in some), default=math.inf) for some in sequences)
+    least = max(
+        min((max(math.hypot(*press.wrench[:2]), abs(press.wrench[2])) for press in some), default=math.inf)
+        for some in sequences
+    )
     share = _CLEAR_OF_OFFSET * robot.force_offset / least
     if share <= 1.0:
         return ""
-    force, torque = (share * one for one in (wanted.contact_force, wanted.torque_limit))
+    force, torque = (_MORE * share * one for one in (wanted.contact_force, wanted.torque_limit))
     if force <= robot.max_force and torque <= robot.max_torque:
         advice = f"raise contact_force to {math.ceil(force)} N and torque_limit to {torque:.2g} N m"
     else:

@@ -7,20 +7,17 @@ from collections.abc import Iterator
 
 from fmopt.errors import SearchError
 from fmopt.plan.field_types import numbers
-from fmopt.plan.press import Attempt, Press, Time
+from fmopt.plan.press import Attempt
 from fmopt.planning.press.entry import corner_entry
 from fmopt.planning.press.library import (
     FORCE,
-    SPEEDS,
-    XYZ_YAW,
+    SWEEP_SPEED,
     come_down,
     corner_distance,
     direction,
-    in_the_mouth,
-    levels,
     press_aside,
     six,
-    standstill,
+    sweep_yaw,
     to_the_goal,
     turn_upright,
 )
@@ -32,7 +29,6 @@ _TILTS = ((math.radians(18.0), 0.05), (math.radians(13.0), 0.06))  # and depth o
 _SWEPT = math.radians(4.0)  # tilt while yaw is swept: the tip is still in the mouth, the other arms are on the rim
 _DISTANCE = 1.65  # lateral errors, from the walls of the corner
 _YAW = 1.6  # errors of yaw that the sweep begins at
-_SPEED = 0.06  # rad/s
 _KAPPA = 0.8  # axial over lateral force
 _END = 0.05  # lateral over axial force of the last press
 
@@ -56,10 +52,7 @@ def _sweep(task: PressTask, corner: Corner, tilt: float, below: float, sign: flo
     wrench = six(FORCE * u, -_KAPPA * FORCE)
     turning = (*wrench[:5], sign * FORCE * 0.5 * task.size)
     lower, _ = turn_upright(task, tilt - _SWEPT, lean, wrench, yaw=False)
-    sweep = Press(
-        "sweep yaw", XYZ_YAW, (0.0,) * 6, turning, (*SPEEDS[:5], _SPEED), in_the_mouth(task),
-        (*levels(task), standstill(), Time(5.0 * yaw / _SPEED + 1.0, "next")),
-    )  # fmt: skip
+    sweep = sweep_yaw(task, turning, 5.0 * yaw / SWEEP_SPEED + 1.0)
     presses = (
         come_down(entry.descent + below), press_aside(task, u, _KAPPA), lower, sweep,
         *turn_upright(task, _SWEPT, lean, turning, yaw=True), *to_the_goal(task, u, _END, rock=False),

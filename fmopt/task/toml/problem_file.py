@@ -373,6 +373,8 @@ class Settings(Table):
     """Rate with which a tested plan has to seat, by the lower bound that its trials give."""
     draws: Annotated[int, Field(ge=10, le=10_000)] = 96
     """Trials of that bound, fixed beforehand; the 64 vertices of the start errors come on top."""
+    vertices: bool = True
+    """Whether these vertices are tried. Without them no plan is TESTED; a study of many variants gains time."""
     seed: Annotated[int, Field(ge=0, le=2**31)] = 1
     """Of all that is drawn."""
 

@@ -1,15 +1,16 @@
-"""A part laid flat on the top before a corner goes in: what that takes away, and how it comes off again."""
+"""A corner that touches the top before it goes in, alone or with the part laid flat: what that takes away."""
 
 import copy
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from fmopt.certificate.contact_implications import coming_off
+from fmopt.certificate.facet_margin import bounds
 from fmopt.certificate.propagation import advance
 from fmopt.certificate.segment_linearisation import Piece
+from fmopt.contact.primitive import vertex_face
 from fmopt.execution.program import planned
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
@@ -27,9 +28,11 @@ from fmopt.verify import verify
 from tests import ROOT
 from tests.shared.executions.model import execute
 from tests.shared.lies.mutations import changed
+from tests.shared.parts.peg_pieces import peg as peg_pieces
 from tests.shared.searched import certified_plan, drawn_shapes, leaving, steadier, tilted_motion
 
 SHAPE = Shape(0.352, 0.524, 0.088, 0.00103, (0.00376, 0.00413), flat=(0.00371, 0.00057, 0.151))
+TOUCHING = Shape(0.37, 0.52, 0.12, 0.00109, (0.0037, 0.0109), (0.0029, 0.00045))
 FLAT = ["v3-f10", "v1-f10", "v2-f10"]
 
 
@@ -46,6 +49,11 @@ def motion(peg: Problem) -> CertifiedMotion:
 @pytest.fixture(scope="module")
 def plan(peg: Problem, motion: CertifiedMotion) -> dict[str, Any]:
     return certified_plan(peg, motion)
+
+
+@pytest.fixture(scope="module")
+def touching(peg: Problem) -> CertifiedMotion:
+    return tilted_motion(peg, TOUCHING)
 
 
 @pytest.mark.parametrize("name", ["square_peg_100um_2mm", "hexagon_prism", "factory_rect_8mm_tight", "octagon_prism"])
@@ -82,12 +90,26 @@ def test_lying_flat_takes_height_and_tilt_away(peg: Problem, motion: CertifiedMo
     assert (inside[3:5] < 0.6 * peg.start_box[3:5]).all()
 
 
-def test_touching_with_one_corner_leaves_the_tilt(peg: Problem, motion: CertifiedMotion) -> None:
-    """The control: the same way in, with the leading corner touching the top by itself."""
-    other = tilted_motion(peg, replace(SHAPE, flat=None, touch=(0.0026, 0.0005)))
-    spread = next(claim for claim in other.placed.reached.claims if claim.piece.held).advance.ends.start_set
+def test_touching_with_one_corner_takes_the_height_away_and_leaves_the_tilt(
+    peg: Problem, motion: CertifiedMotion, touching: CertifiedMotion
+) -> None:
+    assert touching.found.names[:3] == ("approach", "leave", "enter")
+    assert 2e-5 < touching.placed.margin < motion.placed.margin
+    touched, lifted, _ = touching.placed.moves[:3]
+    assert lifted.left == touched.making
+    claims = touching.placed.reached.claims
+    spread = next(claim for claim in claims if claim.piece.held).advance.ends.start_set
     assert (spread.support(np.eye(6))[3:5] > peg.start_box[3:5]).all()
-    assert other.placed.margin < motion.placed.margin
+    corner = touching.assembly.moving.polyhedron.vertices[touched.making[0].moving[0]]
+    before, after = (claims[k].advance.ends for k in (0, 2))
+    row = np.array([0.0, 0.0, 1.0, *np.cross(before.start.R @ corner, [0.0, 0.0, 1.0])])
+    assert before.start_set.support(row) > 5e-4
+    assert after.goal_set.support(row) < 3e-4
+    found = certified_plan(peg, touching)
+    assert execute(found, 40, seed=5).broken == {}
+    changes = [visit["change"] for visit in found["description"]["diagnostics"]["sequence"]]
+    assert changes[:3] == ["start", "made", "left"]
+    assert "unexplained" not in changes
 
 
 def test_its_plan_keeps_its_promises(plan: dict[str, Any]) -> None:
@@ -180,3 +202,29 @@ def test_all_that_it_lies_on_has_to_be_given_up(plan: dict[str, Any], leaves: li
     found = verify(changed(plan, lambda copied: copied["segments"][leaving(plan)].update(leaving=leaves)))
     assert str(found.verdict) == "NOT_PROVED"
     assert any(words in str(finding) for finding in found.findings)
+
+
+def test_what_touches_first_touches_outside_the_mouth(peg: Problem) -> None:
+    play = measured_clearance(peg).play
+    mouth = 0.5 * (0.02 + play[0])
+    for shape in drawn_shapes(peg, 1, 24):
+        entry = tilted_entry(peg.moving, play, peg.approach, shape)
+        at, over = entry.start.apply(entry.corner), entry.over.apply(entry.corner)
+        assert np.abs(at[:2]).max() == pytest.approx(mouth + shape.touch[0], abs=1e-9)
+        assert shape.touch[0] > peg.start_box[0]
+        assert over[2] == pytest.approx(shape.touch[1])
+
+
+def test_a_vertex_on_a_face_with_a_hole_keeps_beyond_one_edge_of_it() -> None:
+    assembly = peg_pieces().assembly
+    top = next(n for n, face in enumerate(assembly.fixed.polyhedron.faces) if len(face.loops) > 1)
+    contact = vertex_face(assembly.fixed.polyhedron, 0, top)
+    face = assembly.fixed.polyhedron.faces[top]
+    hole = assembly.fixed.polyhedron.vertices[list(face.loops[1])]
+    right = float(hole[:, 0].max())
+    table = bounds(assembly, (contact,), (contact,))
+    v = assembly.moving.polyhedron.vertices[0]
+    for beyond in (2e-3, 0.0, -1e-3):
+        pose = Pose(np.array([right + beyond, 0.0, 0.0]) - v, np.eye(3))
+        (margin,) = table.margins(table.forms.at(pose).f)
+        assert margin == pytest.approx(beyond, abs=1e-12)

@@ -11,6 +11,7 @@ from fmopt.plan.description import Description
 from fmopt.planning.optimise.cone_program import as_cvxpy
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.press.placed.jam import jam, reached_sets
+from fmopt.planning.press.placed.placement import placed_push, strongest
 from fmopt.planning.press.placed.room import room, widest_room
 from fmopt.planning.press.placed.rows import placed_attempts
 from fmopt.planning.press.placed.touches import Push, Touches, escape, escaped
@@ -78,6 +79,46 @@ def test_cvxpy_states_the_program_of_an_escape_and_agrees(tmp_path: Path) -> Non
         margin = float(program.c @ ClarabelSolver().proposed(program))
         assert margin > 1e-3
         assert stated.solve(solver="CLARABEL") == pytest.approx(margin, abs=1e-6)
+
+
+def corner(turn: float) -> tuple[Touches, Push]:
+    """Two walls that meet at an exterior angle, degrees, and a push between them, across the axis."""
+    normals = [[-math.cos(0.5 * math.radians(turn)), s * math.sin(0.5 * math.radians(turn)), 0.0] for s in (1.0, -1.0)]
+    held = Touches.at(("one", "other"), np.zeros(2), np.array(normals), np.zeros((2, 3)))
+    return held, Push(np.array([8.0, 0.0, -3.0, 0.0, 0.0, 0.0]), np.arange(6) < 2, 0.01)
+
+
+@pytest.mark.parametrize(("turn", "friction"), [(120.0, 0.5), (90.0, 0.5), (60.0, 0.3), (51.4, 0.5), (40.0, 0.3)])
+def test_a_placed_push_leads_along_a_wall_and_holds_in_the_corner_as_well_as_any(turn: float, friction: float) -> None:
+    held, push = corner(turn)
+    placed = placed_push(push, [held.some([0])], held, friction)
+    assert (placed.push.wrench[2], placed.push.size) == pytest.approx((-3.0, 8.0))
+    assert [rests(some, placed.push, friction) for some in (held.some([0]), held)] == [False, True]
+    # By directions of the push and of the twist, half a thousandth of a turn from one to the next.
+    half, angles = math.radians(0.5 * turn), np.linspace(-math.pi, math.pi, 2001)
+    out, along = -held.N[0, :2], np.array([held.N[0, 1], -held.N[0, 0]])
+    u = np.stack([np.cos(angles), np.sin(angles)])
+    opens = -(out @ u) - friction * np.abs(along @ u)
+    best = -1.0
+    for at in np.linspace(-half, half, 1001):
+        powers = np.array([math.cos(at), math.sin(at)]) @ u
+        escapes = np.minimum(opens, powers)
+        forces = np.linalg.solve(held.N[:, :2].T, [-math.cos(at), -math.sin(at)])
+        best = max(best, min(float(powers[escapes.argmax()]), *forces.tolist()))
+    assert placed.margin == pytest.approx(best, abs=4e-3)
+    stated, _ = as_cvxpy(strongest(placed.push, placed.twists, held))
+    assert stated.solve(solver="CLARABEL") == pytest.approx(placed.margin, abs=2e-3)
+
+
+def test_a_push_that_rests_on_a_wall_at_first_is_placed_by_lower_frictions() -> None:
+    held, push = corner(40.0)
+    alone = [held.some([0]), held.some([1])]
+    first, second = (placed_push(push, [wall], held, 0.5) for wall in alone)
+    for wall, one in zip(alone, (first, second), strict=True):
+        assert (rests(wall, push, 0.5), rests(wall, one.push, 0.5)) == (True, False)
+    assert first.push.wrench == pytest.approx(second.push.wrench * (1.0, -1.0, 1.0, 1.0, 1.0, 1.0), abs=1e-3)
+    both = placed_push(push, alone, held, 0.5)
+    assert both.friction == pytest.approx(math.tan(math.radians(20.0)), abs=1e-3)
 
 
 @pytest.mark.parametrize("family", ["3-gon", "7-gon", "L", "star"])

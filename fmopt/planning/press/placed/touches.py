@@ -98,9 +98,16 @@ class Push:
 
     def twist(self, u: Array) -> Array:
         """A scaled twist of the axes that give way as a whole one (6,)."""
+        return self._whole(u) / self.scale
+
+    def whole(self, w: Array) -> Array:
+        """A wrench on the axes that give way, in N, as a whole one (6,), the others as they are."""
+        return np.where(self.gives, self._whole(w) * self.scale, self.wrench)
+
+    def _whole(self, values: Array) -> Array:
         found = np.zeros(6)
-        found[self.gives] = u
-        return found / self.scale
+        found[self.gives] = values
+        return found
 
 
 def escape(touches: Touches, push: Push, friction: float) -> ConeProgram:
