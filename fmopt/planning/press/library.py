@@ -37,6 +37,7 @@ _LIFTED = 2.0  # times the offset of the force that is pressed down at least: th
 _HELD_SPEED = 0.008  # m/s, down with the attitude held: a part that cannot turn lands harder
 _TURNED = 0.1  # offset of the torque over the last force times the width, from which it turns the part
 _AGAINST, _SWEEPING = 3.0, 0.35  # times that offset, and of the lateral force, with which the part is turned back
+_SINKS = 2.0  # axial over lateral force while turning upright, at most, in a sharp corner
 _ARM = 0.01  # m, least lever that turns count by
 _DAMPING = 400.0  # N·s/m
 _LEVER = 0.02  # m, least that damping of turns is made of
@@ -113,7 +114,7 @@ def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: 
     below = numbers.down * task.size
     entry = corner_entry(task, corner, numbers.tilt, lean, corner_distance(task, corner, numbers.distance), below)
     # Friction on both walls, and their lean, do not hold the part up while it is turned upright.
-    sinks = task.problem.friction[1] / math.cos(0.5 * corner.turn) + math.tan(numbers.tilt)
+    sinks = min(task.problem.friction[1] / math.cos(0.5 * corner.turn) + math.tan(numbers.tilt), _SINKS)
     numbers, aside = replace(numbers, axial=max(numbers.axial, sinks)), strokes(task, corner, numbers.strokes)
     pressed = into_the_mouth(task, direction(corner.angle), lean, numbers, aside=aside)
     return Attempt(numbers_of(entry.pose.vector()), (come_down(entry.descent + below), *pressed), "corner")

@@ -62,15 +62,15 @@ def placed_push(push: Push, short: Sequence[Touches], held: Touches, friction: f
 
 @cache
 def stroke(turn: float, friction: float) -> tuple[bool, float]:
-    """How a tip is pressed into a corner of an exterior angle, rad, where friction may hold it on either wall.
+    """Whether one push into a corner of an exterior angle, rad, leads away from both walls, between which it points.
 
-    Whether the mean direction leads away from both walls, and how far from it, rad, that for one of the walls is.
+    Also the angle, rad, from that push to the one which leads away from the first wall best.
     """
     normals = np.array([[-math.cos(0.5 * turn), sign * math.sin(0.5 * turn), 0.0] for sign in (1.0, -1.0)])
     held = Touches.at(("one", "other"), np.zeros(2), normals, np.zeros((2, 3)))
     push, walls = Push(np.eye(6)[0], np.arange(6) < 2, 1.0), [held.some([k]) for k in range(2)]
     mean, (x, y) = placed_push(push, walls, held, friction), placed_push(push, walls[:1], held, friction).push.free
-    return mean.friction >= friction and mean.margin >= _LEADS, math.atan2(y, x)
+    return bool(mean.friction >= friction - _RISES and mean.margin >= _LEADS), math.atan2(y, x)
 
 
 def strongest(push: Push, twists: Sequence[Array], held: Touches) -> ConeProgram:
@@ -92,12 +92,11 @@ def _answers(push: Push, held: Touches) -> Array:
 def _placed(push: Push, short: Sequence[Touches], held: Touches, friction: float) -> Placed:
     """A push with its friction and its margin there, a little below that friction where it is not enough."""
     reached = min(largest_friction(one, push, friction)[0] for one in short)
-    if reached <= 0.0:
+    if reached < 0.0:
         return Placed(push, reached, -1.0, ())
     at = friction if reached >= friction - _RISES else _WITHIN * reached
     twists = [push.twist(ClarabelSolver().proposed(escape(one, push, at))[:-1]) for one in short]
     powers = [push.wrench @ one / (push.size * np.linalg.norm(one * push.scale)) for one in twists]
     if any(escaped(one, push, twist) < at - _OUT for one, twist in zip(short, twists, strict=True)):
         return Placed(push, reached, -1.0, ())
-    holds = -_answers(push, held) @ push.free / push.size
-    return Placed(push, reached, min(*powers, *holds), tuple(twists))
+    return Placed(push, reached, min(*powers, *(-_answers(push, held) @ push.free / push.size)), tuple(twists))
