@@ -47,7 +47,7 @@ class Extent:
 
     twist: Array  # V = (Δ, τ) (6,) of the nominal motion, m and rad
     half: Array  # half-widths (6,) of a box around the errors all along, m and rad
-    # What the linear picture leaves of errors in different frames (2,), at most, m and rad
+    # Greatest rest (2,) that the linear picture leaves of errors in different frames, m and rad
     coupling: Array = field(default_factory=lambda: UNCOUPLED)
 
     @property

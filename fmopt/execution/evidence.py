@@ -33,6 +33,11 @@ class Examination:
     max_time: float | None = None
     vertices: bool = True
 
+    @property
+    def trials(self) -> int:
+        """Draws, and vertices where they are tried."""
+        return self.draws + VERTICES * self.vertices
+
 
 def examine(
     bodies: Bodies, plan: PressPlan, conditions: Conditions, asked: Examination, subject: str,
@@ -40,11 +45,10 @@ def examine(
 ) -> Evidence:  # fmt: skip
     """Carries a plan out for all draws and vertices, whatever comes of the first ones."""
     presses, threads = count_presses(plan), asked.threads or cores()
-    count = VERTICES if asked.vertices else 0
-    progress(f"evidence: {asked.draws} draws and {count} vertices")
-    numbers = range(asked.draws + count)
+    numbers = range(asked.trials)
+    progress(f"evidence: {asked.draws} draws and {asked.trials - asked.draws} vertices")
     errors = drawn_errors(conditions, presses, asked.seed, numbers[: asked.draws])
-    if count:
+    if asked.vertices:
         errors = errors.followed_by(vertex_errors(conditions, presses))
     outcomes = _with_few_ways(carry_out(bodies, plan, errors, asked.seed, numbers, threads=threads))
     drawn, vertices = outcomes[: asked.draws], outcomes[asked.draws :]
@@ -59,7 +63,7 @@ def examine(
         confidence=CONFIDENCE,
         bound=bound,
         min_rate=asked.min_rate,
-        vertices=count,
+        vertices=len(vertices),
         vertices_seated=at_vertices,
         examined=asked.examined,
         seed=asked.seed,

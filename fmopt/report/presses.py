@@ -151,9 +151,9 @@ def evidence_words(plan: Plan) -> str:
     own = "".join(f" {words}." for words in own_words(plan))
     if evidence is None:
         return f"There is no evidence: {plan.description.untried or 'trials of the presses were left out'}.{own}"
-    vertices = f"{evidence.vertices_seated} of {evidence.vertices} vertices of the start errors seat."
-    if not evidence.vertices:
-        vertices = "Vertices of the start errors were not tried, so that the plan is not TESTED."
+    vertices = "Vertices of the start errors were not tried, so that the plan is not TESTED."
+    if evidence.vertices:
+        vertices = f"{evidence.vertices_seated} of {evidence.vertices} vertices of the start errors seat."
     most = "" if evidence.max_time is None else f", asked for {evidence.max_time:.3g} s"
     return (
         f"{evidence.seated} of {evidence.draws} draws seat in the physics engine, {evidence.first_tries} at the first "

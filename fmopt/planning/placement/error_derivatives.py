@@ -45,7 +45,7 @@ class Sensitivity:
 
     start: tuple[Array, Array]
     goal: tuple[Array, Array]
-    # What is left of displacements (6, 6) at both ends once compliance has kept the held contacts
+    # Maps (6, 6) of displacements at both ends to their rest once compliance has kept the held contacts
     held: tuple[Array, Array]
     compliant: Array  # derivatives of the twists along which the contacts of the held basis give way (h, 6, n)
     brought: tuple[Array, Array]  # what errors at the end of each move before have become at both ends (k, 6, 6)

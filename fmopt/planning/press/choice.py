@@ -16,7 +16,7 @@ from fmopt.errors import OverdueError, SearchError
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.evidence import Examination, examine
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
-from fmopt.plan.evidence import MAX_EXAMINED, VERTICES, Evidence, TrialOutcome
+from fmopt.plan.evidence import MAX_EXAMINED, Evidence, TrialOutcome
 from fmopt.plan.press import ALONE, MAX_ATTEMPTS, Attempt, Conditions, PressPlan, PressRobot, Seat, Surroundings
 from fmopt.runtime.clock import clock, deadline, heed
 from fmopt.runtime.process import cores
@@ -61,7 +61,6 @@ class Choosing:
         robot: at strength 1.
         conditions: that draws are taken from.
         seed: of the choice.
-        draws: of the evidence, which time is kept for.
         filled: whether the moving part has its hollows filled.
         cell: what the parts are kept clear of.
         max_time: s, that a trial may take.
@@ -72,7 +71,6 @@ class Choosing:
     robot: PressRobot
     conditions: Conditions
     seed: int
-    draws: int = 96
     filled: bool = False
     cell: Surroundings = ALONE
     max_time: float = math.inf
@@ -122,7 +120,7 @@ def strength(plan: PressPlan) -> float:
 
 
 def halved(
-    choosing: Choosing, candidates: Sequence[Attempt], progress: Callable[[str], None], pace: Pace | None = None
+    choosing: Choosing, candidates: Sequence[Attempt], progress: Callable[[str], None], pace: Pace
 ) -> list[Trialled]:
     """Candidates in the order of their scores after successive halving, best first.
 
@@ -132,7 +130,6 @@ def halved(
         OverdueError: the time limit leaves no draw for any.
     """
     left: list[Trialled] = []
-    pace = pace or Pace(choosing.draws + VERTICES)
     for begun in range(0, len(candidates), _WAVE):
         wave = [Trialled(one, (), choosing.max_time) for one in candidates[begun : begun + _WAVE]]
         left = _halved(choosing, [*left, *wave], pace, progress)

@@ -244,8 +244,8 @@ def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
         slow = press_on(task, held, light if all(task.turned_flat) else wrench)
         slow = replace(slow, speed=(*SPEEDS[:2], _HELD_SPEED, *SPEEDS[3:]))
         before = () if gives == held else (slow, press_on(task, gives, light))
-    elif not task.round and task.problem.robot.torque_offset > _TURNED * task.steady_force * task.narrow:
-        turn = _AGAINST * task.problem.robot.torque_offset * AXIAL / task.steady_force
+    elif not task.round and (arm := task.problem.robot.torque_offset / task.steady_force) > _TURNED * task.narrow:
+        turn = _AGAINST * arm * AXIAL
         across = six(_SWEEPING * FORCE * u, -FORCE)[:5]
         swept = (sweep_yaw(task, (*across, sign * turn), 2.0) for sign in (1.0, -1.0))
         before = (*swept, press_on(task, XYZ_YAW, light))

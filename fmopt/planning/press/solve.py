@@ -17,7 +17,7 @@ from fmopt.execution.press_servo import RUNNING
 from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
 from fmopt.execution.rotation import between
 from fmopt.plan.description import TracePose
-from fmopt.plan.evidence import VERTICES, Evidence
+from fmopt.plan.evidence import Evidence
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Attempt, Conditions, PressPlan, PressRobot, first_presses
 from fmopt.plan.press_rows import PlacedAttempt
@@ -66,16 +66,16 @@ def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSo
     task, settings = task_of(posed), problem.settings
     robot, conditions = robot_for(task), conditions_of(problem)
     choosing = Choosing(
-        task.bodies, task.seat, robot, conditions, settings.seed, settings.draws, task.filled, problem.cell,
+        task.bodies, task.seat, robot, conditions, settings.seed, task.filled, problem.cell,
         settings.max_time or math.inf,
     )  # fmt: skip
     progress("presses: sections of the parts")
-    pace, limit = Pace(settings.draws + VERTICES * settings.vertices), deadline() - clock()
+    asked = _examination(settings)
+    pace, limit = Pace(asked.trials), deadline() - clock()
     proposed = kept_clear(task, proposals(task))
     if weak := weakness(choosing, proposed, problem):
         progress(weak)
     ranked = halved(choosing, proposed, progress, pace)
-    asked = _examination(settings)
     plan, evidence = choosing.plan(with_retries(ranked)), None
     if settings.draws and not pace.in_vain:
         plan, evidence = examined(choosing, ranked, asked, partial(subject, posed), progress)
@@ -125,8 +125,7 @@ def conditions_of(problem: Problem) -> Conditions:
 def weakness(choosing: Choosing, proposed: Sequence[Attempt], problem: Problem) -> str:
     """A warning where each sequence has a press below three times the accuracy of the robot's force; else empty.
 
-    A press counts by its force across the axis or along it, whichever is larger. The first one, which comes down, ends
-    where it meets the part.
+    A press counts by the larger of its forces across and along the axis; the first one ends where it meets the part.
     """
     robot, wanted = problem.robot, problem.specification
     sequences = [choosing.plan([one]).attempts[0].presses[1:] for one in proposed]

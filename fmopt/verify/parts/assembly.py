@@ -22,8 +22,8 @@ class Touch:
     kind: str
     moving: tuple[Vector, ...]  # body points
     fixed: tuple[Vector, ...]  # world points
-    # Of the face (in the world for vertex-face, in the body for face-vertex), None for edge-edge; for ball-face that on
-    # which the ball's centre is, a radius over the face
+    # Plane of the face (in the world for vertex-face, in the body for face-vertex), None for edge-edge; for ball-face
+    # that on which the ball's centre is, a radius over the face
     plane: Plane | None
     # Planes of the fixed faces left and right of a fixed edge, in the world; for vertex-face and ball-face its own
     faces: tuple[Plane, ...]

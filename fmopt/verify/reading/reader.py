@@ -312,7 +312,7 @@ class Fields:
     """The keys that an object of a plan file may have."""
 
     where: str  # its place, such as "segments[].tube"
-    # What each key counts for; one whose value is an object or a list of such has the classes of its keys
+    # Each key with its class; one whose value is an object or a list of such has the classes of its keys
     classes: tuple[tuple[str, str], ...]
     required: tuple[str, ...]
     known: frozenset[str]

@@ -56,7 +56,7 @@ def test_halving_keeps_the_best_and_carries_no_draw_out_twice(best: int, monkeyp
     failures[best] = 2
     carried = ranked(monkeypatch, failures)
     words: list[str] = []
-    left = halved(press_choosing(), [candidate(str(k)) for k in range(15)], words.append)
+    left = halved(press_choosing(), [candidate(str(k)) for k in range(15)], words.append, Pace(160))
     assert left[0].attempt.source == str(best)
     assert len(left[0].outcomes) == 32
     assert [one.score for one in left] == sorted((one.score for one in left), reverse=True)
@@ -69,7 +69,7 @@ def test_of_those_that_always_seat_the_quicker_leads_and_later_waves_are_not_loo
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     carried = ranked(monkeypatch, [9, 0, 9, 0, 9, 9, *[0] * 9], [5.0, 6.0, 5.0, 4.0, *[1.0] * 11])
-    left = halved(press_choosing(), [candidate(str(k)) for k in range(15)], lambda _: None)
+    left = halved(press_choosing(), [candidate(str(k)) for k in range(15)], lambda _: None, Pace(160))
     assert [one.attempt.source for one in left[:2]] == ["3", "1"]
     assert {source for source, _ in carried.seen} == {str(k) for k in range(6)}
     assert max(number for _, number in carried.seen) == 15  # two that seat in all of sixteen draws are enough
@@ -90,9 +90,9 @@ def test_a_choice_that_is_cut_off_ranks_what_was_carried_out(rounds: int, monkey
     with until(clock() + 1e3 if rounds else 0.0):
         if not rounds:
             with pytest.raises(OverdueError):
-                halved(press_choosing(), candidates, lambda _: None)
+                halved(press_choosing(), candidates, lambda _: None, Pace(160))
             return
-        left = halved(press_choosing(), candidates, lambda _: None)
+        left = halved(press_choosing(), candidates, lambda _: None, Pace(160))
     assert left
     assert all(one.outcomes for one in left)
     assert sum(len(one.outcomes) for one in left) <= len(carried.seen)
@@ -157,7 +157,7 @@ def test_a_candidate_that_is_late_loses_to_one_that_is_in_time(monkeypatch: pyte
     ranked(monkeypatch, [0, 0, 4], [9.0, 7.0, 3.0])
     candidates = [candidate(str(k)) for k in range(3)]
     for max_time, best in ((5.0, "2"), (8.0, "1")):
-        left = halved(replace(press_choosing(), max_time=max_time), candidates, lambda _: None)
+        left = halved(replace(press_choosing(), max_time=max_time), candidates, lambda _: None, Pace(160))
         assert left[0].attempt.source == best
 
 

@@ -94,8 +94,7 @@ def test_a_placed_push_leads_along_a_wall_and_holds_in_the_corner_as_well_as_any
     placed = placed_push(push, [held.some([0])], held, friction)
     assert (placed.push.wrench[2], placed.push.size) == pytest.approx((-3.0, 8.0))
     assert [rests(some, placed.push, friction) for some in (held.some([0]), held)] == [False, True]
-    # By directions of the push and of the twist, half a thousandth of a turn from one to the next.
-    half, angles = math.radians(0.5 * turn), np.linspace(-math.pi, math.pi, 2001)
+    half, angles = math.radians(0.5 * turn), np.linspace(-math.pi, math.pi, 2001)  # of pushes, and of twists
     out, along = -held.N[0, :2], np.array([held.N[0, 1], -held.N[0, 0]])
     u = np.stack([np.cos(angles), np.sin(angles)])
     opens = -(out @ u) - friction * np.abs(along @ u)
@@ -106,8 +105,8 @@ def test_a_placed_push_leads_along_a_wall_and_holds_in_the_corner_as_well_as_any
         forces = np.linalg.solve(held.N[:, :2].T, [-math.cos(at), -math.sin(at)])
         best = max(best, min(float(powers[escapes.argmax()]), *forces.tolist()))
     assert placed.margin == pytest.approx(best, abs=4e-3)
-    stated, _ = as_cvxpy(strongest(placed.push, placed.twists, held))
-    assert stated.solve(solver="CLARABEL") == pytest.approx(placed.margin, abs=2e-3)
+    stated = as_cvxpy(strongest(placed.push, placed.twists, held))[0].solve(solver="CLARABEL")
+    assert stated == pytest.approx(placed.margin, abs=2e-3)
 
 
 def test_a_push_that_rests_on_a_wall_at_first_is_placed_by_lower_frictions() -> None:
@@ -117,8 +116,7 @@ def test_a_push_that_rests_on_a_wall_at_first_is_placed_by_lower_frictions() -> 
     for wall, one in zip(alone, (first, second), strict=True):
         assert (rests(wall, push, 0.5), rests(wall, one.push, 0.5)) == (True, False)
     assert first.push.wrench == pytest.approx(second.push.wrench * (1.0, -1.0, 1.0, 1.0, 1.0, 1.0), abs=1e-3)
-    both = placed_push(push, alone, held, 0.5)
-    assert both.friction == pytest.approx(math.tan(math.radians(20.0)), abs=1e-3)
+    assert placed_push(push, alone, held, 0.5).friction == pytest.approx(math.tan(math.radians(20.0)), abs=1e-3)
 
 
 @pytest.mark.parametrize("family", ["3-gon", "7-gon", "L", "star"])

@@ -93,8 +93,7 @@ def test_a_tip_that_friction_holds_on_a_wall_is_led_along_either_one(
 def test_small_parts_are_swept_about_the_axis_before_they_go_in(tmp_path: Path) -> None:
     task = task_of("13-gon", 103, tmp_path)
     attempt = corner_attempt(task, task.few_corners[0], LIBRARY[3])
-    _, plan = carried(task, attempt)
-    torques = [one.wrench[5] for one in plan.attempts[0].presses if one.name == "sweep yaw"]
+    torques = [one.wrench[5] for one in carried(task, attempt)[1].attempts[0].presses if one.name == "sweep yaw"]
     assert np.sign(torques).tolist() == [1.0, -1.0]
     assert min(map(abs, torques)) > 2.0 * task.problem.robot.torque_offset
     without = replace(attempt, presses=tuple(one for one in attempt.presses if one.name != "sweep yaw"))

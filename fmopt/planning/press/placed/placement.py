@@ -25,7 +25,7 @@ _OUT = 1e-6  # of friction, by which a solution of the cone program may be off
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedPush:
     """A push with the friction up to which the part escapes from contacts short of a state, and its margin there.
 
     The margin is the least of the powers along unit twists that escape, and of the normal forces that hold the part in
@@ -37,14 +37,14 @@ class Placed:
     margin: float
     twists: tuple[Array, ...]
 
-    def better_than(self, other: Placed) -> bool:
+    def better_than(self, other: PlacedPush) -> bool:
         """Whether it escapes up to a larger friction, or up to the same one with a larger margin."""
         if abs(self.friction - other.friction) > _RISES:
             return self.friction > other.friction
         return self.margin > other.margin + _RISES
 
 
-def placed_push(push: Push, short: Sequence[Touches], held: Touches, friction: float) -> Placed:
+def placed_push(push: Push, short: Sequence[Touches], held: Touches, friction: float) -> PlacedPush:
     """The push of the same size that leads away best from each set of contacts `short` of those that are `held`.
 
     Args:
@@ -89,14 +89,14 @@ def _answers(push: Push, held: Touches) -> Array:
     return np.asarray(np.linalg.pinv(push.rows(held.N).T))
 
 
-def _placed(push: Push, short: Sequence[Touches], held: Touches, friction: float) -> Placed:
+def _placed(push: Push, short: Sequence[Touches], held: Touches, friction: float) -> PlacedPush:
     """A push with its friction and its margin there, a little below that friction where it is not enough."""
     reached = min(largest_friction(one, push, friction)[0] for one in short)
     if reached < 0.0:
-        return Placed(push, reached, -1.0, ())
+        return PlacedPush(push, reached, -1.0, ())
     at = friction if reached >= friction - _RISES else _WITHIN * reached
     twists = [push.twist(ClarabelSolver().proposed(escape(one, push, at))[:-1]) for one in short]
     powers = [push.wrench @ one / (push.size * np.linalg.norm(one * push.scale)) for one in twists]
     if any(escaped(one, push, twist) < at - _OUT for one, twist in zip(short, twists, strict=True)):
-        return Placed(push, reached, -1.0, ())
-    return Placed(push, reached, min(*powers, *(-_answers(push, held) @ push.free / push.size)), tuple(twists))
+        return PlacedPush(push, reached, -1.0, ())
+    return PlacedPush(push, reached, min(*powers, *(-_answers(push, held) @ push.free / push.size)), tuple(twists))
