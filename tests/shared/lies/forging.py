@@ -1,4 +1,4 @@
-"""Forged plans and random mutants by the thousand: none may pass that is false, break a command or take long.
+"""Forged plans and mutants by the thousand: none may pass that is false, break a command or, at length, take long.
 
 python forging.py --count 10000 --seed 0 --problems ../problems PLAN..., to forge at length: every plan takes its share
 of the count, half of it forged, half of it mutants. A plan's problem is the file of its name, plan.json that of its
