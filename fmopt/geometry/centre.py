@@ -1,6 +1,7 @@
 """Where the middle of a section is, and which way its x axis points."""
 
 import numpy as np
+from shapely import Polygon, maximum_inscribed_circle
 
 from fmopt.spatial.values import Array
 
@@ -11,8 +12,6 @@ _MANY, _EVEN = 16, 0.02  # so many sides that differ by less than this share mak
 
 def centre(ring: Array) -> Array:
     """A point (2,) well inside an outline (n, 2), m: its centroid where it is, else the middle of a large circle."""
-    from shapely import Polygon, maximum_inscribed_circle
-
     shape = Polygon(ring)
     # shapely gives the circle as a line from its centre to its rim: the length is the radius.
     circle = maximum_inscribed_circle(shape, tolerance=1e-3 * float(np.sqrt(shape.area)))

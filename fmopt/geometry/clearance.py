@@ -7,14 +7,13 @@ part in the B-frame (origin at the centre of the mouth, z out of the hole). Inse
 How far convex polyhedra overlap or stand apart, by the separating axes of their faces and edges.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from shapely import MultiPolygon, Point, Polygon, get_coordinates
+from shapely.ops import nearest_points
 
 from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.convex_pieces import faceted, union_manifold
@@ -24,10 +23,6 @@ from fmopt.geometry.polyhedron import Polyhedron, diameter, placed, plane_basis
 from fmopt.geometry.section import section_limit, shrunk
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, Value, remembered
-
-if TYPE_CHECKING:
-    from shapely import MultiPolygon
-
 
 _TOUCH = 1e-9  # m, overlaps up to this count as touching
 
@@ -152,7 +147,7 @@ def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
         np.append(0.5 * (at_peg + at_hole), hole.height),
         _face_at(moving.polyhedron, np.append(at_peg, peg.height), np.append(across, 0.0)),
         _face_at(fixed.polyhedron, np.append(at_hole, hole.height), np.append(-across, 0.0)),
-        0.5 * diameter(_corners(peg.shape)),
+        0.5 * diameter(get_coordinates(peg.shape)),
     )
 
 
@@ -261,7 +256,7 @@ def gap(peg: MultiPolygon, hole: MultiPolygon) -> float:
     """Distance between two sections, m; for overlapping ones minus the offset by which the peg's has to shrink."""
     if (apart := float(peg.distance(hole))) > 0.0:
         return apart
-    low, high = 0.0, 0.5 * diameter(_corners(peg))
+    low, high = 0.0, 0.5 * diameter(get_coordinates(peg))
     if not overlap_shrunk(peg, hole, low):
         return 0.0
     while high - low > 1e-3 * _TOUCH:
@@ -300,8 +295,6 @@ def _rays(points: Array, sides: Array, axis: int) -> Array:
 
 
 def _closest(peg: MultiPolygon, hole: MultiPolygon, gap: float) -> tuple[Array, Array]:
-    from shapely.ops import nearest_points
-
     if gap > 0.0:
         one, two = nearest_points(peg, hole)
         return np.array(one.coords[0]), np.array(two.coords[0])
@@ -317,18 +310,10 @@ def _face_at(body: Polyhedron, point: Array, across: Array) -> int:
 
 
 def _face_distance(body: Polyhedron, number: int, point: Array) -> float:
-    from shapely import Point, Polygon
-
     face = body.faces[number]
     basis = plane_basis(face.normal)
     outer, *holes = ([tuple(corner) for corner in body.vertices[list(loop)] @ basis] for loop in face.loops)
     return float(np.hypot(point @ face.normal - face.offset, Polygon(outer, holes).distance(Point(point @ basis))))
-
-
-def _corners(shape: MultiPolygon) -> Array:
-    from shapely import get_coordinates
-
-    return np.asarray(get_coordinates(shape))
 
 
 def _sides(shape: MultiPolygon) -> Array:

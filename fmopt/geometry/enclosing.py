@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from itertools import count, product
-from typing import TYPE_CHECKING
 
 import numpy as np
+from manifold3d import Manifold, OpType
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
@@ -23,15 +23,13 @@ from fmopt.geometry.polyhedron import (
     Polyhedron,
     halfspace_corners,
     manifold_of,
+    mesh_of,
     of_manifold,
     plane_basis,
     with_vertices,
 )
 from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array, Value
-
-if TYPE_CHECKING:
-    from manifold3d import Manifold
 
 _MAX_CONCAVITY = 1e-4  # of the diameter: bodies that are off their hulls by less are convex
 _MAX_BODIES, _MAX_PLANES, _MIN_PLANES = 200, 240, 8  # planes of one body
@@ -111,7 +109,6 @@ def solid_of(points: Array, triangles: Indices) -> Manifold:
 
 def _enclosure(done: Sequence[_Body], known: Array, few: int) -> Enclosure:
     """Bodies with at most so many faces each; coordinates that differ from known ones (n, 3) by rounding are those."""
-    from manifold3d import Manifold
     from scipy.spatial import QhullError
 
     size = done[0].size
@@ -133,22 +130,19 @@ class _Body:
 
     def __init__(self, shape: Manifold, size: float, gap: float) -> None:
         """Take the surface of a shape cut from a solid of this diameter, m, to be cut by a gap, m, beside planes."""
-        mesh = shape.to_mesh64()
         self.shape, self.size, self.gap = shape, size, gap
-        self.points = np.array(mesh.vert_properties)[:, :3]
-        self.triangles = np.array(mesh.tri_verts, dtype=np.int64)
+        self.points, self.triangles = mesh_of(shape)
         corners = self.points[self.triangles]
         normals = normals_of(corners)
         self.areas = np.linalg.norm(normals, axis=1)
         self.normals = normals / np.maximum(self.areas, np.finfo(np.float64).tiny)[:, None]
         self.offsets = np.einsum("ij,ij->i", self.normals, corners[:, 0])
-        hull = shape.hull().to_mesh64()
-        ends, sides = np.array(hull.vert_properties)[:, :3], np.array(hull.tri_verts)
+        ends, sides = mesh_of(shape.hull())
         self.planes = _hull_planes(ends, sides, size)
         # Corners and triangles of the hull itself lie in it, which most do of a round part.
         number = {end: k for k, end in enumerate(map(bytes, ends))}
         own = np.array([number.get(point, -1) for point in map(bytes, self.points)])
-        outer = {*map(bytes, np.sort(sides.astype(np.int64)))}
+        outer = {*map(bytes, np.sort(sides))}
         below = np.array([side not in outer for side in map(bytes, np.sort(own[self.triangles]))])
         below &= self.areas > 1e-9 * self.areas.max()
         centres = ((corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0)[below]
@@ -236,11 +230,11 @@ class _Body:
 
         It is cut a little off the plane, and put back onto it: no skin is left of faces that lie in the plane.
         """
-        mesh = (self.shape - _room(self.points, normal, offset - side * self.gap, side, 2.0 * self.size)).to_mesh64()
-        points = np.array(mesh.vert_properties)[:, :3]
+        room = _room(self.points, normal, offset - side * self.gap, side, 2.0 * self.size)
+        points, triangles = mesh_of(self.shape - room)
         away = points @ normal - offset
         points -= np.where(np.abs(away) <= 2.0 * self.gap, away, 0.0)[:, None] * normal
-        return manifold_of(points, np.array(mesh.tri_verts, dtype=np.int64))
+        return manifold_of(points, triangles)
 
 
 def _hull_planes(points: Array, triangles: Indices, size: float) -> Array:
@@ -267,8 +261,6 @@ def _depth(planes: Array, points: Array) -> Array:
 
 def _room(points: Array, normal: Array, offset: float, side: float, reach: float) -> Manifold:
     """A box around points on one side of a plane, in which one of its faces lies."""
-    from manifold3d import Manifold
-
     middle = points.mean(axis=0)
     middle = middle - (normal @ middle - offset) * normal
     axes = np.vstack([plane_basis(normal).T, side * normal])
@@ -318,8 +310,6 @@ def _boundary(bounds: Sequence[_Bounds], size: float) -> Polyhedron:
 
     They are united a little larger than they are, so that no skin is left where they touch, and corners are put back.
     """
-    from manifold3d import Manifold, OpType
-
     for skin in (times * size for times in _WIDENINGS):
         wider = [Manifold.hull_points(one.corners(size, skin)) for one in bounds]
         try:

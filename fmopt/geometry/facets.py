@@ -110,6 +110,19 @@ def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Ar
     return points[kept], merged[alive], np.flatnonzero(alive)
 
 
+def together(surfaces: Sequence[tuple[Array, Indices]]) -> tuple[Array, Indices]:
+    """Points (n, 3) and triangles (m, 3) of several surfaces as those of one."""
+    starts = np.cumsum([0, *(len(points) for points, _ in surfaces)])[:-1]
+    triangles = [corners + start for (_, corners), start in zip(surfaces, starts, strict=True)]
+    return np.vstack([points for points, _ in surfaces]), np.vstack(triangles)
+
+
+def compact(points: Array, triangles: Indices) -> tuple[Array, Indices]:
+    """The points (k, 3) of those (n, 3) that triangles (m, 3) use, and the triangles over them."""
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    return points[used], renumbered.reshape(-1, 3).astype(np.int64)
+
+
 def first_within(points: Array, reach: float) -> Indices:
     """For each point (n, 3) the first of those that hang together by steps of at most `reach`, m.
 
@@ -148,6 +161,12 @@ def normals_of(corners: Array) -> Array:
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
+def heights_of(corners: Array) -> Array:
+    """The least heights (m,) of triangles by their corners (m, 3, 3), m; 0 of a point."""
+    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    return np.asarray(np.linalg.norm(normals_of(corners), axis=1) / np.where(longest > 0.0, longest, 1.0))
+
+
 def place(point: Sequence[float] | Array) -> str:
     """A point in words: "(1, 2, 3) mm"."""
     x, y, z = (1e3 * float(value) for value in point)
@@ -184,9 +203,8 @@ def span(vertices: Array, side: tuple[int, int]) -> str:
 
 def _frames(parts: Patchwork) -> tuple[Array, Array]:
     """Unit normals (m, 3) and smallest heights (m,) of the triangles; slivers have heights near 0."""
-    corners, area = parts.vertices[parts.triangles], np.linalg.norm(parts.areas, axis=1)
-    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
-    return parts.areas / np.where(area > 0.0, area, 1.0)[:, None], 2.0 * area / np.where(longest > 0.0, longest, 1.0)
+    area = np.linalg.norm(parts.areas, axis=1)
+    return parts.areas / np.where(area > 0.0, area, 1.0)[:, None], heights_of(parts.vertices[parts.triangles])
 
 
 def _regions(parts: Patchwork, tol: float) -> Indices:

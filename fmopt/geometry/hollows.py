@@ -5,23 +5,25 @@ touches nothing there. Hollows are what the convex hull has more than the part, 
 holes of plane faces.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 import numpy as np
+from manifold3d import CrossSection, JoinType, Manifold, OpType
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import snapped
-from fmopt.geometry.polyhedron import Polyhedron, manifold_of, of_manifold, plane_basis, triangulated, with_vertices
+from fmopt.geometry.polyhedron import (
+    Face,
+    Polyhedron,
+    manifold_of,
+    mesh_of,
+    of_manifold,
+    plane_basis,
+    triangulated,
+    with_vertices,
+)
 from fmopt.spatial.se3 import Pose
-
-if TYPE_CHECKING:
-    from manifold3d import Manifold
-
-    from fmopt.geometry.polyhedron import Face
 
 _FLAT = 1e-7  # of the diameter: what is thinner is nothing
 _WIDER = 100.0  # times that: by how much what fills a hole goes into its walls
@@ -57,8 +59,6 @@ def filled(body: Polyhedron, other: Polyhedron, upright: Pose, aside: float, few
 
 def _in_hull(body: Polyhedron, own: Manifold, is_entered: Callable[[Manifold], bool]) -> Manifold:
     """The hull less those pieces of what it has more than the part that are entered."""
-    from manifold3d import Manifold, OpType
-
     whole = own.hull()
     entered = [hollow for hollow in (whole - own).decompose() if is_entered(hollow)]
     return Manifold.batch_boolean([whole, *entered], OpType.Subtract)
@@ -66,8 +66,6 @@ def _in_hull(body: Polyhedron, own: Manifold, is_entered: Callable[[Manifold], b
 
 def _below_faces(body: Polyhedron, own: Manifold, is_entered: Callable[[Manifold], bool]) -> Manifold:
     """The part with what is free below holes of plane faces, as far as it is not entered."""
-    from manifold3d import Manifold, OpType
-
     whole, thin = own.hull(), _FLAT * body.diameter
     prisms = (prism for face in body.faces if face.loops[1:] for prism in _prisms(body, face, own, whole, thin))
     return Manifold.batch_boolean([own, *(prism for prism in prisms if not is_entered(prism))], OpType.Add)
@@ -80,8 +78,6 @@ def _prisms(body: Polyhedron, face: Face, own: Manifold, whole: Manifold, thin: 
         own, whole: the part and its hull.
         thin: what is thinner is nothing, m.
     """
-    from manifold3d import CrossSection, JoinType
-
     frame = np.column_stack([plane_basis(face.normal), face.normal])
 
     def below(shape: CrossSection, high: float) -> Manifold:
@@ -92,7 +88,7 @@ def _prisms(body: Polyhedron, face: Face, own: Manifold, whole: Manifold, thin: 
         """How low and how high what is free below a shape reaches, piece by piece, m."""
         pieces = ((below(shape, body.diameter) ^ whole) - own).decompose()
         sound = [one for one in pieces if one.volume() > thin * one.surface_area()]
-        heights = [np.array(one.to_mesh64().vert_properties)[:, :3] @ face.normal for one in sound]
+        heights = [mesh_of(one)[0] @ face.normal for one in sound]
         return [(float(one.min()), float(one.max())) for one in heights]
 
     for loop in face.loops[1:]:
@@ -106,8 +102,6 @@ def _prisms(body: Polyhedron, face: Face, own: Manifold, whole: Manifold, thin: 
 
 def _is_entered(hollow: Manifold, guest: Manifold, aside: float, thin: float) -> bool:
     """Whether what leaves along z may come into a hollow on its way; what has next to no volume counts as entered."""
-    from manifold3d import JoinType
-
     if hollow.volume() <= thin * hollow.surface_area():
         return True
     passing = guest.trim_by_plane((0.0, 0.0, -1.0), thin - hollow.bounding_box()[5])

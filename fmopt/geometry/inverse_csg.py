@@ -5,14 +5,12 @@ be many and small, the pieces that they leave are as large as those of a model w
 meshes the exact half-space pieces of a CSG solid.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
-from typing import TYPE_CHECKING
 
 import numpy as np
+from manifold3d import Manifold
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import bounded, clip, convex_manifold, snapped
@@ -27,6 +25,7 @@ from fmopt.geometry.polyhedron import (
     halfspace_corners,
     level,
     manifold_of,
+    mesh_of,
     placed,
     plane_basis,
     triangulated,
@@ -34,9 +33,6 @@ from fmopt.geometry.polyhedron import (
 from fmopt.geometry.upright_prisms import upright_prisms
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
-
-if TYPE_CHECKING:
-    from manifold3d import Manifold
 
 Plane = tuple[Array, float]
 
@@ -135,8 +131,6 @@ def _grown(part: Polyhedron, shape: Manifold, known: Array, faces: Sequence[Face
 
 def _is_free(corners: Array, shape: Manifold, part: Polyhedron) -> bool:
     """Whether the hull of corners (n, 3) has next to nothing of a shape, for the size of the part that it grew from."""
-    from manifold3d import Manifold
-
     return bool((Manifold.hull_points(corners) ^ shape).volume() <= _OVERLAP * part.volume)
 
 
@@ -164,12 +158,8 @@ def _room(body: Polyhedron, reach: float) -> Polyhedron:
 
 
 def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> list[Polyhedron]:
-    mesh = shape.to_mesh64()
-    points, triangles, _ = merged_vertices(
-        _onto(snapped(np.asarray(mesh.vert_properties)[:, :3], known), known, tol),
-        np.asarray(mesh.tri_verts, dtype=np.int64),
-        tol,
-    )
+    vertices, corners = mesh_of(shape)
+    points, triangles, _ = merged_vertices(_onto(snapped(vertices, known), known, tol), corners, tol)
     body = from_triangles(points, triangles, tol)
     plane = _best_cut(body, tol)
     if plane is None:
@@ -254,7 +244,7 @@ def _through(a: Array, b: Array, tol: float) -> Plane | None:
 
 
 def _hull(points: Array) -> Hull:
-    return Hull(tuple((float(x), float(y), float(z)) for x, y, z in convex_hull_polyhedron(points).vertices))
+    return Hull(convex_hull_polyhedron(points).vertices.tolist())
 
 
 def _is_thick(body: Manifold, tol: float) -> bool:

@@ -4,9 +4,10 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from itertools import pairwise
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
+from shapely import Polygon
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Hull, Placed, Prism, Ring, Solid, Stack
@@ -14,9 +15,6 @@ from fmopt.geometry.facets import place
 from fmopt.geometry.plane.convex_polygons import Convex, Outline, convex_pieces, simple
 from fmopt.geometry.section import united
 from fmopt.spatial.se3 import Pose
-
-if TYPE_CHECKING:
-    from shapely import Polygon
 
 _PARALLEL = 1e-9  # sine of the angle between sides of neighbouring outlines that are one wall
 _AMISS = 1e-9  # of its area: what the pieces of an outline may leave out
@@ -131,8 +129,6 @@ def _followed(lower: Outline, upper: Outline) -> Iterator[_Piece]:
 
 def _mixed(below: Outline, above: Outline, share: float) -> "Polygon":
     """The outline that is a share of the way up from one to the other."""
-    from shapely import Polygon
-
     return Polygon((1.0 - share) * np.array(below) + share * np.array(above))
 
 

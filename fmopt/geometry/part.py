@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
+from shapely import Polygon, get_parts
+from shapely.geometry.polygon import orient
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import pieces, polyhedron
@@ -323,8 +325,6 @@ def ridge(polygon: ArrayLike) -> Solid:
 
 def outline(polygons: Sequence[ArrayLike]) -> tuple[Array, ...]:
     """The loops (k, 2) of the union of convex polygons, outlines counter-clockwise, holes clockwise."""
-    from shapely import Polygon, get_parts
-    from shapely.geometry.polygon import orient
 
     from fmopt.geometry.section import united
 

@@ -9,18 +9,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+from manifold3d import Manifold, Mesh64, triangulate
 from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Loop, faces_of, patchwork, place
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, Value, frozen
-
-if TYPE_CHECKING:
-    from manifold3d import Manifold
 
 _LEVEL = 1e-12  # m
 _ON_FACE = 1e-9  # of the diameter: points so near to a face of a hull are on it
@@ -202,8 +199,6 @@ def from_triangles(vertices: ArrayLike, triangles: ArrayLike, tol: float = 1e-9)
 
 def triangulated(body: Polyhedron) -> NDArray[np.int64]:
     """Outward triangles (m, 3) over the polyhedron's vertices."""
-    from manifold3d import triangulate
-
     triangles = []
     for face in body.faces:
         flat = body.vertices @ plane_basis(face.normal)
@@ -296,7 +291,6 @@ def convex_hull_polyhedron(points: ArrayLike) -> Polyhedron:
     Raises:
         GeometryError: the points lie in a plane, or as good as in one.
     """
-    from manifold3d import Manifold
     from scipy.spatial import ConvexHull, QhullError
 
     cloud = np.asarray(points, dtype=np.float64)
@@ -341,16 +335,19 @@ def halfspace_corners(normals: Array, offsets: Array, inside: Array, size: float
 
 def manifold_of(points: Array, triangles: NDArray[np.int64]) -> "Manifold":
     """The manifold3d solid of triangles (m, 3) over points (n, 3)."""
-    from manifold3d import Manifold, Mesh64
-
     # It takes arrays that are contiguous and may be written.
     return Manifold(Mesh64(np.array(points, order="C"), np.array(triangles, dtype=np.uint64, order="C")))
 
 
 def of_manifold(shape: "Manifold", tol: float) -> Polyhedron:
     """The polyhedron of a manifold3d solid; errors and `tol` as of `from_triangles`."""
+    return from_triangles(*mesh_of(shape), tol)
+
+
+def mesh_of(shape: Manifold) -> tuple[Array, NDArray[np.int64]]:
+    """Points (n, 3) and outward triangles (m, 3) of a manifold3d solid."""
     mesh = shape.to_mesh64()
-    return from_triangles(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts, dtype=np.int64), tol)
+    return np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts, dtype=np.int64)
 
 
 def _volume(points: Array, faces: Iterable[Sequence[Sequence[int]]]) -> float:

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from shapely import Polygon, is_valid_reason
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.mesh.mesh_import import Imported, Unit, mesh_polyhedron
@@ -147,16 +148,12 @@ def _of_triangles(points: Array, triangles: Any) -> Imported:
 
 def _of_outline(outline: Any, height: Any, factor: float) -> Imported:
     """The prism over an outline with holes, its corners as given."""
-    from shapely import Polygon
-
     loops = [np.array(loop, dtype=np.float64) for loop in _loops(outline)]
     if not (np.isfinite(height) and height > 0.0):
         raise GeometryError(f"the height of an outline is {height}", "make it positive")
     outer, *holes = (Polygon(loop) for loop in loops)
     shape = Polygon(loops[0], loops[1:])
     if not shape.is_valid or not all(ring.area > 0.0 for ring in (outer, *holes)):
-        from shapely import is_valid_reason
-
         advice = "list the corners of loops that do not cross, the outer one first, then its holes"
         raise GeometryError(f"the outline bounds no area: {is_valid_reason(shape)}", advice)
     turned = [

@@ -13,7 +13,10 @@ from itertools import product
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely import MultiPoint, MultiPolygon, Point, Polygon, get_coordinates, union_all
+from shapely.geometry.base import BaseGeometry
 
 from fmopt.errors import SizeError
 from fmopt.geometry.csg import Solid, corners, exact_pose, operands
@@ -22,9 +25,6 @@ from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, remembered
 
 if TYPE_CHECKING:
-    from shapely import MultiPolygon
-    from shapely.geometry.base import BaseGeometry
-
     from fmopt.geometry.part import Part
 
 
@@ -57,8 +57,6 @@ def section(bodies: Sequence[Polyhedron], frame: Pose) -> MultiPolygon:
 
 def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1]) -> MultiPolygon:
     """The limit of `section` where the plane comes from above (1) or below (−1)."""
-    from shapely import MultiPoint, Point
-
     to_frame = exact_pose(frame).inverse()
     parts = []
     for body in bodies:
@@ -78,19 +76,15 @@ def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1
 
 def united(parts: Sequence[BaseGeometry]) -> BaseGeometry:
     """The union of plane shapes, formed on a grid where rounding along a common side loses one of them."""
-    from shapely import dwithin, get_coordinates, points, prepare, union_all
-
     found = union_all(parts)
-    prepare(found)
-    lost = not dwithin(found, points(get_coordinates(parts)), _GAP).all()
+    shapely.prepare(found)
+    lost = not shapely.dwithin(found, shapely.points(get_coordinates(parts)), _GAP).all()
     return union_all(parts, grid_size=_GAP) if lost else found
 
 
 def sealed(shape: BaseGeometry) -> BaseGeometry:
     """A plane shape without the cracks and skins that rounding leaves where polygons share a side."""
-    from shapely import set_precision, union_all
-
-    closed = set_precision(union_all([shape], grid_size=_GAP), _GAP)
+    closed = shapely.set_precision(union_all([shape], grid_size=_GAP), _GAP)
     return closed if closed.length < shape.length - _CRACK else shape
 
 
@@ -111,9 +105,7 @@ def _crossings(body: Polyhedron, points: Array) -> Array:
 
 
 def _polygons(geometry: BaseGeometry) -> MultiPolygon:
-    from shapely import MultiPolygon, Polygon, get_parts
-
-    return MultiPolygon([part for part in get_parts(geometry) if isinstance(part, Polygon) and part.area > 0.0])
+    return MultiPolygon([part for part in shapely.get_parts(geometry) if isinstance(part, Polygon) and part.area > 0.0])
 
 
 def reach(solid: Solid) -> Array:

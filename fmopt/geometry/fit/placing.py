@@ -5,7 +5,6 @@ where they overlap, minus how deep the deepest corner is in the other. Each prog
 side: s ≤ d + g·(Δx, Δy, Δturn), with the distance d and its gradient g, solved by daqp in a trust region.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +14,7 @@ from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.fit.layers import Outline
+from fmopt.geometry.plane.turning import rotation
 from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array
 
@@ -47,7 +47,7 @@ class Facing:
 
     def rows(self, at: Array) -> tuple[Array, Array, NDArray[np.int64]]:
         """Signed distances (n,), m, at x, y (m) and turn (rad), gradients (n, 3) by these, numbers (n,) of pairs."""
-        turn = _turn(float(at[2]))
+        turn = rotation(float(at[2]))
         start, end = (corners @ turn.T + at[:2] for corners in self._own)
         walls = self._walls
         back = (walls[0] - at[:2]) @ turn
@@ -123,14 +123,9 @@ def _distances(
     return np.where(inside, -far, far), gradient, i * len(length) + j
 
 
-def _turn(angle: float) -> Array:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s], [s, c]])
-
-
 def moved(shape: BaseGeometry, pivot: Array, at: Array) -> BaseGeometry:
     """A plane shape turned about a pivot (2,) and put with it at x, y, m, by at (3,)."""
-    R = _turn(float(at[2]))
+    R = rotation(float(at[2]))
     shift = at[:2] - R @ pivot
     return affine_transform(shape, [*R.ravel().tolist(), *shift.tolist()])
 

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.fit.layers import INSIDE, MERGED, Layers, Outline, common, united
 from fmopt.geometry.fit.placing import Facing, Placement, moved
 from fmopt.geometry.section import shrunk
+from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from shapely.geometry.base import BaseGeometry
-
     from fmopt.geometry.fit.search import Led
-    from fmopt.spatial.values import Array
 
 _TOUCH = 2e-8  # m: by which sections may overlap where they touch
 _THIN = 1e-7  # m: slabs that are thinner are rounding

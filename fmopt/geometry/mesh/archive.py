@@ -7,6 +7,7 @@ import io
 import struct
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
@@ -47,10 +48,9 @@ def solids(path: str, kind: str) -> list[tuple[str, list[list[float]], list[list
         GeometryError: it is none, or cannot be read.
     """
     shells = {"3mf": three_mf_shells, "glb": glb_shells}[kind]
-    with open(path, "rb") as file:
-        data = file.read()
     try:
-        return [(shell.name, shell.points.tolist(), shell.triangles.tolist()) for shell in shells(data)]
+        found = shells(Path(path).read_bytes())
+        return [(shell.name, shell.points.tolist(), shell.triangles.tolist()) for shell in found]
     except Broken as error:
         raise GeometryError(str(error), AGAIN) from None
 

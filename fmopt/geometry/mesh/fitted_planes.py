@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, Loop, place
 from fmopt.geometry.mesh.round_planes import rings
+from fmopt.geometry.plane.turning import rotation
 from fmopt.geometry.polyhedron import plane_basis
 from fmopt.spatial.values import Array
 
@@ -79,7 +80,9 @@ def aligned(normals: Array, areas: Array, slack: Array, wide: Array) -> tuple[Ar
     if len(sides):
         angle = np.arctan2(inside[sides, 1], inside[sides, 0])
         base = _common_turn(angle, areas[sides], slack[sides])
-        turn = turn @ _about_z(base)
+        about_z = np.eye(3)
+        about_z[:2, :2] = rotation(base)
+        turn = turn @ about_z
         if np.abs(base) > 0.0:
             turn = _near_axes(turn, slack.min())
         inside = normals @ turn
@@ -191,11 +194,6 @@ def _direction(angle: float) -> tuple[float, float, float]:
     c, s = (1.0, 0.0) if abs(rest) < 1e-14 else (math.cos(rest), math.sin(rest))
     x, y = ((c, s), (-s, c), (-c, -s), (s, -c))[int(quarter) % 4]
     return x + 0.0, y + 0.0, 0.0
-
-
-def _about_z(angle: float) -> Array:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _leaning(normals: Array, areas: Array, slack: Array, sides: Array) -> Array:

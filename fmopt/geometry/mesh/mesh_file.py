@@ -5,12 +5,10 @@ triangles, ears where they are not convex; points that no face uses are left out
 """
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
-
-import numpy as np
+from typing import TypeVar
 
 from fmopt.errors import GeometryError, ResourceError
 from fmopt.geometry.facets import Indices
@@ -28,9 +26,6 @@ from fmopt.geometry.mesh.surface import (
 )
 from fmopt.runtime import confined
 from fmopt.spatial.values import Array
-
-if TYPE_CHECKING:
-    from fmopt.geometry.mesh.archive import Shell
 
 T = TypeVar("T")
 FORMATS = ("stl", "obj", "ply", "3mf", "glb")
@@ -79,22 +74,14 @@ def _surface(path: Path, kind: str, data: bytes) -> Surface:
     readers: dict[str, Callable[[bytes], Surface]] = {"stl": _stl, "obj": _obj, "ply": read_ply}
     if kind in readers:
         return readers[kind](data)
-    from fmopt.geometry.mesh.archive import Shell
-
     reader = confined.Reader(_PACKAGES[kind], "fmopt.geometry.mesh.archive:solids", COARSER, AGAIN)
-    found = confined.read(path, reader, kind)
-    return _packed([Shell(name, np.array(points), np.array(triangles, np.int64)) for name, points, triangles in found])
-
-
-def _packed(shells: "Sequence[Shell]") -> Surface:
-    """Solids of a package, as if read one by one."""
     surface = Surface()
-    for shell in shells:
-        first, count = len(surface.points), len(shell.points)
-        surface.objects.append((shell.name[:80], len(surface.triangles)))
-        for number, point in enumerate(shell.points.tolist(), first):
+    for name, points, triangles in confined.read(path, reader, kind):
+        first, count = len(surface.points), len(points)
+        surface.objects.append((name[:80], len(surface.triangles)))
+        for number, point in enumerate(points, first):
             surface.point(point, f"point {number}")
-        for number, corners in enumerate(shell.triangles.tolist(), len(surface.triangles)):
+        for number, corners in enumerate(triangles, len(surface.triangles)):
             if min(corners) < 0 or max(corners) >= count:
                 raise Damage(f"a triangle names a point that is none of {count}")
             surface.face([first + corner for corner in corners], f"triangle {number}")

@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from manifold3d import Manifold, OpType
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.body_names import chosen
 from fmopt.geometry.enclosing import enclosing, solid_of
-from fmopt.geometry.facets import Indices, merged_vertices, normals_of, place, shells_of
+from fmopt.geometry.facets import Indices, compact, heights_of, merged_vertices, normals_of, place, shells_of, together
 from fmopt.geometry.mesh.mesh_file import read_surface, read_triangles
 from fmopt.geometry.mesh.mesh_repair import Crossing, first_crossing, turned_alike, turned_outward
 from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, closes, joined, open_sides, patches, sewn
@@ -113,15 +114,12 @@ def _objects_of(surface: Surface) -> tuple[tuple[str, Array, Indices], ...]:
     # Where some touch and were united the file is one part, as its writer meant it.
     if len(shells) < 2 or (whole := united(points, triangles, reach)).count < 2 or whole.notes:
         return found
-    bodies = [np.unique(corners[label == shell], return_inverse=True) for shell in shells]
-    return tuple((found[0][0], merged[used], own.reshape(-1, 3)) for used, own in bodies)
+    return tuple((found[0][0], *compact(merged, corners[label == shell])) for shell in shells)
 
 
 def _together(found: Sequence[tuple[str, Array, Indices]]) -> tuple[Array, Indices, float]:
     """Points and triangles of all objects, and the distance within which vertices are one."""
-    starts = np.cumsum([0, *(len(points) for _, points, _ in found)])
-    points = np.vstack([points for _, points, _ in found])
-    triangles = np.vstack([corners + start for (*_, corners), start in zip(found, starts, strict=False)])
+    points, triangles = together([(points, corners) for _, points, corners in found])
     return points, triangles, _MERGE * _span(points)
 
 
@@ -293,7 +291,7 @@ def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin
     moved = _moved(points, merged) if reach > _MERGE * span else 0.0
     corners, numbers, doubled = _once(corners, numbers)
     if thin > 0.0:
-        high = _heights(merged, corners) > thin
+        high = heights_of(merged[corners]) > thin
         corners, numbers = corners[high], numbers[high]
     corners, numbers, closer = joined(merged, corners, numbers, beside)
     notes += [f"{doubled} triangles stand twice in the file and count once"] if doubled else []
@@ -309,13 +307,6 @@ def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin
     closed = turned_outward(merged, closed)
     notes += _turned(points, triangles, merged[closed], called)
     return _Closed(merged, closed, called, mended, moved + closer, tuple(notes))
-
-
-def _heights(points: Array, triangles: Indices) -> Array:
-    """The least heights (m,) of triangles, m."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    area = np.linalg.norm(normals_of(points[triangles]), axis=1)
-    return np.asarray(area / np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0))
 
 
 def _moved(points: Array, merged: Array) -> float:
@@ -388,8 +379,6 @@ def _require_simple(points: Array, triangles: Indices, crossing: Crossing | None
         message = f"the surface passes through itself: triangles {numbers[one]} and {numbers[other]} cross"
         advice = "unite the bodies in the program that made the mesh, and export it again"
         raise GeometryError(f"{message} at {place(where)}", advice)
-    from manifold3d import Manifold, OpType
-
     # Shells of cavities have negative volumes.
     shells = [shell for shell in manifold_of(points, triangles).decompose() if shell.volume() > 0.0]
     apart = sum(shell.volume() for shell in shells)

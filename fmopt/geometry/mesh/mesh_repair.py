@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import STRtree, box
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, normals_of, shells_of
@@ -136,8 +137,6 @@ def _near(corners: Array, normals: Array, size: Array, tol: float) -> tuple[Indi
 
 def _met(corners: Array, some: NDArray[np.bool_], others: NDArray[np.bool_]) -> Indices:
     """Pairs (2, k) of some triangles and others whose boxes meet."""
-    from shapely import STRtree, box
-
     low, high = corners.min(axis=1), corners.max(axis=1)
     # The tree knows x and y only; heights are compared for what it finds.
     flat = box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])

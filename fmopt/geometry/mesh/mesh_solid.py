@@ -68,13 +68,9 @@ def _upright_pieces(solid: Solid) -> tuple[Polyhedron, ...]:
 
 def _less_others(enclosure: Enclosure) -> Solid:
     """The convex hull of an enclosure less what it does not fill."""
-    outer = _hull(convex_hull_polyhedron(enclosure.boundary.vertices))
-    whole = tuple(_hull(body) for body in enclosure.bodies)
+    outer = Hull(convex_hull_polyhedron(enclosure.boundary.vertices).vertices.tolist())
+    whole = tuple(Hull(body.vertices.tolist()) for body in enclosure.bodies)
     return outer if len(whole) == 1 else Difference(outer, (Difference(outer, (Union(whole),)),))
-
-
-def _hull(body: Polyhedron) -> Hull:
-    return Hull(tuple((float(x), float(y), float(z)) for x, y, z in body.vertices))
 
 
 def _enclosure_notes(enclosure: Enclosure) -> tuple[str, ...]:

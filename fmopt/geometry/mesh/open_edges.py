@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from manifold3d import triangulate
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, first_within, normals_of
@@ -203,8 +204,6 @@ def _band(points: Array, one: tuple[int, ...], other: tuple[int, ...]) -> Indice
 
 def _cap(points: Array, gaps: Sequence[_Gap]) -> Indices:
     """Flat triangles inside loops of one plane, outer ones counter-clockwise about the outward normal."""
-    from manifold3d import triangulate
-
     loops = [np.array(gap.loop) for gap in gaps]
     normal = np.sum([_normal(points[loop]) for loop in loops], axis=0)
     length = float(np.linalg.norm(normal))

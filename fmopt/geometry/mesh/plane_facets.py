@@ -8,10 +8,11 @@ whole parts of a turn, but for what the fit leaves open, are so exactly afterwar
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from heapq import heapify, heappop, heappush
 
 import numpy as np
+import shapely
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import MAX_FACES, Indices, Loop, Patchwork, faces_of, patchwork, require_few
@@ -175,11 +176,10 @@ def _made_plane(parts: Patchwork, region: Indices, noise: float) -> Flattened:
     """
     require_few(len(np.unique(region)), 2 * MAX_FACES)  # more of them are rather taken as the facets that they are
     faces, region = faces_of(parts, region)
-    region = np.unique(region, return_inverse=True)[1].astype(np.int64)
-    members = [np.flatnonzero(region == k) for k in range(int(region.max()) + 1)]
-    corners = [np.unique(parts.triangles[which]) for which in members]
+    parts = replace(parts, region=np.unique(region, return_inverse=True)[1].astype(np.int64))
+    corners = [np.unique(parts.triangles[which]) for which in parts.members]
     fits = Fits.of(parts.vertices, corners)
-    surface, off = _Surface(parts, faces, members, corners, fits), fits.off
+    surface, off = _Surface(parts, faces, corners, fits), fits.off
     if off <= EXACT:  # rounding turns side faces of a prism, which stay plane
         kept = Flattened(from_faces(parts.vertices, faces), 0.0, parts.vertices[0])
         straight = _attempt(surface, noise, _TURN[0]) if noise > 0.0 else kept
@@ -198,21 +198,17 @@ def _made_plane(parts: Patchwork, region: Indices, noise: float) -> Flattened:
 
 @dataclass(frozen=True)
 class _Surface:
-    """Facets with the faces that they are to become: loops, triangles, vertices and plane of each."""
+    """Facets with the faces that they are to become, by region: loops, vertices and plane of each."""
 
     parts: Patchwork
     faces: Sequence[Sequence[Loop]]
-    members: Sequence[Indices]
     corners: Sequence[Indices]
     fits: Fits
 
     def turns(self, normals: Array) -> Array:
         """The least angle (k,) between the normal of each face and those of the faces beside it, rad."""
-        own = np.empty(len(self.parts.triangles), dtype=np.int64)
-        for number, which in enumerate(self.members):
-            own[which] = number
-        beside = own[np.array(self.parts.across)[:, :, 0]]
-        one, other = np.repeat(own, 3), beside.ravel()
+        own = self.parts.region
+        one, other = np.repeat(own, 3), own[np.array(self.parts.across)[:, :, 0]].ravel()
         between = np.linalg.norm(np.cross(normals[one], normals[other]), axis=1)
         angle = np.arctan2(between, np.einsum("ij,ij->i", normals[one], normals[other]))
         least = np.full(len(normals), np.pi)
@@ -223,7 +219,7 @@ class _Surface:
 def _attempt(surface: _Surface, off: float, times: float) -> Flattened | GeometryError:
     """The surface where normals may be turned by so many times what the noise does, or why there is none."""
     parts = surface.parts
-    areas = np.array([parts.areas[which].sum(axis=0) for which in surface.members])
+    areas = np.array([parts.areas[which].sum(axis=0) for which in parts.members])
     normals = np.where(np.vecdot(surface.fits.normals, areas) > 0.0, 1.0, -1.0)[:, None] * surface.fits.normals
     slack = times * off / np.maximum(surface.fits.widths, off)
     turns = surface.turns(normals)
@@ -232,7 +228,8 @@ def _attempt(surface: _Surface, off: float, times: float) -> Flattened | Geometr
         normals, np.linalg.norm(areas, axis=1), np.minimum(wide, slack * np.minimum(turns, 1.0)), wide
     )
     points = parts.vertices @ turn
-    offsets = np.array([_middle(points[which] @ n) for which, n in zip(surface.corners, straight, strict=True)])
+    heights = [points[which] @ n for which, n in zip(surface.corners, straight, strict=True)]
+    offsets = np.array([0.5 * (height.min() + height.max()) for height in heights])
     offsets = evenly_out(straight, np.round(offsets / _STEP) * _STEP, 2.0 * off)
     fine = (straight[:, 2] == 0.0) & (turns < _SMALL)
     if fine.any() and not is_even(straight[fine]):
@@ -245,15 +242,8 @@ def _attempt(surface: _Surface, off: float, times: float) -> Flattened | Geometr
         return error
 
 
-def _middle(heights: Array) -> float:
-    return 0.5 * float(heights.min() + heights.max())
-
-
 def _apart(surface: _Surface, moved: Array) -> tuple[float, Array]:
     """How far facets and faces are apart at most, m, and where: facets from their face, corners from their facets."""
-    from shapely import distance, linearrings, polygons
-    from shapely import points as dots
-
     parts = surface.parts
     outlines = [[vertex for loop in loops for vertex in loop] for loops in surface.faces]
     fits = Fits.of(moved, outlines)
@@ -261,11 +251,13 @@ def _apart(surface: _Surface, moved: Array) -> tuple[float, Array]:
     face = np.repeat(np.arange(len(outlines)), [len(outline) for outline in outlines])
     lengths = [len(loop) for loops in surface.faces for loop in loops]
     flat = np.einsum("ni,nij->nj", moved[np.concatenate(outlines)], bases[face])
-    rings = linearrings(flat, indices=np.repeat(np.arange(len(lengths)), lengths))
-    plates = polygons(rings, indices=np.repeat(np.arange(len(outlines)), [len(loops) for loops in surface.faces]))
+    rings = shapely.linearrings(flat, indices=np.repeat(np.arange(len(lengths)), lengths))
+    plates = shapely.polygons(
+        rings, indices=np.repeat(np.arange(len(outlines)), [len(loops) for loops in surface.faces])
+    )
     own = np.repeat(np.arange(len(outlines)), [len(corners) for corners in surface.corners])
     corners = parts.vertices[np.concatenate(surface.corners)]
-    beside = distance(plates[own], dots(np.einsum("ni,nij->nj", corners, bases[own])))
+    beside = shapely.distance(plates[own], shapely.points(np.einsum("ni,nij->nj", corners, bases[own])))
     apart = np.hypot(beside, np.vecdot(corners, fits.normals[own]) - fits.offsets[own])
     most, where = float(apart.max()), corners[int(apart.argmax())]
     numbers, slots = np.nonzero(np.isin(parts.triangles, np.unique(np.concatenate(outlines))))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import MultiPoint
 
 from fmopt.geometry.facets import SMOOTH, Indices, Loop, chords, normals_of
 from fmopt.geometry.polyhedron import Polyhedron
@@ -182,7 +183,6 @@ def met(moving: Part, fixed: Part, depth: float, beside: float) -> tuple[Part, P
     These are the ones of the moving part that get below the mouth, down to the depth of the goal, m, and of the fixed
     part those beside what does, so far, m. The holes of a flange that lands on the mouth stay above.
     """
-    from shapely import MultiPoint
 
     def is_below(corners: Array) -> bool:
         return bool(corners[:, 2].min() < depth - _LANDED)

@@ -3,9 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from manifold3d import Error, Manifold, OpType
 
-from fmopt.geometry.facets import Indices, merged_vertices, normals_of
-from fmopt.geometry.polyhedron import manifold_of
+from fmopt.geometry.facets import Indices, compact, merged_vertices, normals_of
+from fmopt.geometry.polyhedron import manifold_of, mesh_of
 from fmopt.spatial.values import Array
 
 _LOST = 1e-9  # of the volume of shells, by which that of their union is smaller where they overlap
@@ -31,8 +32,6 @@ def united(points: Array, triangles: Indices, reach: float) -> United:
 
     Triangles (m, 3) over points (n, 3), m, are counter-clockwise from outside; vertices within `reach`, m, are one.
     """
-    from manifold3d import Error, Manifold, OpType
-
     as_it_is = United(points, triangles)
     if not normals_of(points[triangles]).any():
         return as_it_is
@@ -54,12 +53,11 @@ def united(points: Array, triangles: Indices, reach: float) -> United:
         union, count, moved = met, closer, deep
     elif count == len(solids) and union.volume() >= (1.0 - _LOST) * apart:
         return replace(as_it_is, count=count)
-    mesh = union.to_mesh64()
+    vertices, corners = mesh_of(union)
     volumes = ", ".join(f"{1e9 * one.volume():.6g}" for one in solids)
     left = "one solid" if count == 1 else f"{count} solids"
     note = f"{len(solids)} closed shells of {volumes} mm³ touch or overlap: they were united, and are {left}"
-    corners = np.array(mesh.tri_verts, dtype=np.int64)
-    return United(np.array(mesh.vert_properties)[:, :3] @ R, corners, count, moved, (note,))
+    return United(vertices @ R, corners, count, moved, (note,))
 
 
 def _shells(points: Array, triangles: Indices, reach: float) -> list[tuple[Array, Indices]]:
@@ -79,8 +77,7 @@ def _shells(points: Array, triangles: Indices, reach: float) -> list[tuple[Array
             else:
                 open_sides.add((one, other))
         if not open_sides:
-            used, renumbered = np.unique(corners[begun:number], return_inverse=True)
-            found.append((vertices[used], renumbered.reshape(-1, 3).astype(np.int64)))
+            found.append(compact(vertices, corners[begun:number]))
             begun = number
     return [] if open_sides else found
 

@@ -8,9 +8,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from manifold3d import triangulate
 
 from fmopt.geometry.body_names import told_apart
-from fmopt.geometry.facets import Indices
+from fmopt.geometry.facets import Indices, compact
 from fmopt.spatial.values import Array
 
 MAX_TRIANGLES = 100_000
@@ -79,11 +80,8 @@ class Surface:
         begins = self.objects if self.objects and self.objects[0][1] == 0 else [("", 0), *self.objects]
         ends = [*(first for _, first in begins[1:]), len(triangles)]
         spans = [(name, first, end) for (name, first), end in zip(begins, ends, strict=True) if first < end]
-        found = []
-        for name, (_, first, end) in zip(told_apart([name for name, *_ in spans]), spans, strict=True):
-            used, renumbered = np.unique(triangles[first:end], return_inverse=True)
-            found.append((name, points[used], renumbered.reshape(-1, 3).astype(np.int64)))
-        return tuple(found)
+        names = told_apart([name for name, *_ in spans])
+        return tuple((n, *compact(points, triangles[a:b])) for n, (_, a, b) in zip(names, spans, strict=True))
 
     def _not_convex(self, points: Array) -> Iterator[tuple[int, tuple[int, ...], str]]:
         """Polygons that a fan may not cover: that turn right somewhere, or go round more than once."""
@@ -111,8 +109,7 @@ class Surface:
         for first, corners, where in self._not_convex(points):
             ears = _ears(points[list(corners)], where)
             triangles[first : first + len(ears)] = np.array(corners)[ears]
-        used, renumbered = np.unique(triangles, return_inverse=True)
-        return points[used], renumbered.reshape(-1, 3).astype(np.int64)
+        return compact(points, triangles)
 
 
 def _ears(corners: Array, where: str) -> Indices:
@@ -121,8 +118,6 @@ def _ears(corners: Array, where: str) -> Indices:
     Raises:
         Damage: it crosses itself.
     """
-    from manifold3d import triangulate
-
     count, corners = len(corners), corners - corners[0]
     fan = np.stack([np.zeros(count - 2, np.int64), np.arange(1, count - 1), np.arange(2, count)], axis=1)
     kept = np.flatnonzero((corners != np.roll(corners, 1, axis=0)).any(axis=1))

@@ -5,16 +5,17 @@ middles lie on the boundary that shapely finds: straight ones as its corners giv
 and islands thinner than the chords tell are left out, and a piece whose chords another one's cross stays chords there.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
 
 from fmopt.geometry.plane.chords import CHORD, ROUNDING, chords, enclosed, filled, grid_of
 from fmopt.geometry.plane.curve import Arc, Curve, Segment, boxes_of
@@ -22,20 +23,15 @@ from fmopt.geometry.plane.meet import meet
 from fmopt.geometry.plane.region import Region
 from fmopt.spatial.values import Array
 
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
-
 T = TypeVar("T")
 
 
 def union(regions: Sequence[Region]) -> Region:
     """The regularised union of any number of regions."""
-    from shapely import union_all
-
     full = [region for region in regions if not region.empty]
     if len(full) < 2:
         return full[0] if full else Region(())
-    return _combined(full, lambda shapes, grid: union_all(shapes, grid_size=grid))
+    return _combined(full, lambda shapes, grid: shapely.union_all(shapes, grid_size=grid))
 
 
 def intersection(first: Region, second: Region) -> Region:
@@ -111,8 +107,6 @@ def _quarters(curve: Curve) -> list[Curve]:
 
 def _stops(curves: Sequence[Curve], tolerance: float) -> list[list[float]]:
     """Parameters from 0 to 1 at which each curve is cut."""
-    import shapely
-
     straight = np.array([isinstance(curve, Segment) for curve in curves])
     boxes = shapely.box(*(boxes_of(curves) + 2.0 * tolerance * np.array([-1.0, -1.0, 1.0, 1.0])).T)
     bent = np.flatnonzero(~straight)
@@ -173,17 +167,14 @@ def linked(points: Array, distance: float) -> NDArray[np.intp]:
 
 def _rings(shape: BaseGeometry, thin: float) -> list[Array]:
     """Corners (k, 2) of the rings of a shape, the inside on the left; none of those narrower than `thin`, m."""
-    from shapely import get_coordinates, get_parts
-    from shapely.geometry.polygon import orient
-
     found = []
-    for part in get_parts(shape):
+    for part in shapely.get_parts(shape):
         # A line is left where operands touch; it bounds nothing.
         if part.geom_type != "Polygon" or part.is_empty:
             continue
         whole = orient(part)
         for ring in (whole.exterior, *whole.interiors):
-            points = get_coordinates(ring)[:-1]
+            points = shapely.get_coordinates(ring)[:-1]
             x, y = (points - points[0]).T
             area = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
             if area > 0.5 * thin * ring.length:
@@ -195,7 +186,6 @@ def _rings(shape: BaseGeometry, thin: float) -> list[Array]:
 
 def _with_corners(rings: Sequence[Array], pieces: Sequence[_Piece], tolerance: float) -> list[Array]:
     """Rings (k, 2) that were rounded to a grid, with chords' ends and crossings of straight pieces as corners again."""
-    import shapely
     from scipy.spatial import cKDTree
 
     if not rings:

@@ -2,19 +2,17 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.chords import CHORD, chords, filled
 from fmopt.geometry.plane.curve import Curve, Segment, boxes_of, distance
 from fmopt.geometry.plane.meet import meet
 from fmopt.spatial.values import Array, Value
-
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
 
 _CLOSED = 1e-8  # of the size: shared ends agree to rounding
 
@@ -78,8 +76,6 @@ class Region(Value):
     @cached_property
     def shape(self) -> "BaseGeometry":
         """What the loops wind round at least once, curves as chords within 1e-6 of the size, prepared."""
-        import shapely
-
         lines = [
             np.vstack([*(chords(curve, CHORD * self.size)[:-1] for curve in loop), loop[0].first])
             for loop in self.loops
@@ -90,8 +86,6 @@ class Region(Value):
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether each of `points` (n, 2) lies inside, shape (n,); on the boundary rounding decides."""
-        import shapely
-
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         inside = np.asarray(shapely.contains_xy(self.shape, points), dtype=np.bool_)
         # Between a chord and its curve the curve decides: on which side of it the point lies.

@@ -17,7 +17,7 @@ _END = 1e-9  # of the parameter
 
 def turned(region: Region, angle: float) -> Region:
     """The region turned about the origin through an angle in rad."""
-    return region.moved(_rotation(angle), (0.0, 0.0))
+    return region.moved(rotation(angle), (0.0, 0.0))
 
 
 def turn_swept(region: Region, first: float, last: float) -> Region:
@@ -39,7 +39,8 @@ def turn_swept(region: Region, first: float, last: float) -> Region:
     return union([begin, turned(region, first + sweep), *swept])
 
 
-def _rotation(angle: float) -> Array:
+def rotation(angle: float) -> Array:
+    """The matrix (2, 2) of a counter-clockwise turn through an angle, rad."""
     cos, sin = math.cos(angle), math.sin(angle)
     return np.array([[cos, -sin], [sin, cos]])
 
@@ -81,7 +82,7 @@ def _swept(piece: Curve, sweep: float) -> tuple[Curve, ...]:
     """The loop round what a piece sweeps counter-clockwise."""
     # Outward first, then along the circle: the loop has the swept region on its left.
     outward = piece if float(np.hypot(*piece.last)) > float(np.hypot(*piece.first)) else piece.reversed()
-    back = outward.moved(_rotation(sweep), (0.0, 0.0)).reversed()
+    back = outward.moved(rotation(sweep), (0.0, 0.0)).reversed()
     return (outward, *_circle(outward.last, sweep), back, *_circle(back.last, -sweep))
 
 

@@ -6,20 +6,18 @@ Corners lie where surfaces meet: those of plane faces are moved onto all of thei
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+from manifold3d import triangulate
+from OCP.TopoDS import TopoDS_Shape
 
-from fmopt.geometry.facets import Indices, merged_vertices
+from fmopt.geometry.facets import Indices, merged_vertices, together
 from fmopt.geometry.mesh.open_edges import sewn
 from fmopt.geometry.step.grid import Cuts, Grid, intervals
 from fmopt.geometry.step.step_file import Same
 from fmopt.geometry.step.surfaces import REACH, Curve, OtherSurfaceError, Surface, read
 from fmopt.spatial.se3 import cross
 from fmopt.spatial.values import Array, Value
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
 
 _SAMPLES = 65  # of an edge, between which it turns one way about an axis
 _HALVINGS = 60
@@ -48,19 +46,11 @@ def exact_facets(solid: "TopoDS_Shape", deviation: float) -> Facets:
     """
     surfaces, curves = read(solid)
     work = _Work(surfaces, Grid(surfaces, curves, deviation))
-    points: list[Array] = []
-    triangles: list[Indices] = []
-    owners: list[int] = []
-    count = 0
-    for number in range(len(surfaces)):
-        for corners, sides in work.facets(number):
-            points.append(corners)
-            triangles.append(sides + count)
-            owners += [number] * len(sides)
-            count += len(corners)
-    merged, kept, numbers = merged_vertices(np.vstack(points), np.vstack(triangles), REACH)
+    portions = [(number, portion) for number in range(len(surfaces)) for portion in work.facets(number)]
+    owners = np.repeat([number for number, _ in portions], [len(sides) for _, (_, sides) in portions])
+    merged, kept, numbers = merged_vertices(*together([portion for _, portion in portions]), REACH)
     # Where a corner of neighbours lies on an edge, as at the end of a flat on a shaft.
-    kept, owned = sewn(merged, kept, np.array(owners)[numbers], REACH)
+    kept, owned = sewn(merged, kept, owners[numbers], REACH)
     shifted, shift = _onto_planes(merged, kept, owned, surfaces)
     curved = [number for number, surface in enumerate(surfaces) if surface.kind != "Plane"]
     off = max((work.sum_of(number, "off") for number in curved), default=None)
@@ -166,8 +156,6 @@ class _Work:
         return bool(np.abs(apart).min() > _SLIVER)
 
     def _plane(self, surface: Surface) -> tuple[Array, Indices]:
-        from manifold3d import triangulate
-
         loops = [np.array([p for edge, on in ring for p in self._along(edge, on)]) for ring in surface.rings]
         if any(len(loop) < 3 for loop in loops):
             raise OtherSurfaceError("a plane face without corners")

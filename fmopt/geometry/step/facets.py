@@ -1,24 +1,27 @@
 """Facets of a solid of the CAD kernel: plane faces exactly, curved ones no further off than stated."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Surface
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.GProp import GProp_GProps
+from OCP.TopAbs import TopAbs_Orientation
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS_Shape
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.facets import Indices, together
 from fmopt.geometry.mesh.mesh_repair import first_crossing
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.polyhedron import from_triangles
+from fmopt.geometry.step import SIMPLER
 from fmopt.geometry.step.exact_facets import Facets, exact_facets
-from fmopt.geometry.step.step_file import SIMPLER, inside, openings
+from fmopt.geometry.step.step_file import inside, openings
 from fmopt.geometry.step.surfaces import OtherSurfaceError, plane_of
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
-
-    from fmopt.geometry.facets import Indices
-    from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array
 
 _COARSEST = 0.5  # rad between neighbouring facets
 _INSIDE = np.array([[1, 1, 1], [1.5, 1.5, 0], [0, 1.5, 1.5], [1.5, 0, 1.5]]) / 3.0  # where facets are held to surfaces
@@ -52,9 +55,6 @@ def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
 
 def _from_surfaces(solid: TopoDS_Shape, deviation: float) -> Facets | None:
     """Facets of the solid's own surfaces, if they close and hold as much as the solid, but for what they are off."""
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
     try:
         found = exact_facets(solid, deviation)
     except OtherSurfaceError:
@@ -88,31 +88,20 @@ def _require_closed(solid: TopoDS_Shape) -> None:
 
 def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, float | None]:
     """Points (n, 3), outward triangles (m, 3), and how far they are from curved faces, mm; None if none is."""
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
-
     # Without the flags: the deviation is in mm, not relative to edges, and no threads are started.
     BRepMesh_IncrementalMesh(shape, deviation, False, _COARSEST, False)
-    points: list[Array] = []
-    triangles: list[Indices] = []
-    off: list[float] = []
-    count = 0
-    for face in inside(shape, "FACE"):
-        corners, sides, places = _mesh_of(face)
-        if plane_of(face) is None:
-            off.append(_distance(BRepAdaptor_Surface(face), corners[sides], places[sides]))
-        points.append(corners)
-        triangles.append(sides + count)
-        count += len(corners)
-    return np.vstack(points), np.vstack(triangles), max(off, default=None)
+    meshes = [(face, *_mesh_of(face)) for face in inside(shape, "FACE")]
+    off = (
+        _distance(BRepAdaptor_Surface(face), corners[sides], places[sides])
+        for face, corners, sides, places in meshes
+        if plane_of(face) is None
+    )
+    points, triangles = together([(corners, sides) for _, corners, sides, _ in meshes])
+    return points, triangles, max(off, default=None)
 
 
 def _mesh_of(face: Any) -> tuple[Array, Indices, Array]:
     """Corners (n, 3) in mm of a face's facets, the facets (m, 3) seen from outside, and the corners' parameters."""
-    from OCP.BRep import BRep_Tool
-    from OCP.TopAbs import TopAbs_Orientation
-    from OCP.TopLoc import TopLoc_Location
-
     location = TopLoc_Location()
     mesh = BRep_Tool.Triangulation_s(face, location)
     if mesh is None or not mesh.NbTriangles() or not mesh.HasUVNodes():

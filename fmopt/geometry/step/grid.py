@@ -7,6 +7,7 @@ Fillets become polygons around the solid: tangents where it is convex, chords wh
 
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
@@ -148,9 +149,7 @@ class Grid:
         sides = _sides(radius, self._deviation)
         ends = [end for edge in edges if not self.curves[edge].closed for end in self.curves[edge].ends]
         given = _angles([end for end in ends if not self.idle(end)], first.origin, axes)
-        stops = (
-            np.array([_even(given, sides)]).ravel() if len(given) else (2.0 * np.arange(sides) + 1.0) * np.pi / sides
-        )
+        stops = _even(given, sides) if len(given) else (2.0 * np.arange(sides) + 1.0) * np.pi / sides
         steps = np.diff(np.append(stops, stops[0] + 2.0 * np.pi))
         off = radius * (1.0 - float(np.cos(0.5 * steps.max())))
         return Cuts((first.origin, axes), stops, np.ones(len(stops)), off, 0.0)
@@ -246,11 +245,10 @@ def _angles(points: list[Array], origin: Array, axes: Array) -> Array:
 
 def _even(given: Array, sides: int) -> Array:
     """Given angles, and equal steps between them of about those of a round of so many sides."""
-    found: list[float] = []
-    for one, other in zip(given, np.append(given[1:], given[0] + 2.0 * np.pi), strict=True):
-        count = max(1, round(float(other - one) * sides / (2.0 * np.pi)))
-        found.extend(np.linspace(one, other, count + 1)[:-1].tolist())
-    return np.array(found)
+    ends = np.append(given, given[0] + 2.0 * np.pi)
+    counts = [max(1, round(float(turn) * sides / (2.0 * np.pi))) for turn in np.diff(ends)]
+    spans = zip(pairwise(ends.tolist()), counts, strict=True)
+    return np.concatenate([np.linspace(one, other, count, endpoint=False) for (one, other), count in spans])
 
 
 def intervals(cuts: Cuts) -> Iterator[tuple[int, int, float]]:

@@ -4,6 +4,7 @@ import os
 from typing import Any
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.step import COARSER
 
 
 def read(path: str, deviation: str, which: str) -> dict[str, Any]:
@@ -17,8 +18,6 @@ def read(path: str, deviation: str, which: str) -> dict[str, Any]:
     Raises:
         GeometryError: the file cannot be used.
     """
-    from fmopt.geometry.step.step_file import COARSER
-
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the kernel is talkative
     try:
         from OCP import Standard

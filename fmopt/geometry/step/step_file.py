@@ -3,28 +3,36 @@
 Written for whichever CAD kernel is installed: names that its versions spell differently are asked for in one place.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+from OCP.gp import gp_Pnt, gp_Trsf
+from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.Message import Message
+from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
+from OCP.STEPCAFControl import STEPCAFControl_Reader
+from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+from OCP.TCollection import TCollection_ExtendedString
+from OCP.TDataStd import TDataStd_Name
+from OCP.TDF import TDF_ChildIterator, TDF_Label
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import TopAbs_ShapeEnum
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS, TopoDS_Shape
+from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.body_names import told_apart
+from fmopt.geometry.step import AGAIN
+from fmopt.spatial.values import Array
 
-if TYPE_CHECKING:
-    from OCP.TDF import TDF_Label
-    from OCP.TopoDS import TopoDS_Shape
-
-    from fmopt.spatial.values import Array
-
-AGAIN = "export it again, as AP203, AP214 or AP242; or export the part as STL"
-COARSER = "give a larger 'deviation' under [mesh] of a model file"
-SIMPLER = "export one part on its own, with simpler surfaces, or " + COARSER
 _NAMELESS = ("", "solid", "compound", "shell", "none", "body", "part", "unnamed")  # what programs call what has no name
 _WRITER = "Open CASCADE STEP translator"  # how the kernel calls products that have no name
 _SAME = 1e-9  # between a placement and a rigid one
@@ -58,13 +66,6 @@ def solids(path: str) -> list[PlacedSolid]:
     Raises:
         GeometryError: unreadable, without a unit, or without a solid.
     """
-    from OCP.IFSelect import IFSelect_ReturnStatus
-    from OCP.Message import Message
-    from OCP.STEPCAFControl import STEPCAFControl_Reader
-    from OCP.TCollection import TCollection_ExtendedString
-    from OCP.TDocStd import TDocStd_Document
-    from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
-
     messenger = Message.DefaultMessenger_s()
     for printer in list(messenger.Printers()):
         messenger.RemovePrinter(printer)
@@ -90,9 +91,6 @@ def solids(path: str) -> list[PlacedSolid]:
 
 def inside(shape: TopoDS_Shape, kind: str) -> Iterator[Any]:
     """The parts of a shape of one kind, "SOLID", "SHELL", "FACE", "WIRE", "EDGE" or "VERTEX", as what they are."""
-    from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopExp import TopExp_Explorer
-
     explorer = TopExp_Explorer(shape, getattr(TopAbs_ShapeEnum, f"TopAbs_{kind}"))
     while explorer.More():
         yield cast(explorer.Current(), kind)
@@ -101,16 +99,12 @@ def inside(shape: TopoDS_Shape, kind: str) -> Iterator[Any]:
 
 def cast(shape: TopoDS_Shape, kind: str) -> Any:
     """The shape as what it is; versions of the kernel call that Face_s or Face."""
-    from OCP.TopoDS import TopoDS
-
     name = kind.capitalize()
     return getattr(TopoDS, f"{name}_s" if hasattr(TopoDS, f"{name}_s") else name)(shape)
 
 
 def whole(solid: TopoDS_Shape) -> TopoDS_Shape:
     """The solid with faces and edges united that are one surface or one curve, such as the halves of a cylinder."""
-    from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
-
     # Edges and faces are united; the last flag, for free forms that join smoothly, is off.
     united = ShapeUpgrade_UnifySameDomain(solid, True, True, False)
     united.Build()
@@ -120,9 +114,6 @@ def whole(solid: TopoDS_Shape) -> TopoDS_Shape:
 
 def _bodies(label: TDF_Label, instance: str, place: Array) -> Iterator[PlacedSolid]:
     """The solids under a label of the document: a product, an assembly of products, or a product in its place."""
-    from OCP.TDF import TDF_Label
-    from OCP.XCAFDoc import XCAFDoc_ShapeTool
-
     if XCAFDoc_ShapeTool.IsReference_s(label):
         product = TDF_Label()
         XCAFDoc_ShapeTool.GetReferredShape_s(label, product)
@@ -146,8 +137,6 @@ def _matrix(move: Any) -> Array:
 
 
 def _children(label: TDF_Label) -> Iterator[TDF_Label]:
-    from OCP.TDF import TDF_ChildIterator
-
     children = TDF_ChildIterator(label)
     while children.More():
         yield children.Value()
@@ -156,8 +145,6 @@ def _children(label: TDF_Label) -> Iterator[TDF_Label]:
 
 def _name(label: TDF_Label) -> str:
     """The name at a label, "" where it is one that a program gives by itself."""
-    from OCP.TDataStd import TDataStd_Name
-
     found = TDataStd_Name()
     if not label.FindAttribute(TDataStd_Name.GetID_s(), found):
         return ""
@@ -167,9 +154,6 @@ def _name(label: TDF_Label) -> str:
 
 def openings(shapes: list[TopoDS_Shape]) -> str:
     """Where shapes are open: how many edges have a face on one side only, and where the first runs; "" if none is."""
-    from OCP.BRep import BRep_Tool
-    from OCP.BRepAdaptor import BRepAdaptor_Curve
-
     count: Counter[Same] = Counter()
     for shape in shapes:
         for face in inside(shape, "FACE"):
@@ -204,12 +188,6 @@ def write(path: Path, shapes: list[TopoDS_Shape], scale: float = 1.0) -> None:
     Raises:
         GeometryError: the kernel cannot write them.
     """
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
-    from OCP.gp import gp_Pnt, gp_Trsf
-    from OCP.IFSelect import IFSelect_ReturnStatus
-    from OCP.Message import Message
-    from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
-
     move = gp_Trsf()
     move.SetScale(gp_Pnt(0.0, 0.0, 0.0), scale)
     messenger = Message.DefaultMessenger_s()

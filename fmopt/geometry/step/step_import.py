@@ -19,7 +19,7 @@ from fmopt.geometry.mesh.mesh_import import Imported, NamedBody, mesh_polyhedron
 from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.polyhedron import from_triangles
 from fmopt.geometry.section import require_plausible
-from fmopt.geometry.step.step_file import AGAIN, COARSER, SIMPLER
+from fmopt.geometry.step import AGAIN, COARSER, SIMPLER
 from fmopt.runtime import confined
 from fmopt.spatial.se3 import Pose
 

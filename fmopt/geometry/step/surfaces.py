@@ -4,20 +4,21 @@ Planes, cylinders, cones, spheres and tori, and free forms that are plane; a sol
 apart.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
+from OCP.BRepTools import BRepTools_WireExplorer
+from OCP.GeomLib import GeomLib_IsPlanarSurface
+from OCP.gp import gp_Pnt, gp_Vec
+from OCP.TopAbs import TopAbs_Orientation
+from OCP.TopoDS import TopoDS_Shape
 
 from fmopt.geometry.step.step_file import Same, inside
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
-
-    from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array
 
 Kind = Literal["Plane", "Cylinder", "Cone", "Sphere", "Torus"]
 REACH = 1e-6  # mm: between points of a file that are one
@@ -151,9 +152,6 @@ def read(solid: TopoDS_Shape) -> tuple[list[Surface], dict[Same, Curve]]:
 
 def _ring(wire: Any, face: Any) -> Iterator[tuple[Same, bool]]:
     """The edges of a wire in their order, and whether each runs forward."""
-    from OCP.BRepTools import BRepTools_WireExplorer
-    from OCP.TopAbs import TopAbs_Orientation
-
     explorer = BRepTools_WireExplorer(wire, face)
     found = 0
     while explorer.More():
@@ -167,9 +165,6 @@ def _ring(wire: Any, face: Any) -> Iterator[tuple[Same, bool]]:
 
 
 def _surface(face: Any, rings: Any, own: frozenset[Same]) -> Surface:
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
-    from OCP.TopAbs import TopAbs_Orientation
-
     adaptor = BRepAdaptor_Surface(face)
     kind = next((kind for kind in _KINDS if adaptor.GetType().name == f"GeomAbs_{kind}"), None)
     shape = plane_of(face) if kind is None else getattr(adaptor, kind)()
@@ -202,17 +197,12 @@ def plane_of(face: Any) -> Any:
 
     Lofts of straight sides are free forms in a file.
     """
-    from OCP.BRep import BRep_Tool
-    from OCP.GeomLib import GeomLib_IsPlanarSurface
-
     found = GeomLib_IsPlanarSurface(BRep_Tool.Surface_s(face), REACH)
     return found.Plan() if found.IsPlanar() else None
 
 
 def _agreement(adaptor: Any, axes: Array) -> float:
     """1 where d/du × d/dv of a surface looks to the side that the cross product of the first two axes does, else -1."""
-    from OCP.gp import gp_Pnt, gp_Vec
-
     u = 0.5 * (adaptor.FirstUParameter() + adaptor.LastUParameter())
     v = 0.5 * (adaptor.FirstVParameter() + adaptor.LastVParameter())
     along_u, along_v = gp_Vec(), gp_Vec()
@@ -221,9 +211,6 @@ def _agreement(adaptor: Any, axes: Array) -> float:
 
 
 def _curve(edge: Any, face: Any) -> Curve:
-    from OCP.BRep import BRep_Tool
-    from OCP.BRepAdaptor import BRepAdaptor_Curve
-
     if BRep_Tool.Degenerated_s(edge):
         # It has no curve in space, only one in the parameters of its face.
         curve = BRepAdaptor_Curve(edge, face)

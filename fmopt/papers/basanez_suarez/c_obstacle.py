@@ -3,18 +3,16 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from shapely import MultiPolygon, get_parts, union_all
 
 from fmopt.papers.basanez_suarez.contact import CU, Kind, basic_contacts, core_gap
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.sources import Deviations
 from fmopt.spatial.values import Array, Value
-
-if TYPE_CHECKING:
-    from shapely import MultiPolygon
 
 _COLUMNS = ("kind", "edge", "vertex", "spread", "radius")
 
@@ -75,8 +73,6 @@ class PossibleContacts(Value):
         Raises:
             GeometryError: the tolerance is not positive.
         """
-        from shapely import MultiPolygon, get_parts, union_all
-
         found = []
         for at in np.atleast_1d(np.asarray(phi, dtype=np.float64)).tolist():
             sets = [cu.at(at).polygon(tolerance, "outside") for cu in self.sets if cu.range.contains(at)]

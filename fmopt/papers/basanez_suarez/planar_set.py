@@ -5,20 +5,17 @@ Polygons on a chosen side of boundaries of arcs and segments.
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from shapely import MultiPolygon, get_parts
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.chords import enclosed
 from fmopt.geometry.plane.curve import Side as CurveSide
 from fmopt.papers.basanez_suarez.boundary import Loop, Piece, moved, outline
 from fmopt.spatial.values import Array, Value
-
-if TYPE_CHECKING:
-    from shapely import MultiPolygon
-
 
 ROUNDING = 1e-9  # of the size
 
@@ -112,8 +109,6 @@ def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> "MultiPolygo
     set, or within its complement, so that every point that a thin place lets the polygon run round wrongly has winding
     number zero.
     """
-    from shapely import MultiPolygon, get_parts
-
     rings = [ring(loop, tolerance, side) for loop in loops]
     closed = [np.vstack([points, points[:1]]) for points in rings if len(points) > 2]
     # Polylines may cross where curves do not: what they bound is told by winding numbers, face by face.

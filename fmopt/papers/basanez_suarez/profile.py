@@ -3,19 +3,18 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from fmopt.errors import GeometryError
 from fmopt.papers.basanez_suarez.gap import wrapped
 from fmopt.papers.basanez_suarez.sources import edge_turn
 from fmopt.spatial.values import Array, Value, frozen
-
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,20 +92,10 @@ class Profile(Value):
 
     def region(self, pose: Sequence[float] | Array) -> "BaseGeometry":
         """The object at a configuration (p_x, p_y, φ) as a polygon with its holes, m."""
-        from shapely import Polygon
-
-        points, loops, left = self.at(pose), [], set(range(len(self.vertices)))
-        while left:
-            loop = [min(left)]
-            while (after := int(self.after[loop[-1]])) != loop[0]:
-                loop.append(after)
-            left -= set(loop)
-            loops.append(Polygon(points[loop]))
-        region: BaseGeometry = loops[0]
-        for other in loops[1:]:
-            # Holes by symmetric difference: they are within outlines, and do not cross them.
-            region = region.symmetric_difference(other)
-        return region
+        # The vertices of a loop follow each other, the last one is followed by the first.
+        begins = np.flatnonzero(self.after[:-1] <= np.arange(len(self.after) - 1)) + 1
+        # Holes by symmetric difference: they are within outlines, and do not cross them.
+        return reduce(BaseGeometry.symmetric_difference, map(Polygon, np.split(self.at(pose), begins)))
 
     def _refuse_degenerate(self) -> None:
         size = float(np.ptp(self.vertices, axis=0).max())

@@ -16,9 +16,7 @@ diagram GE(ψ) is a line between P₀(ψ) and P₁(ψ), with Pᵢ(ψ) = cᵢ −
 edge from m₀ to m₁ on the corner c. The contact is possible when the line meets the ball about Φ₀ for some ψ of the cone
 that the two features' normals allow.
 
-While Φ₀ runs along a leg, that begins and ends where Φ₀ crosses one of finitely many lines and circles: the corners of
-ball ⊕ line run on circles, its sides touch circles or stop where the cone ends. All crossings are closed formulas, and
-between neighbouring ones one test decides. Nothing is sampled.
+When it begins and ends while Φ₀ runs along a leg, `line_contact` finds by closed formulas. Nothing is sampled.
 """
 
 import math

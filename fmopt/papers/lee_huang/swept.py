@@ -287,11 +287,11 @@ def _meeting(mover: str, name: str, hit: _Hit, path: NominalTrajectory) -> Meeti
 
 def _common(body: Polyhedron, other: Polyhedron) -> tuple[Array, Array]:
     """The planes of faces of both; of a ball those of the cube around it."""
+    normals, offsets = body.normals, body.offsets
     if body.balls:
-        sides = np.vstack([np.eye(3), -np.eye(3)])
-        offsets = sides @ body.vertices[0] + body.radii[0]
-        return np.vstack([sides, other.normals]), np.concatenate([offsets, other.offsets])
-    return np.vstack([body.normals, other.normals]), np.concatenate([body.offsets, other.offsets])
+        normals = np.vstack([np.eye(3), -np.eye(3)])
+        offsets = normals @ body.vertices[0] + body.radii[0]
+    return np.vstack([normals, other.normals]), np.concatenate([offsets, other.offsets])
 
 
 def _inside(body: Polyhedron, other: Polyhedron) -> Array:

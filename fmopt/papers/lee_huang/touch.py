@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from manifold3d import triangulate
 from numpy.typing import NDArray
 
 from fmopt.geometry.polyhedron import Face, Polyhedron, plane_basis
@@ -282,8 +283,6 @@ def _plates(polyhedron: Polyhedron, face: Face) -> list[Array]:
     steps = np.roll(outer, -1, axis=0) - outer
     if len(face.loops) == 1 and np.all(cross(np.roll(steps, 1, axis=0), steps) @ face.normal > 0.0):
         return [outer]
-    from manifold3d import triangulate
-
     points = polyhedron.vertices[[index for loop in face.loops for index in loop]]
     flat = points @ plane_basis(face.normal)
     ends = np.cumsum([len(loop) for loop in face.loops])[:-1]
