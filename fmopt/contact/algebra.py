@@ -4,6 +4,7 @@ One definition is called with SymPy's matrices (formula, derivatives, kernels), 
 numbers (tests), NumPy's arrays, and names (what a notebook shows). Nothing is parsed.
 """
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -12,6 +13,8 @@ from types import MappingProxyType
 from typing import Annotated, Any, TypeAlias, get_type_hints
 
 import numpy as np
+
+_ALGEBRAS = ("casadi", "mpmath", "sympy")  # libraries with numbers and matrices of their own
 
 
 class Role(Enum):
@@ -85,35 +88,19 @@ def cross(a: Vector, b: Vector) -> Vector:
     if hasattr(a, "crossed"):
         return a.crossed(b)
     found = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    match _library(a):
-        case "casadi":
-            import casadi
-
-            return casadi.vertcat(*found)
-        case "sympy" | "mpmath":
-            # The same class of matrix again: results of mpmath and SymPy have to go on in their own precision.
-            return type(a)(found)
-    return np.array(found)
+    library = _library(a)
+    if library == "casadi":
+        return sys.modules[library].vertcat(*found)
+    # The same class of matrix again: results of mpmath and SymPy have to go on in their own precision.
+    return np.array(found) if library not in _ALGEBRAS else type(a)(found)
 
 
 def root(s: Any) -> Any:
     """The square root of a number."""
     if hasattr(s, "rooted"):
         return s.rooted()
-    match _library(s):
-        case "sympy":
-            import sympy
-
-            return sympy.sqrt(s)
-        case "mpmath":
-            import mpmath
-
-            return mpmath.sqrt(s)
-        case "casadi":
-            import casadi
-
-            return casadi.sqrt(s)
-    return np.sqrt(s)
+    library = _library(s)
+    return np.sqrt(s) if library not in _ALGEBRAS else sys.modules[library].sqrt(s)
 
 
 def norm(a: Vector) -> Any:

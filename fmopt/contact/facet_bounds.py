@@ -250,23 +250,16 @@ def face_clauses(polyhedron: Polyhedron, face: int) -> tuple[tuple[tuple[int, ..
     return tuple(tuple(dict.fromkeys(clause)) for clause in dict.fromkeys(map(tuple, bounded)) if all(clause))
 
 
-def _runs(polyhedron: Polyhedron, face: int, loop: tuple[int, ...], reflex: bool) -> list[list[tuple[int, int]]]:
-    """Maximal runs of the loop's edges joined at reflex (or else at convex) corners."""
+def _runs(polyhedron: Polyhedron, face: int, loop: tuple[int, ...], reflex: bool) -> list[Array]:
+    """Maximal runs (k, 2) of the loop's edges joined at reflex (or else at convex) corners."""
     points = polyhedron.vertices[list(loop)]
     ahead = np.roll(points, -1, axis=0) - points
     # The turn from one edge to the next, with its sign about the face's own normal.
     bend = cross(np.roll(ahead, 1, axis=0), ahead) @ polyhedron.faces[face].normal
     joins = (bend < 0.0) if reflex else (bend > 0.0)
-    edges = list(zip(loop, loop[1:] + loop[:1], strict=True))
-    start = int(np.argmin(joins))  # begin at a break, so that no run is cut in two
-    runs: list[list[tuple[int, int]]] = []
-    for i in range(len(loop)):
-        k = (start + i) % len(loop)
-        if i > 0 and joins[k]:
-            runs[-1].append(edges[k])
-        else:
-            runs.append([edges[k]])
-    return runs
+    turn = -int(np.argmin(joins))  # to begin at a break, so that no run is cut in two
+    edges, joins = np.roll(np.column_stack([loop, np.roll(loop, -1)]), turn, axis=0), np.roll(joins, turn)
+    return np.split(edges, np.flatnonzero(~joins[1:]) + 1)
 
 
 @dataclass(frozen=True, eq=False)

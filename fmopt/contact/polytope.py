@@ -189,15 +189,8 @@ def _deepest(rows: Array, levels: Array, equal: Bits) -> tuple[Array, float, Arr
     free = ~equal
     A = np.hstack([-rows[free], np.ones((int(free.sum()), 1))])
     fixed = np.hstack([rows[equal], np.zeros((int(equal.sum()), 1))])
-    result = linprog(
-        cost,
-        A_ub=A,
-        b_ub=-levels[free],
-        A_eq=fixed if equal.any() else None,
-        b_eq=levels[equal] if equal.any() else None,
-        bounds=[(None, None)] * n + [(None, 1.0)],
-        method="highs",
-    )
+    bounds = [(None, None)] * n + [(None, 1.0)]
+    result = linprog(cost, A_ub=A, b_ub=-levels[free], A_eq=fixed, b_eq=levels[equal], bounds=bounds)
     if result.status != 0:
         raise InfeasibleError("the half-spaces have no common point", advice="linearise at a pose free of overlap")
     x = np.asarray(result.x, dtype=np.float64)

@@ -176,7 +176,7 @@ class Met(Value):
 def meet(near: Neighbourhood, on: Bits, start: Poses, room: float) -> Met:
     """Searches from each start for a pose where contacts `on` (n, k) touch and all else is at least `room` away."""
     found, short, settled = descended(near.functions, on, start.matrices, room)
-    return Met(_projected(near, on, found, 6), short, settled)
+    return Met(project(near, on, Poses.of(found), 6), short, settled)
 
 
 def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | NDArray[np.intp]) -> Poses:
@@ -185,8 +185,4 @@ def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | NDArray[np.
     A step uses `rank` singular directions, one number for all or one a pose: the rank of a state's linear picture stays
     near its facet; 6 also uses those that only curvature provides.
     """
-    return _projected(near, on, poses.matrices, rank)
-
-
-def _projected(near: Neighbourhood, on: Bits, matrices: Array, rank: int | NDArray[np.intp]) -> Poses:
-    return Poses.of(projected(near.functions, on, matrices, np.full(len(on), rank)))
+    return Poses.of(projected(near.functions, on, poses.matrices, np.full(len(on), rank)))

@@ -78,10 +78,9 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/results/table.py", "notebook/plan.py"}),
     "sympy": frozenset(
         {"papers/basanez_suarez/surface.py", "papers/lee_huang/symbolic_diagram.py"}
-        | {"contact/algebra.py", "contact/derive.py", "contact/generate.py"}
+        | {"contact/derive.py", "contact/generate.py"}
     ),
-    "casadi": frozenset({"contact/algebra.py", "planning/placement/nonlinear_program.py"}),
-    "mpmath": frozenset({"contact/algebra.py"}),
+    "casadi": frozenset({"planning/placement/nonlinear_program.py"}),
     "clarabel": frozenset({"planning/optimise/solvers.py"}),
     "daqp": frozenset({"geometry/fit/placing.py", "planning/optimise/solvers.py"}),
     "cvxpy": frozenset({"planning/optimise/cone_program.py", "notebook/placing.py"}),
