@@ -51,7 +51,8 @@ def exact_vertices(
     """
     alike = _alike(body)
     planes = [_own_plane(body, [n]) for n in range(len(body.faces))]
-    asked = {n: d for n, d in (directions or {}).items() if not _along(planes[n], d)}
+    ways = {n: None if plane is None else direction(plane.normal) for n, plane in enumerate(planes)}
+    asked = {n: d for n, d in (directions or {}).items() if ways[n] != d}
     if not asked and all(plane is not None and _own_plane(body, alike[n]) for n, plane in enumerate(planes)):
         return {}
     found = _Placing(body, alike, asked).vertices()
@@ -122,10 +123,6 @@ def _point(body: Polyhedron, n: int) -> Exact:
 
 def _fractions(numbers: Sequence[float]) -> Exact:
     return np.array([Fraction(x) for x in numbers], dtype=object)
-
-
-def _along(plane: _Plane | None, d: Direction) -> bool:
-    return plane is not None and direction(plane.normal) == d
 
 
 def _across(points: Mapping[int, Exact], loops: Sequence[Sequence[int]]) -> _Plane:

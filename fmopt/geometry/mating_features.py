@@ -1,7 +1,7 @@
 """Mating features of a part: solid ones (pegs) and hollow ones (holes), each with a frame where it mates."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from fmopt.errors import GeometryError
@@ -45,8 +45,3 @@ class Feature(Value):
             raise GeometryError(f"feature {self.name!r} has length {self.length} m", "make it positive")
         if self.kind == "solid" and self.through:
             raise GeometryError(f"feature {self.name!r} is solid and cannot be through", "drop `through`")
-
-
-def in_frame(feature: Feature, pose: Pose) -> Feature:
-    """The feature with its frame expressed in the frame `pose`, itself given in the feature's model frame."""
-    return replace(feature, frame=pose.inverse().compose(feature.frame))

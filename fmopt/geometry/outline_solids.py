@@ -117,7 +117,11 @@ def _followed(lower: Outline, upper: Outline) -> Iterator[_Piece]:
     pieces = [(piece.outline, _between(upper, piece.sides)) for piece in found]
     # Below it holds by construction; half-way as well as above, since walls may cross in between.
     for share in (0.5, 1.0):
-        shape, *parts = (_mixed(below, above, share) for below, above in ((lower, upper), *pieces) if above)
+        shape, *parts = (
+            Polygon((1.0 - share) * np.array(below) + share * np.array(above))
+            for below, above in ((lower, upper), *pieces)
+            if above
+        )
         if len(parts) < len(found) or united(parts).symmetric_difference(shape).area > _AMISS * shape.area:
             raise GeometryError(
                 "the outline changes its shape on the way from one section to the next",
@@ -125,11 +129,6 @@ def _followed(lower: Outline, upper: Outline) -> Iterator[_Piece]:
             )
     for piece, (below, above) in zip(found, pieces, strict=True):
         yield piece.sides, below, above
-
-
-def _mixed(below: Outline, above: Outline, share: float) -> "Polygon":
-    """The outline that is a share of the way up from one to the other."""
-    return Polygon((1.0 - share) * np.array(below) + share * np.array(above))
 
 
 def _between(outline: Outline, sides: Sequence[int | None]) -> Outline:

@@ -24,7 +24,7 @@ from fmopt.geometry.convex_pieces import pieces, polyhedron
 from fmopt.geometry.csg import Hull, Solid, Union, exact_pose, outline_turns, sagitta
 from fmopt.geometry.exact_coordinates import Exact, exact_vertices, facing_directions
 from fmopt.geometry.facets import place
-from fmopt.geometry.mating_features import Feature, in_frame
+from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, levelled, placed, rounded, scaled, with_vertices
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
@@ -188,7 +188,7 @@ def rebased(part: Part, pose: Pose) -> Part:
     bodies = tuple(rounded(placed(body, inward)) for body in (part.polyhedron, *part.pieces))
     if not np.all(np.isin(inward.R, (-1.0, 0.0, 1.0))):  # quarter turns keep equal coordinates equal
         bodies = levelled(bodies)
-    features = tuple(in_frame(feature, pose) for feature in part.features)
+    features = tuple(replace(one, frame=pose.inverse().compose(one.frame)) for one in part.features)
     return replace(part, polyhedron=bodies[0], pieces=bodies[1:], features=features)
 
 

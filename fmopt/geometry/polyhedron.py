@@ -15,7 +15,7 @@ from manifold3d import Manifold, Mesh64, triangulate
 from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.facets import Loop, faces_of, patchwork, place
+from fmopt.geometry.facets import Loop, faces_of, patchwork, place, span
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, Value, frozen
 
@@ -333,13 +333,13 @@ def halfspace_corners(normals: Array, offsets: Array, inside: Array, size: float
     return np.asarray(inside + size * HalfspaceIntersection(rows, np.zeros(3)).intersections)
 
 
-def manifold_of(points: Array, triangles: NDArray[np.int64]) -> "Manifold":
+def manifold_of(points: Array, triangles: NDArray[np.int64]) -> Manifold:
     """The manifold3d solid of triangles (m, 3) over points (n, 3)."""
     # It takes arrays that are contiguous and may be written.
     return Manifold(Mesh64(np.array(points, order="C"), np.array(triangles, dtype=np.uint64, order="C")))
 
 
-def of_manifold(shape: "Manifold", tol: float) -> Polyhedron:
+def of_manifold(shape: Manifold, tol: float) -> Polyhedron:
     """The polyhedron of a manifold3d solid; errors and `tol` as of `from_triangles`."""
     return from_triangles(*mesh_of(shape), tol)
 
@@ -405,5 +405,4 @@ def _edges(points: Array, faces: Sequence[Face]) -> tuple[Edge, ...]:
 
 
 def _edge_error(points: Array, a: int, b: int, fault: str) -> GeometryError:
-    where = f"edge {a}-{b} from {place(points[a])} to {place(points[b])}"
-    return GeometryError(f"{where} {fault}", "close the surface and orient all faces outward")
+    return GeometryError(f"edge {span(points, (a, b))} {fault}", "close the surface and orient all faces outward")

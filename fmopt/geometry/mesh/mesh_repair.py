@@ -39,33 +39,23 @@ def _turns(points: Array, triangles: Indices) -> NDArray[np.bool_]:
     ways = np.vstack([triangles[:, [k, (k + 1) % 3]] for k in range(3)]) @ (len(points), 1)
     if len(np.unique(ways)) == len(ways):  # none run along a side in the same direction
         return np.zeros(len(triangles), dtype=bool)
-    sides: dict[tuple[int, int], list[tuple[int, bool]]] = {}
-    for number, (a, b, c) in enumerate(triangles.tolist()):
-        for u, v in ((a, b), (b, c), (c, a)):
-            sides.setdefault((min(u, v), max(u, v)), []).append((number, u < v))
-    beside: list[list[tuple[int, bool]]] = [[] for _ in range(len(triangles))]
-    for pair in sides.values():
-        if len(pair) == 2 and pair[0][0] != pair[1][0]:
-            (one, up), (other, down) = pair
-            beside[one].append((other, up == down))
-            beside[other].append((one, up == down))
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    start, end, count = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel(), len(triangles)
+    sides = np.minimum(start, end) * len(points) + np.maximum(start, end)
+    often = np.unique(sides, return_counts=True)[1]
+    shared = np.argsort(sides, kind="stable")[np.repeat(often == 2, often)].reshape(-1, 2)
+    one, other = shared.T // 3
+    opposed = np.equal(*(start < end)[shared].T)
+    # Each triangle as it is, and turned, by a number higher by their count: what has to go together is linked.
+    i, j = np.append(one, one + count), np.append(other + count * opposed, other + count * ~opposed)
+    links = coo_array((np.ones(len(i)), (i, j)), shape=(2 * count, 2 * count))
+    as_is, turned = np.split(connected_components(links, directed=False)[1], 2)
+    # Labels rise, so that the first of those that hang together is as it is; where they are one, a band has a twist.
+    group, wrong = np.minimum(as_is, turned), as_is > turned
     area = np.linalg.norm(normals_of(points[triangles]), axis=1)
-    turned, seen = np.zeros(len(triangles), dtype=bool), np.zeros(len(triangles), dtype=bool)
-    for start in range(len(triangles)):
-        if seen[start]:
-            continue
-        seen[start], group, agree = True, [start], True
-        for number in group:
-            for other, opposed in beside[number]:
-                if not seen[other]:
-                    seen[other], turned[other] = True, turned[number] ^ opposed
-                    group.append(other)
-                agree &= bool(turned[other] == (turned[number] ^ opposed))
-        if not agree:
-            turned[group] = False
-        elif area[group] @ turned[group] > 0.5 * area[group].sum():
-            turned[group] = ~turned[group]
-    return turned
+    return np.asarray(wrong ^ (np.bincount(group, area * wrong) > 0.5 * np.bincount(group, area))[group])
 
 
 def turned_outward(points: Array, triangles: Indices) -> Indices:

@@ -48,7 +48,7 @@ def winding(lines: Sequence[Array], points: Array) -> NDArray[np.intp]:
     return turns
 
 
-def enclosed(lines: Sequence[Array], rounded: bool = True) -> "BaseGeometry":
+def enclosed(lines: Sequence[Array], rounded: bool = True) -> BaseGeometry:
     """What closed chains of directed polylines (k, 2) wind round at least once; on a grid if `rounded`."""
     corners, rows = np.vstack(lines), np.repeat(np.arange(len(lines)), [len(line) for line in lines])
     grid = grid_of(float(np.max(np.abs(corners)))) if rounded else None
@@ -58,7 +58,7 @@ def enclosed(lines: Sequence[Array], rounded: bool = True) -> "BaseGeometry":
     return shapely.union_all(faces[inside], grid_size=grid)
 
 
-def filled(rings: Sequence[Array]) -> "BaseGeometry":
+def filled(rings: Sequence[Array]) -> BaseGeometry:
     """What closed rings (k, 2), last point equal to the first, wind round at least once."""
     area = sum(0.5 * float(np.sum(r[:-1, 0] * r[1:, 1] - r[1:, 0] * r[:-1, 1])) for r in rings)
     simple = shapely.build_area(shapely.MultiLineString(list(rings))) if rings else shapely.Polygon()

@@ -74,7 +74,7 @@ class Region(Value):
         return 0.0 if self.empty else float(np.hypot(*(self.box[1] - self.box[0])))
 
     @cached_property
-    def shape(self) -> "BaseGeometry":
+    def shape(self) -> BaseGeometry:
         """What the loops wind round at least once, curves as chords within 1e-6 of the size, prepared."""
         lines = [
             np.vstack([*(chords(curve, CHORD * self.size)[:-1] for curve in loop), loop[0].first])

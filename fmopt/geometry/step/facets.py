@@ -43,7 +43,10 @@ def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
     Raises:
         GeometryError: the solid is open, or a face of it cannot be cut into facets.
     """
-    _require_closed(solid)
+    if not any(inside(solid, "FACE")):
+        raise GeometryError("its solid has no faces", _HEAL)
+    if where := openings([solid]):
+        raise GeometryError(f"its shell is not closed: {where}", _HEAL)
     found = _from_surfaces(solid, deviation)
     own = found is not None
     if found is None:
@@ -77,13 +80,6 @@ def _closes(found: Facets) -> bool:
         return False
     span = float(np.linalg.norm(np.ptp(found.points, axis=0)))
     return first_crossing(found.points, found.triangles, _FLAT * span) is None
-
-
-def _require_closed(solid: TopoDS_Shape) -> None:
-    if not any(inside(solid, "FACE")):
-        raise GeometryError("its solid has no faces", _HEAL)
-    if where := openings([solid]):
-        raise GeometryError(f"its shell is not closed: {where}", _HEAL)
 
 
 def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, float | None]:

@@ -117,7 +117,8 @@ def _bodies(label: TDF_Label, instance: str, place: Array) -> Iterator[PlacedSol
     if XCAFDoc_ShapeTool.IsReference_s(label):
         product = TDF_Label()
         XCAFDoc_ShapeTool.GetReferredShape_s(label, product)
-        own = _matrix(XCAFDoc_ShapeTool.GetLocation_s(label).Transformation())
+        move, own = XCAFDoc_ShapeTool.GetLocation_s(label).Transformation(), np.eye(4)
+        own[:3] = [[move.Value(i, j) for j in range(1, 5)] for i in range(1, 4)]
         yield from _bodies(product, _name(label) or instance, place @ own)
     elif XCAFDoc_ShapeTool.IsAssembly_s(label):
         for child in _children(label):
@@ -128,12 +129,6 @@ def _bodies(label: TDF_Label, instance: str, place: Array) -> Iterator[PlacedSol
             raise GeometryError("it places a body mirrored or scaled", "export the bodies as they are, each by itself")
         for solid in inside(XCAFDoc_ShapeTool.GetShape_s(label), "SOLID"):
             yield PlacedSolid(_name(label) or instance, solid, place[:3])
-
-
-def _matrix(move: Any) -> Array:
-    matrix = np.eye(4)
-    matrix[:3] = [[move.Value(i, j) for j in range(1, 5)] for i in range(1, 4)]
-    return matrix
 
 
 def _children(label: TDF_Label) -> Iterator[TDF_Label]:

@@ -92,12 +92,8 @@ def _read(path: Path, deviation: float, body: str) -> list[NamedBody | None]:
     if "kernel" in answer:
         raise _no_kernel(path, answer["kernel"])
     found: list[dict[str, Any]] = answer["bodies"]
-    return [
-        NamedBody(one["name"], number, _imported(path, one, _called(one, number, len(found))), _place(one))
-        if "points" in one
-        else None
-        for number, one in enumerate(found, 1)
-    ]
+    several = len(found) > 1
+    return [_named(path, one, number, several) if "points" in one else None for number, one in enumerate(found, 1)]
 
 
 def _no_kernel(path: Path, fault: str | None) -> ResourceError:
@@ -117,17 +113,9 @@ def _no_kernel(path: Path, fault: str | None) -> ResourceError:
     return ResourceError(f"{path}: {message}", advice)
 
 
-def _called(one: dict[str, Any], number: int, count: int) -> str:
-    """What to call a body in a message: nothing where it is the only one."""
-    return f", body {one['name'] or number}" if count > 1 else ""
-
-
-def _place(one: dict[str, Any]) -> Pose:
-    place = np.array(one["place"], dtype=np.float64)
-    return exact_pose(Pose(_MILLIMETRE * place[:, 3], place[:, :3]))
-
-
-def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
+def _named(path: Path, one: dict[str, Any], number: int, several: bool) -> NamedBody:
+    """A body of a file, named in messages where the file holds several."""
+    called = f", body {one['name'] or number}" if several else ""
     try:
         points, triangles, off = _facets(one)
         require_plausible(points)
@@ -142,7 +130,9 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
     if one["around"] != 0.0:
         size = f"{1e6 * (_MILLIMETRE * one['around']):.3g} µm"
         notes += (f"its fillets are enclosed by facets, which makes it up to {size} larger there and nowhere smaller",)
-    return replace(mesh, chord_error=off or 0.0, notes=notes, kind="solid")
+    place = np.array(one["place"], dtype=np.float64)
+    pose = exact_pose(Pose(_MILLIMETRE * place[:, 3], place[:, :3]))
+    return NamedBody(one["name"], number, replace(mesh, chord_error=off or 0.0, notes=notes, kind="solid"), pose)
 
 
 def _facets(answer: dict[str, Any]) -> tuple[Any, Any, float | None]:

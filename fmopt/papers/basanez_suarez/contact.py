@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -132,9 +132,7 @@ class CU(Value, edge=(2, 2), vertex=(2,)):
 
     def without_uncertainty(self) -> "CU | None":
         """The nominal C-surface with its ends, as the CU of no deviation; None when the contact needs deviations."""
-        if self.nominal is None:
-            return None
-        return CU(self.kind, self.moving, self.static, self.edge, self.vertex, self.nominal, self.nominal, 0.0, 0.0)
+        return None if self.nominal is None else replace(self, range=self.nominal, spread=0.0, radius=0.0)
 
 
 def core_gap(kind: Kind, edge: Array, vertex: Array, spread: float | Array, poses: Array) -> Array:

@@ -82,7 +82,7 @@ class PlanarSet(Value, ABC):
         """Area in m², by Green's theorem along the boundary."""
         return max(float(sum(piece.curve.moment() for loop in self.boundary() for piece in loop)), 0.0)
 
-    def polygon(self, tolerance: float, side: Side) -> "MultiPolygon":
+    def polygon(self, tolerance: float, side: Side) -> MultiPolygon:
         """A polygon that contains the set, or lies in it, each arc replaced within `tolerance`, m.
 
         No point of the outer one is farther from the set than that. Where the set, or a gap in it, is thinner, the
@@ -102,21 +102,16 @@ class PlanarSet(Value, ABC):
         return polygon(self.widened(0.5 * tolerance).boundary(), 0.5 * tolerance, side)
 
 
-def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> "MultiPolygon":
+def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon:
     """The polygon of loops that have their set on the left, within a tolerance (m); see `PlanarSet.polygon`.
 
     Chords where an arc bulges away from the chosen side, tangents where it bulges to it. Each arc is moved within the
     set, or within its complement, so that every point that a thin place lets the polygon run round wrongly has winding
     number zero.
     """
-    rings = [ring(loop, tolerance, side) for loop in loops]
+    rings = [np.vstack([piece.curve.polyline(tolerance, SIDES[side])[:-1] for piece in loop]) for loop in loops]
     closed = [np.vstack([points, points[:1]]) for points in rings if len(points) > 2]
     # Polylines may cross where curves do not: what they bound is told by winding numbers, face by face.
     return MultiPolygon(
         [part for part in get_parts(enclosed(closed, rounded=False)) if part.area > 0.0] if closed else []
     )
-
-
-def ring(loop: Loop, tolerance: float, side: Side) -> Array:
-    """The closed polyline (k, 2) in m of a loop, the first point not repeated."""
-    return np.vstack([piece.curve.polyline(tolerance, SIDES[side])[:-1] for piece in loop])

@@ -90,7 +90,7 @@ class Profile(Value):
         c, s = math.cos(phi), math.sin(phi)
         return np.asarray(self.vertices @ np.array([[c, s], [-s, c]]) + (x, y))
 
-    def region(self, pose: Sequence[float] | Array) -> "BaseGeometry":
+    def region(self, pose: Sequence[float] | Array) -> BaseGeometry:
         """The object at a configuration (p_x, p_y, φ) as a polygon with its holes, m."""
         # The vertices of a loop follow each other, the last one is followed by the first.
         begins = np.flatnonzero(self.after[:-1] <= np.arange(len(self.after) - 1)) + 1

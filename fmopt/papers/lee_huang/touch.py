@@ -271,10 +271,7 @@ def _meeting(one: tuple[Array, Array], other: tuple[Array, Array], shifts: Array
 
 def _overlap(low: Array, high: Array, lower: Array, upper: Array) -> Bits:
     """Whether boxes (…, 3) overlap."""
-    meet = np.ones(np.broadcast_shapes(low.shape, lower.shape)[:-1], dtype=bool)
-    for axis in range(3):
-        meet &= (low[..., axis] <= upper[..., axis]) & (lower[..., axis] <= high[..., axis])
-    return meet
+    return np.asarray(((low <= upper) & (lower <= high)).all(axis=-1))
 
 
 def _plates(polyhedron: Polyhedron, face: Face) -> list[Array]:
