@@ -37,10 +37,6 @@ class Shell(NamedTuple):
     triangles: Any
 
 
-class Broken(ValueError):
-    """What is wrong with a package, in words."""
-
-
 def solids(path: str, kind: str) -> list[tuple[str, list[list[float]], list[list[int]]]]:
     """Name, points (n, 3), m, and triangles (m, 3) of each solid of a "3mf" or "glb" package, in what JSON has.
 
@@ -48,19 +44,15 @@ def solids(path: str, kind: str) -> list[tuple[str, list[list[float]], list[list
         GeometryError: it is none, or cannot be read.
     """
     shells = {"3mf": three_mf_shells, "glb": glb_shells}[kind]
-    try:
-        found = shells(Path(path).read_bytes())
-        return [(shell.name, shell.points.tolist(), shell.triangles.tolist()) for shell in found]
-    except Broken as error:
-        raise GeometryError(str(error), AGAIN) from None
+    found = shells(Path(path).read_bytes())
+    return [(shell.name, shell.points.tolist(), shell.triangles.tolist()) for shell in found]
 
 
 def three_mf_shells(data: bytes) -> list[Shell]:
     """The solids of a 3MF file where its build puts them, in m; all that are no parts of others where it has no build.
 
     Raises:
-        Broken: it is none.
-        GeometryError: there is no lib3mf on this machine.
+        GeometryError: it is none, or there is no lib3mf on this machine.
     """
     try:
         import lib3mf
@@ -72,11 +64,11 @@ def three_mf_shells(data: bytes) -> list[Shell]:
         reader = model.QueryReader("3mf")
         reader.ReadFromBuffer(_with_relations(data))
         if any(reader.GetWarning(k)[0] == _NO_UNIT for k in range(reader.GetWarningCount())):
-            raise Broken("its unit is none that 3MF knows")
+            raise GeometryError("its unit is none that 3MF knows", AGAIN)
         unit = _METRES[model.GetUnit()]
         return [shell._replace(points=unit * shell.points) for shell in _few(_built(model))]
     except lib3mf.ELib3MFException as error:
-        raise Broken(f"the package cannot be read: {error}") from None
+        raise GeometryError(f"the package cannot be read: {error}", AGAIN) from None
 
 
 def _with_relations(data: bytes) -> bytes:
@@ -112,7 +104,7 @@ def _built(model: Any) -> Iterator[Shell]:
             of[one.GetUniqueResourceID()] = [*_few(_put(of, placed))]
             parts_of_others |= {part.GetUniqueResourceID() for part, _ in placed}
         else:
-            raise Broken(f"its object {one.GetName()[:20]!r} is not made of triangles")
+            raise GeometryError(f"its object {one.GetName()[:20]!r} is not made of triangles", AGAIN)
     items = [(item.GetObjectResource(), item.GetObjectTransform()) for item in _each(model.GetBuildItems())]
     alone = (shell for name, shells in of.items() if name not in parts_of_others for shell in shells)
     yield from _put(of, items) if items else alone
@@ -135,7 +127,7 @@ def glb_shells(data: bytes) -> list[Shell]:
     """The solids of a GLB file where its scene puts them, in m.
 
     Raises:
-        Broken: it is none, or its numbers are packed or elsewhere.
+        GeometryError: it is none, or its numbers are packed or elsewhere.
     """
     import trimesh
 
@@ -143,10 +135,11 @@ def glb_shells(data: bytes) -> list[Shell]:
         scene = trimesh.load_scene(io.BytesIO(data), file_type="glb", process=False, skip_materials=True)
         nodes = [(name, scene.graph[name]) for name in scene.graph.nodes_geometry]
     except Exception as error:  # noqa: BLE001 (trimesh raises what its reading runs into)
-        raise Broken(f"what the file says of its scene cannot be followed: {type(error).__name__}: {error}") from None
+        message = f"what the file says of its scene cannot be followed: {type(error).__name__}: {error}"
+        raise GeometryError(message, AGAIN) from None
     bodies = [(name, scene.geometry[geometry], place) for name, (place, geometry) in nodes]
     if any(not hasattr(body, "faces") for _, body, _ in bodies):
-        raise Broken("a mesh is not of plain triangles")
+        raise GeometryError("a mesh is not of plain triangles", AGAIN)
     shells = ((Shell(str(name), np.asarray(b.vertices), np.asarray(b.faces, np.int64)), at) for name, b, at in bodies)
     return [*_few(_moved(shell, np.asarray(place).T) for shell, place in shells)]
 
@@ -157,7 +150,7 @@ def _few(shells: Iterator[Shell]) -> Iterator[Shell]:
     for shell in shells:
         count += 1 + len(shell.points) + len(shell.triangles)
         if count > _MOST:
-            raise Broken(f"it puts more than {_MOST} points and triangles together")
+            raise GeometryError(f"it puts more than {_MOST} points and triangles together", AGAIN)
         yield shell
 
 

@@ -14,6 +14,7 @@ the hole takes no part. Holes of B likewise.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -162,14 +163,11 @@ def _piece(turn: _Turn, corner: _Turn, low: float, high: float) -> Curve:
 def _blended(one: _Turn, two: _Turn, low: float, high: float, tolerance: float) -> list[Curve]:
     """The sum of two curved turns, in pieces along which the sum of their radii of curvature keeps its sign."""
 
-    def points(angles: Array) -> Array:
-        return sum_of(_points, angles)
-
     def sum_of(value: Callable[[_Turns, Integers, Array], Array], angles: Array) -> Array:
         a, b = (value(turns, np.full(len(angles), row), angles) for turns, row in (one, two))
         return np.asarray(a + b)
 
-    probes = np.linspace(low, high, _PROBES)
+    points, probes = partial(sum_of, _points), np.linspace(low, high, _PROBES)
     positive_ = sum_of(_radii, probes) > 0.0
     stops = [low]
     # Where the sum of radii of curvature changes its sign, the sum has a cusp: no conic runs through that.
