@@ -26,7 +26,7 @@ from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron, plane_basis
 from fmopt.runtime.compiled import compiled
 from fmopt.spatial.se3 import Pose, cross
-from fmopt.spatial.values import Array, Value, remembered
+from fmopt.spatial.values import Array, Indices, Value, remembered
 
 if TYPE_CHECKING:
     from fmopt.contact.derive import Derived
@@ -54,7 +54,7 @@ class Surfaces(Value):
     """
 
     contacts: tuple[PrimitiveContact, ...]
-    order: NDArray[np.intp]
+    order: Indices
     tables: tuple[Records, ...]
 
     @staticmethod
@@ -136,7 +136,7 @@ def _numbers(moving: Polyhedron, fixed: Polyhedron, kind: Kind, contacts: Sequen
 
 
 @remembered(1)
-def _along_edges(body: Polyhedron) -> tuple[NDArray[np.intp], Array]:
+def _along_edges(body: Polyhedron) -> tuple[Indices, Array]:
     """The first vertex (e,) of each edge, and unit vectors (e, 3) along them."""
     ends = [body.vertices[list(edge.vertices)] for edge in body.edges]
     ways = np.array([(b - a) / np.linalg.norm(b - a) for a, b in ends])

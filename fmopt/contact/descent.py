@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from fmopt.contact.kernels_generated import Tables, height, number_of, regularity, wrench
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.kernels import Vector, cross, dot
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 
-Bits = NDArray[np.bool_]
 Numbers = NDArray[np.int64]
 
 _ROUNDS = 90

@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.kernels import Vector, cross, dot, plus, row, size, turned, turned_back
-from fmopt.spatial.values import Array
-
-Bits = NDArray[np.bool_]
+from fmopt.spatial.values import Array, Bits, Indices
 
 _PARALLEL = 1e-12  # squared sine below which two normals span no arc
 _BALL = 0.5 + 1e-9  # of an edge's length, the radius of the ball around it
@@ -160,7 +158,7 @@ class Solid(NamedTuple):
 
 
 @compiled
-def distances(pairs: NDArray[np.intp], own: Solid, other: Solid, T: Array, T_back: Array) -> Array:
+def distances(pairs: Indices, own: Solid, other: Solid, T: Array, T_back: Array) -> Array:
     """Distances between features (n,), m.
 
     Args:

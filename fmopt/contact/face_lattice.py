@@ -1,12 +1,11 @@
 """The face lattice of a pointed polyhedron from the planes that hold each of its corners: combinatorics alone."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Bits = NDArray[np.bool_]
+from fmopt.spatial.values import Bits, Indices
 
 
-def closed_sets(incidence: Bits) -> tuple[Bits, Bits, NDArray[np.intp]]:
+def closed_sets(incidence: Bits) -> tuple[Bits, Bits, Indices]:
     """All intersections of the planes' sets of corners, none empty and none at infinity: largest dimension first.
 
     The dimension of a face is one more than that of its largest smaller intersection with a plane, as faces of a
@@ -38,7 +37,7 @@ def closed_sets(incidence: Bits) -> tuple[Bits, Bits, NDArray[np.intp]]:
     return members[order], active[order, :-1], levels[order]
 
 
-def covers(active: Bits, dimensions: NDArray[np.intp]) -> Bits:
+def covers(active: Bits, dimensions: Indices) -> Bits:
     """Which face (row index) has which face (column index) on its boundary, one dimension lower (n, n).
 
     `active` (n, k) says which planes hold each face, `dimensions` (n,) are those of the faces.

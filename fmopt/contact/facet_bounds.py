@@ -11,13 +11,12 @@ from functools import cached_property
 from typing import TypeAlias, assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import Kind, PrimitiveContact, convex_vertices, face_vertex, vertex_face
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose, cross
-from fmopt.spatial.values import Array, Value, remembered
+from fmopt.spatial.values import Array, Indices, Value, remembered
 
 _MEMORY, _SIDES = 1024, 16
 
@@ -59,7 +58,7 @@ class BoundTable(Value):
     clauses: tuple[tuple[Clause, ...], ...]
     listed: tuple[Bound, ...]
     surfaces: Surfaces
-    places: NDArray[np.intp]
+    places: Indices
 
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> BoundTable:
@@ -68,11 +67,11 @@ class BoundTable(Value):
         return _table(crossings, crossings.sides(pose))
 
     @cached_property
-    def signs(self) -> NDArray[np.intp]:
+    def signs(self) -> Indices:
         """The sign (n,) of each of `listed`."""
         return np.array([bound.sign for bound in self.listed], dtype=np.intp)
 
-    def depths(self, g: Array) -> tuple[Array, NDArray[np.intp]]:
+    def depths(self, g: Array) -> tuple[Array, Indices]:
         """How far (m) poses are inside each clause of each contact, and by which bound, from values g (…, m) there.
 
         These are depths (…, k, clauses), inf for a clause that a contact does not have, and indices into `listed`; g is

@@ -7,11 +7,11 @@ are; nothing is perturbed.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from fmopt.contact.face_lattice import Bits, closed_sets
+from fmopt.contact.face_lattice import closed_sets
 from fmopt.errors import InfeasibleError, SolverError
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Indices, Value
 
 INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
 _MERGE_REACHES = (0.0, INCIDENCE, 10.0 * INCIDENCE, 100.0 * INCIDENCE)  # within which corners are one, until faces fit
@@ -22,7 +22,7 @@ class Faces(Value):
     """All faces of {x: normals·x ≥ offsets}, each with a point (n, 6) inside, largest dimension first."""
 
     active: Bits  # (n, k), the half-spaces whose planes hold the face
-    dimensions: NDArray[np.intp]
+    dimensions: Indices
     points: Array  # in the relative interior of each face
     lineality: int  # dimension of the lines in the polyhedron, part of every face
 
@@ -58,7 +58,7 @@ def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
     raise SolverError(f"the {len(corners)} corners of {len(cut.rows)} half-spaces cannot be told apart")
 
 
-def first_equal(rows: Array) -> NDArray[np.intp]:
+def first_equal(rows: Array) -> Indices:
     """For each row (n, k) the index (n,) of the first row equal to it within the incidence tolerance."""
     tolerance = INCIDENCE * np.abs(rows).max(axis=1, initial=0.0)
     near = (np.abs(rows[:, None] - rows) <= tolerance[:, None]).all(axis=2)
@@ -71,7 +71,7 @@ class _Cut(Value):
 
     rows: Array  # (q, r), unit normals that count there, each of another plane
     levels: Array  # (q,), negative
-    kinds: NDArray[np.intp]  # (k,), which of these each of all rows is equal to; −1 where none
+    kinds: Indices  # (k,), which of these each of all rows is equal to; −1 where none
     everywhere: Bits  # (k,), which of the others hold all of it
     interior: Array  # (n,), the point that is 0
     axes: Array  # (n, r), orthonormal, of its coordinates

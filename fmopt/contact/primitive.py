@@ -10,7 +10,6 @@ from enum import StrEnum
 from typing import assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.contact.detection import (
     EDGE_AT_EDGE,
@@ -27,7 +26,7 @@ from fmopt.contact.detection import (
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose, cross
-from fmopt.spatial.values import Array, remembered
+from fmopt.spatial.values import Array, Bits, Indices, remembered
 
 PARALLEL = math.radians(1.0)  # rad; edges closer than this in direction have no edge–edge contact
 _CONTACTS = 1 << 18
@@ -118,8 +117,8 @@ def crossed(moving: Polyhedron, fixed: Polyhedron, one: int, other: int, along: 
 class _Features:
     """Vertices, edges and faces of a polyhedron, unit directions of edges and sums (e, 3) of normals beside them."""
 
-    vertices: NDArray[np.intp]
-    edges: NDArray[np.intp]
+    vertices: Indices
+    edges: Indices
     directions: Array
     between: Array
     corners: Corners
@@ -211,9 +210,7 @@ def matrices(p: Array, R: Array) -> Array:
     return found
 
 
-def _pairs(
-    near: NDArray[np.bool_], first: NDArray[np.intp], second: NDArray[np.intp] | None = None
-) -> list[tuple[int, int]]:
+def _pairs(near: Bits, first: Indices, second: Indices | None = None) -> list[tuple[int, int]]:
     """The pairs of features that are near, by their numbers; those of the second kind count from 0 without."""
     one, other = np.nonzero(near)
     return list(zip(first[one].tolist(), (other if second is None else second[other]).tolist(), strict=True))

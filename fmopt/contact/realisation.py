@@ -13,16 +13,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.contact.c_surface import Surfaces
-from fmopt.contact.descent import Bits, Functions, descended, heights, projected
+from fmopt.contact.descent import Functions, descended, heights, projected
 from fmopt.contact.facet_bounds import BoundTable
 from fmopt.contact.primitive import matrices
 from fmopt.contact.state_graph import LocalSpace
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose, turns
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Indices, Value
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ class Poses(Value):
         ratio = np.where(sine > 1e-6, np.arcsin(sine) / np.maximum(sine, 1e-6), 1.0)
         return np.concatenate([self.p - pose.p, ratio[:, None] * s], axis=-1)
 
-    def kept(self, which: Bits | NDArray[np.intp]) -> Poses:
+    def kept(self, which: Bits | Indices) -> Poses:
         """Some of the poses."""
         return Poses(self.p[which], self.R[which])
 
@@ -78,7 +77,7 @@ class Measures(Value):
     own: Array  # (n, k), f of the contacts that are to touch, 0 for the others
     others: Array  # (n, k), of the other contacts the distance, or how far outside their bounds they are; inf for own
     depths: Array  # (n, k, clauses), how far inside each clause of its bounds an own contact is; inf for others
-    binding: NDArray[np.intp]  # (n, k, clauses), which bound of the table that is
+    binding: Indices  # (n, k, clauses), which bound of the table that is
     limits: Array  # (n, l), how far inside the limits of the local space
 
     @cached_property
@@ -146,7 +145,7 @@ class Neighbourhood(Value):
         zero = matrices(space.pose.p, space.pose.R)
         return Functions(joint.tables, own, bounds, limits, np.array(space.scale), zero)
 
-    def _ended(self, on: Bits, which: NDArray[np.intp]) -> Bits:
+    def _ended(self, on: Bits, which: Indices) -> Bits:
         """Which contacts (n, k) end where one of `on` begins: no pose violates the one without violating the other."""
         # One column more for a bound that is no contact of the space, and for none at all.
         held = np.concatenate([on, np.zeros((len(on), 1), dtype=bool)], axis=1)[:, self._ending]
@@ -179,7 +178,7 @@ def meet(near: Neighbourhood, on: Bits, start: Poses, room: float) -> Met:
     return Met(project(near, on, Poses.of(found), 6), short, settled)
 
 
-def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | NDArray[np.intp]) -> Poses:
+def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | Indices) -> Poses:
     """The nearest poses where the contacts `on` (n, k) touch, by Gauss–Newton with shortest scaled steps.
 
     A step uses `rank` singular directions, one number for all or one a pose: the rank of a state's linear picture stays

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import MultiPoint, MultiPolygon, Point, Polygon, get_coordinates, union_all
 from shapely.geometry.base import BaseGeometry
 
@@ -22,7 +21,7 @@ from fmopt.errors import SizeError
 from fmopt.geometry.csg import Solid, corners, exact_pose, operands
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, remembered
+from fmopt.spatial.values import Array, Indices, remembered
 
 if TYPE_CHECKING:
     from fmopt.geometry.part import Part
@@ -282,7 +281,7 @@ def far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
     return max(farthest, key=lambda way: abs(float(way[1][0] - way[0][0])))
 
 
-def _at_an_angle(inward: Array, sides: NDArray[np.intp]) -> tuple[int, int]:
+def _at_an_angle(inward: Array, sides: Indices) -> tuple[int, int]:
     """The first and the last of some sides around a corner, of inward normals (n, 2), that stand at an angle."""
     first, last = 0, len(sides) - 1
     if inward[sides[first]] @ inward[sides[last]] < _BLUNT:

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Bits = NDArray[np.bool_]
+Indices = NDArray[np.intp]
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -5,14 +5,13 @@ import pytest
 
 from fmopt.contact import descent
 from fmopt.contact.c_surface import Surfaces
-from fmopt.contact.descent import Bits
 from fmopt.contact.facet_bounds import cell
 from fmopt.contact.primitive import PrimitiveContact, face_vertex, near_contacts
 from fmopt.contact.realisation import Neighbourhood, Poses, meet, project
 from fmopt.contact.state_graph import Cell, Scale, local_space
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
 from fmopt.spatial.se3 import Pose, turns
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 from tests.shared.parts.square import MID_DEPTH, block, peg, spike
 from tests.shared.parts.square_poses import POSES
 

@@ -11,13 +11,12 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.runtime.clock import heed
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 MERGED = 1e-5  # of the extent along the direction: corners whose heights differ by less are on one level
 _MOST_SLABS = 12
@@ -176,7 +175,7 @@ class Layers:
         return Outline.of(_region(_rings(points[order], edge[::2], edge[1::2])))
 
 
-def _rings(points: Array, begins: NDArray[np.intp], ends: NDArray[np.intp]) -> list[Array]:
+def _rings(points: Array, begins: Indices, ends: Indices) -> list[Array]:
     """Closed rings of segments, each from points[2k], on the edge begins[k] of a body, to one on its edge ends[k]."""
     at = dict(zip(begins.tolist(), range(len(begins)), strict=True))
     left, rings = dict.fromkeys(range(len(begins))), list[Array]()

@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from fmopt.geometry.fit.layers import Outline
 from fmopt.geometry.plane.turning import rotation
 from fmopt.runtime.clock import heed
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits, Indices
 
 _NONE = 1e30  # daqp's infinity
 _CURVATURE = np.diag([1e-6, 1e-6, 1e-6, 1e-9])  # what daqp wants, and of steps that are as good the shortest
@@ -78,10 +78,10 @@ class Facing:
 
 
 Sides = tuple[Array, Array]
-Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
+Pairs = tuple[Indices, Indices]
 
 
-def _close(points: Array, used: NDArray[np.bool_], sides: shapely.STRtree, reach: float) -> Pairs:
+def _close(points: Array, used: Bits, sides: shapely.STRtree, reach: float) -> Pairs:
     """Used points (n, 2) and sides that may come to be the nearest while both move by a quarter of `reach` (m)."""
     points, at = points[used], np.flatnonzero(used)
     _, far = sides.query_nearest(shapely.points(points), return_distance=True, all_matches=False)
@@ -91,7 +91,7 @@ def _close(points: Array, used: NDArray[np.bool_], sides: shapely.STRtree, reach
 
 
 def _distances(
-    points: Array, sides: Sides, within: NDArray[np.bool_], sign: float, at: Array, pairs: Pairs
+    points: Array, sides: Sides, within: Bits, sign: float, at: Array, pairs: Pairs
 ) -> tuple[Array, Array, NDArray[np.int64]]:
     """Rows of points (n, 2) before sides (m, 2): of each the nearest side, and those it lies square in front of.
 

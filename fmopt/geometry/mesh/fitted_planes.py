@@ -12,7 +12,7 @@ from fmopt.geometry.facets import Indices, Loop, place
 from fmopt.geometry.mesh.round_planes import rings
 from fmopt.geometry.plane.turning import rotation
 from fmopt.geometry.polyhedron import plane_basis
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 
 EXACT = 1e-12  # m: what is this close to a plane lies in it
 _LEAST_SLACK = 1e-12  # rad
@@ -175,7 +175,7 @@ def _families(angle: Array, areas: Array, slacks: tuple[Array, Array]) -> Array:
     return made
 
 
-def _whole_parts(angle: Array, slack: Array, turns: Sequence[int] = _TURNS) -> tuple[Array, NDArray[np.bool_]]:
+def _whole_parts(angle: Array, slack: Array, turns: Sequence[int] = _TURNS) -> tuple[Array, Bits]:
     """The whole parts of a turn nearest to angles (k,), of the first division that has one within the slack (k,).
 
     Angles without any stay as they are. The other value says which have one.
@@ -295,7 +295,7 @@ def _agreed(points: Array, around: dict[int, list[int]], planes: Planes) -> Plan
     return (normals, offsets) if off <= 0.1 * EXACT else _met(points, around, planes, leaning)[0]
 
 
-def _met(points: Array, around: dict[int, list[int]], planes: Planes, free: NDArray[np.bool_]) -> tuple[Planes, float]:
+def _met(points: Array, around: dict[int, list[int]], planes: Planes, free: Bits) -> tuple[Planes, float]:
     """As `_agreed`, with the normals free that are said to be (k,); and how far corners are off their planes, m."""
     from scipy.sparse import coo_array, diags_array, eye_array
     from scipy.sparse.linalg import splu

@@ -7,12 +7,11 @@ that passes through itself bounds no solid.
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely import STRtree, box
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, normals_of, shells_of
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 
 _MOST_SHELLS = 100  # beyond which they are no bodies
 
@@ -34,7 +33,7 @@ def turned_alike(points: Array, triangles: Indices) -> Indices:
     return np.where(turned[:, None], triangles[:, [0, 2, 1]], triangles) if turned.any() else triangles
 
 
-def _turns(points: Array, triangles: Indices) -> NDArray[np.bool_]:
+def _turns(points: Array, triangles: Indices) -> Bits:
     """Which triangles (m,) have to be turned."""
     ways = np.vstack([triangles[:, [k, (k + 1) % 3]] for k in range(3)]) @ (len(points), 1)
     if len(np.unique(ways)) == len(ways):  # none run along a side in the same direction
@@ -125,7 +124,7 @@ def _near(corners: Array, normals: Array, size: Array, tol: float) -> tuple[Indi
     return one[order], other[order]
 
 
-def _met(corners: Array, some: NDArray[np.bool_], others: NDArray[np.bool_]) -> Indices:
+def _met(corners: Array, some: Bits, others: Bits) -> Indices:
     """Pairs (2, k) of some triangles and others whose boxes meet."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     # The tree knows x and y only; heights are compared for what it finds.

@@ -18,7 +18,7 @@ from shapely import MultiPoint
 
 from fmopt.geometry.facets import SMOOTH, Indices, Loop, chords, normals_of
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 
 if TYPE_CHECKING:
     from fmopt.geometry.part import Part
@@ -101,7 +101,7 @@ def _evened(normals: Array, offsets: Array, rings: Sequence[NDArray[np.intp]]) -
     return level, float(np.abs(level - offsets[which]).max())
 
 
-def through_columns(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, which: NDArray[np.bool_]) -> Planes:
+def through_columns(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, which: Bits) -> Planes:
     """The planes with those of some faces along z laid through the columns of corners in which they meet such others.
 
     Planes that meet at a small angle are off where they meet by many times what each is off its own corners.

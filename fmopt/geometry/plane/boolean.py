@@ -13,7 +13,6 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
@@ -21,7 +20,7 @@ from fmopt.geometry.plane.chords import CHORD, ROUNDING, chords, enclosed, fille
 from fmopt.geometry.plane.curve import Arc, Curve, Segment, boxes_of
 from fmopt.geometry.plane.meet import meet
 from fmopt.geometry.plane.region import Region
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 T = TypeVar("T")
 
@@ -154,7 +153,7 @@ def _lines(pieces: Sequence[Curve], scale: float) -> list[Array]:
     return found
 
 
-def linked(points: Array, distance: float) -> NDArray[np.intp]:
+def linked(points: Array, distance: float) -> Indices:
     """A number for each point (n, 2), the same for those that a chain of steps within a distance (m) connects."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

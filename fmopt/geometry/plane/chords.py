@@ -9,11 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.plane.curve import Curve, Segment
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 CHORD = 1e-6  # of the size: largest distance of a chord from its curve
 ROUNDING = 1e-11  # of the size: points closer than this are one
@@ -34,7 +33,7 @@ def chords(curve: Curve, tolerance: float) -> Array:
     return points
 
 
-def winding(lines: Sequence[Array], points: Array) -> NDArray[np.intp]:
+def winding(lines: Sequence[Array], points: Array) -> Indices:
     """How often (n,) directed polylines (k, 2) that close together run counter-clockwise round points (n, 2)."""
     start, end = (np.vstack([line[part] for line in lines]) for part in (slice(None, -1), slice(1, None)))
     turns = np.zeros(len(points), dtype=np.intp)

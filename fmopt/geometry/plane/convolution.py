@@ -19,13 +19,12 @@ from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.geometry.plane.boolean import positive, union
 from fmopt.geometry.plane.conic import ConicArc
 from fmopt.geometry.plane.curve import Arc, Curve, Segment
 from fmopt.geometry.plane.region import Region
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 _CUSP = 1e-6  # rad: nearer to a half turn the side is read off the curves, not the tangents
 _FLAT = 1e-14  # sine between the legs of a conic arc, below which it counts as its chord
@@ -38,7 +37,6 @@ _INNER = np.linspace(0.0, 1.0, 17)[1:-1]  # shares of a range of directions, its
 _MARGIN = 0.5  # of the spread of the weights that were seen, for those between the points
 _LEAST_TURN = 1e-4  # rad
 
-Integers: TypeAlias = NDArray[np.intp]
 _Row: TypeAlias = tuple[Array, float, float, float, float, ConicArc | None]
 
 
@@ -104,7 +102,7 @@ def convolution(first: Sequence[Curve], second: Sequence[Curve], tolerance: floa
     return found + _translated(other_lines, j, turns, i) + _turned(turns, other_turns, tolerance)
 
 
-def _translated(lines: _Lines, rows: Integers, turns: _Turns, places: Integers) -> list[Curve]:
+def _translated(lines: _Lines, rows: Indices, turns: _Turns, places: Indices) -> list[Curve]:
     """Each line moved by the point of a turn that has its direction, run through backward for right turns."""
     offsets = _points(turns, places, lines.angle[rows])
     starts, ends = lines.start[rows] + offsets, lines.end[rows] + offsets
@@ -113,7 +111,7 @@ def _translated(lines: _Lines, rows: Integers, turns: _Turns, places: Integers) 
     return [Segment(a, b) if on else Segment(b, a) for a, b, on in zip(starts, ends, ahead, strict=True)]
 
 
-def _points(turns: _Turns, rows: Integers, angles: Array) -> Array:
+def _points(turns: _Turns, rows: Indices, angles: Array) -> Array:
     """Points (n, 2) of the turns in `rows` at directions (n,) in rad."""
     points = turns.centre[rows] + turns.radius[rows, None] * np.stack([np.sin(angles), -np.cos(angles)], axis=-1)
     for row in np.unique(rows[np.isnan(turns.radius[rows])]).tolist():
@@ -163,7 +161,7 @@ def _piece(turn: _Turn, corner: _Turn, low: float, high: float) -> Curve:
 def _blended(one: _Turn, two: _Turn, low: float, high: float, tolerance: float) -> list[Curve]:
     """The sum of two curved turns, in pieces along which the sum of their radii of curvature keeps its sign."""
 
-    def sum_of(value: Callable[[_Turns, Integers, Array], Array], angles: Array) -> Array:
+    def sum_of(value: Callable[[_Turns, Indices, Array], Array], angles: Array) -> Array:
         a, b = (value(turns, np.full(len(angles), row), angles) for turns, row in (one, two))
         return np.asarray(a + b)
 
@@ -186,7 +184,7 @@ def _blended(one: _Turn, two: _Turn, low: float, high: float, tolerance: float) 
     return [curve for a, b in spans for curve in _fitted(points, a, b, ahead, tolerance)]
 
 
-def _radii(turns: _Turns, rows: Integers, angles: Array) -> Array:
+def _radii(turns: _Turns, rows: Indices, angles: Array) -> Array:
     """Signed radii of curvature (n,) in m at directions (n,) in rad."""
     radii = turns.radius[rows]
     for row in np.unique(rows[np.isnan(radii)]).tolist():

@@ -5,14 +5,14 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.chords import CHORD, chords, filled
 from fmopt.geometry.plane.curve import Curve, Segment, boxes_of, distance
 from fmopt.geometry.plane.meet import meet
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Value
 
 _CLOSED = 1e-8  # of the size: shared ends agree to rounding
 
@@ -84,7 +84,7 @@ class Region(Value):
         shapely.prepare(found)
         return found
 
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> Bits:
         """Whether each of `points` (n, 2) lies inside, shape (n,); on the boundary rounding decides."""
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         inside = np.asarray(shapely.contains_xy(self.shape, points), dtype=np.bool_)

@@ -12,7 +12,7 @@ from shapely import MultiPolygon, get_parts, union_all
 from fmopt.papers.basanez_suarez.contact import CU, Kind, basic_contacts, core_gap
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.sources import Deviations
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Indices, Value
 
 _COLUMNS = ("kind", "edge", "vertex", "spread", "radius")
 
@@ -38,7 +38,7 @@ class PossibleContacts(Value):
         x = np.reshape(np.asarray(poses, dtype=np.float64), (-1, 3))
         return np.stack([cu.gap(x) for cu in self.sets], axis=1)
 
-    def pair_gaps(self, poses: Array, contact: NDArray[np.intp]) -> Array:
+    def pair_gaps(self, poses: Array, contact: Indices) -> Array:
         """Distance (k,) in m of poses (k, 3), m and rad, from the CU of one contact each, whatever its range."""
         kinds, *columns = self._columns
         found = np.empty(len(poses))
@@ -53,7 +53,7 @@ class PossibleContacts(Value):
         """Kinds, edges, vertices, spreads and radii of the sets, a row each."""
         return tuple(np.array([getattr(cu, name) for cu in self.sets]) for name in _COLUMNS)
 
-    def contains(self, poses: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, poses: ArrayLike) -> Bits:
         """Whether any contact is possible at poses (k, 3) in m and rad, to 1e-9 of the objects' size."""
         return np.asarray(self.gap(poses) <= 1e-9 * self.size)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmopt.papers.basanez_suarez.edge import TurnedEdge
 from fmopt.papers.basanez_suarez.gap import segment_arc_gap
@@ -14,7 +14,7 @@ from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.reach import Reach
 from fmopt.papers.basanez_suarez.sources import Deviations
 from fmopt.papers.basanez_suarez.vertex import ArcSum, arc_support
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Value
 
 FULL = 2.0 * math.pi
 
@@ -33,7 +33,7 @@ class Range:
     low: float
     high: float
 
-    def contains(self, phi: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, phi: ArrayLike) -> Bits:
         """Whether φ (…), at any number of turns, lies in the range, to 1e-12 rad."""
         ahead = np.mod(np.asarray(phi, dtype=np.float64) - self.low + 1e-12, FULL)
         return np.asarray(ahead <= self.high - self.low + 2e-12)
@@ -104,7 +104,7 @@ class CU(Value, edge=(2, 2), vertex=(2,)):
         core = core_gap(self.kind, self.edge, self.vertex, self.spread, x)
         return np.where(self.range.contains(x[..., 2]), core - self.radius, np.inf)
 
-    def contains(self, poses: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, poses: ArrayLike) -> Bits:
         """Whether the contact is possible at poses (…, 3) in m and rad, to 1e-9 of the size of the features."""
         size = self.reach + float(np.ptp(self.edge, axis=0).max()) + self.radius
         return np.asarray(self.gap(poses) <= 1e-9 * size)

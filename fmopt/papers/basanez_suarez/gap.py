@@ -3,9 +3,8 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 
 
 def segment_arc_gap(start: Array, end: Array, h: Any, angle: Any, spread: Any) -> Array:
@@ -64,5 +63,5 @@ def wrapped(angle: Any) -> Any:
     return np.mod(np.asarray(angle) + np.pi, 2.0 * np.pi) - np.pi
 
 
-def _within(theta: Array, angle: Any, spread: Any) -> NDArray[np.bool_]:
+def _within(theta: Array, angle: Any, spread: Any) -> Bits:
     return np.asarray(np.abs(wrapped(theta - angle)) <= spread)

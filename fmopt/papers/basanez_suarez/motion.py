@@ -10,14 +10,14 @@ from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmopt.errors import GeometryError, InfeasibleError
 from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
 from fmopt.papers.basanez_suarez.contact import CU, FULL, Range
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.sources import Deviations
-from fmopt.spatial.values import Array, frozen
+from fmopt.spatial.values import Array, Bits, Indices, frozen
 
 
 class MotionKind(StrEnum):
@@ -42,12 +42,12 @@ class Phase:
 class _Spans:
     """Intervals [low, high] ⊆ [0, 1] of straight parts of a path, each for one contact."""
 
-    contact: NDArray[np.intp]
-    part: NDArray[np.intp]
+    contact: Indices
+    part: Indices
     low: Array
     high: Array
 
-    def kept(self, mask: NDArray[np.bool_]) -> "_Spans":
+    def kept(self, mask: Bits) -> "_Spans":
         return _Spans(self.contact[mask], self.part[mask], self.low[mask], self.high[mask])
 
     def halves(self) -> "_Spans":

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely import MultiPolygon, get_parts
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.chords import enclosed
 from fmopt.geometry.plane.curve import Side as CurveSide
 from fmopt.papers.basanez_suarez.boundary import Loop, Piece, moved, outline
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Value
 
 ROUNDING = 1e-9  # of the size
 
@@ -58,7 +58,7 @@ class PlanarSet(Value, ABC):
     def candidates(self) -> list[Piece]:
         """Directed curves that contain the boundary, the set on their left."""
 
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> Bits:
         """Whether points (…, 2) in m lie in the closed set, to 1e-9 of its size."""
         return np.asarray(self.core_distance(points) <= self.radius + ROUNDING * self.size)
 

@@ -7,14 +7,14 @@ from functools import reduce
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from fmopt.errors import GeometryError
 from fmopt.papers.basanez_suarez.gap import wrapped
 from fmopt.papers.basanez_suarez.sources import edge_turn
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Indices, Value, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,8 @@ class Profile(Value):
     """
 
     vertices: Array
-    after: NDArray[np.intp]
-    before: NDArray[np.intp]
+    after: Indices
+    before: Indices
 
     @staticmethod
     def of(*loops: ArrayLike) -> "Profile":

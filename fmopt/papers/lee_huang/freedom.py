@@ -27,9 +27,9 @@ from numpy.typing import ArrayLike
 from fmopt.errors import SolverError
 from fmopt.geometry.part import Part
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, Stops, intervals
-from fmopt.papers.lee_huang.touch import Body, Indices, Linear, candidates, linear
+from fmopt.papers.lee_huang.touch import Body, Linear, candidates, linear
 from fmopt.plan.diagnostics import Interval
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Indices, Value, frozen
 
 _PER_LEG = 8  # samples of a leg besides the passings of vertex levels
 _TOUCHING = -1e-9  # slack in scaled units that still counts as touching

@@ -14,12 +14,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fmopt.spatial.values import Array, Value
-
-Indices = NDArray[np.intp]
-Bits = NDArray[np.bool_]
+from fmopt.spatial.values import Array, Bits, Indices, Value
 
 _ROUNDING = 1e-12  # of the size
 _AT_END = 1e3 * _ROUNDING  # of the size: what comes so near at the end of a leg touches there

@@ -14,18 +14,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Face, Polyhedron, placed
 from fmopt.plan.diagnostics import Interval
 from fmopt.spatial.se3 import Pose, turns
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Value
 
 _AT_GOAL = 1e-11  # of T: what begins this late only the goal touches
 
-Bits = NDArray[np.bool_]
 
 _FLAT = 1e-9  # |n × z| of a face that is perpendicular to the axis
 _SAME = 1e-12  # m, heights this close are one

@@ -25,20 +25,18 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.papers.lee_huang.diagram import Diagram
 from fmopt.papers.lee_huang.line_contact import Leg, Lines
-from fmopt.papers.lee_huang.nominal_trajectory import Bits, NominalTrajectory, Stops, intervals, together
+from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, Stops, intervals, together
 from fmopt.papers.lee_huang.uncertainty_zone import Zone
 from fmopt.plan.diagnostics import Interval
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Indices, Value
 
 _BLUR = 1e-12  # of T
 _SAME = 1e-12
 
-Indices = NDArray[np.intp]
 _STILL = 1e-9  # force, or torque over size, below which a contact does not stop a degree
 _ROUNDING = 1e-12  # of the size
 

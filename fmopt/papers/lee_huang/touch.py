@@ -12,15 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 from manifold3d import triangulate
-from numpy.typing import NDArray
 
 from fmopt.geometry.polyhedron import Face, Polyhedron, plane_basis
 from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import cross
-from fmopt.spatial.values import Array, Value
-
-Indices = NDArray[np.intp]
-Bits = NDArray[np.bool_]
+from fmopt.spatial.values import Array, Bits, Indices, Value
 
 _BLOCK = 2_000_000  # pairs of boxes looked at in one go
 PARALLEL = float(np.sin(np.radians(1.0)))  # edges closer in direction touch where one of them ends: at a vertex

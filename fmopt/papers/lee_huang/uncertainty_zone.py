@@ -11,9 +11,9 @@ from itertools import product
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Bits, Value, frozen
 
 PlaneName = Literal["xz", "yz", "xy"]
 
@@ -54,7 +54,7 @@ class Ball(Value):
         object.__setattr__(self, "centre", frozen(self.centre, 2, name="centre"))
         _not_negative("radius", self.radius)
 
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> Bits:
         """Which points (…, 2) lie in it."""
         return np.asarray(np.abs(np.asarray(points) - self.centre).max(axis=-1) <= self.radius)
 

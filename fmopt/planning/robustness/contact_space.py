@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly
-from fmopt.contact.descent import Bits
 from fmopt.contact.facet_bounds import INSIDE, BoundTable, cell, touching
 from fmopt.contact.polytope import Faces
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
@@ -33,7 +32,7 @@ from fmopt.plan.diagnostics import Graph, State
 from fmopt.plan.field_types import numbers
 from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Value
 
 _STEP = 1e-3  # m; off the plane in which a face ends: there the part has just entered, or is about to leave
 _WIDE = 10.0  # how much farther than its contacts are looked for a space at a critical pose reaches
