@@ -1,14 +1,9 @@
-"""Triangles to polygons: coplanar neighbours are merged and their common outline is traced into loops.
+"""Triangles to polygons: coplanar neighbours are merged and their common outline is traced into loops."""
 
-How far facets may lie from the curved surface that they stand for, read off how they meet.
-"""
-
-import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +12,10 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.plane.boolean import linked
 from fmopt.spatial.values import Array
 
-if TYPE_CHECKING:
-    from fmopt.geometry.polyhedron import Polyhedron
-
 MAX_FACES = 2_000  # what is planned with them takes a time that grows by their square, at least
 FEW_REFLEX, MOST_REFLEX = 100, 350  # reflex edges of a part that is cut through them in no time, and in a minute
 _MOST_PAIRS = 2_000_000  # of vertices near each other: more than any honest mesh has
 _FOLD = 100.0  # slivers up to this many tolerances high may lie folded back in their face's plane
-SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
 
 Indices = NDArray[np.int64]
 Loop = tuple[int, ...]
@@ -322,26 +313,3 @@ def fan(vertices: Array, loop: Loop) -> Array:
     """Normals (k, 3) of the triangles of a loop of vertices (n, 3) about its first, long by twice their areas, m²."""
     arms = vertices[list(loop)] - vertices[loop[0]]
     return np.cross(arms[:-1], arms[1:])
-
-
-def chords(body: "Polyhedron") -> Iterator[tuple[tuple[int, int], tuple[float, float]]]:
-    """The pairs of faces that may stand for one curved surface, with the sagitta (m) of the arc of each of the two.
-
-    Facets of width c that turn by φ from one to the next are chords of an arc with the sagitta c/2 · tan(φ/4).
-    """
-    faces = np.array([edge.faces for edge in body.edges], dtype=np.int64).reshape(-1, 2)
-    one, other = body.normals[faces[:, 0]], body.normals[faces[:, 1]]
-    # By both sine and cosine: the cosine alone has lost the digits of a small turn.
-    turns = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.vecdot(one, other))
-    smooth = np.flatnonzero(turns <= SMOOTH)
-    ends = body.vertices[[body.edges[k].vertices for k in smooth]].reshape(-1, 2, 3)
-    along = ends[:, 1] - ends[:, 0]
-    along /= np.maximum(np.linalg.norm(along, axis=1), np.finfo(np.float64).tiny)[:, None]
-    across = np.cross(body.normals[faces[smooth]], along[:, None])
-    for k, ways in zip(smooth.tolist(), across, strict=True):
-        pair = body.edges[k].faces
-        first, second = (
-            0.5 * float(np.ptp(body.vertices[list(body.faces[number].vertices)] @ way)) * math.tan(0.25 * turns[k])
-            for number, way in zip(pair, ways, strict=True)
-        )
-        yield pair, (first, second)

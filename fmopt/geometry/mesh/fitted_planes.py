@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, Loop, place
-from fmopt.geometry.mesh.round_planes import rings
+from fmopt.geometry.mesh.round_planes import Planes, rings
 from fmopt.geometry.plane.turning import rotation
 from fmopt.geometry.polyhedron import plane_basis
 from fmopt.spatial.values import Array, Bits
@@ -21,8 +21,6 @@ _STRAY = 100.0  # times how far facets are off their planes: corners may move so
 _ROUNDS = 20  # of Newton's method
 # Into how many parts a turn is divided by normals that belong together; 24 has thirds, sixths, eighths and twelfths.
 _TURNS = (4, 24, 5, 7, 9, 11, 16, 18, 22, 32, 36)
-
-Planes = tuple[Array, Array]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely import MultiPoint
 
-from fmopt.geometry.facets import SMOOTH, Indices, Loop, chords, normals_of
+from fmopt.geometry.facets import Indices, Loop, normals_of
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.values import Array, Bits
 
@@ -30,6 +30,7 @@ _EVEN = 1e-9  # rad
 _LANDED = 1e-6  # m: what gets less far below the mouth stays on it
 _FARTHEST = 0.7  # of how far planes are off one axis at most, above which they are left out together
 _FLAT = 1e-4  # rad: triangles that meet at less are one facet
+_SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
 _ALIKE = 1e-6  # relative, of chord errors of one part in two frames
 
 Planes = tuple[Array, Array]
@@ -140,17 +141,40 @@ def chord_error(body: Polyhedron, where: Callable[[Array], bool] = lambda corner
     A facet with corners (n, 3) counts where `where` says so and it has neighbours that it may be one surface with
     across two or more of its edges: one alone is a chamfer or a draft.
     """
-    found = list(chords(body))
+    found = list(_chords(body))
     neighbours = Counter(number for faces, _ in found for number in faces)
     return max(
         (
-            min(sagittas)
-            for faces, sagittas in found
+            height
+            for faces, height in found
             if max(neighbours[number] for number in faces) > 1
             and any(where(body.vertices[list(body.faces[number].vertices)]) for number in faces)
         ),
         default=0.0,
     )
+
+
+def _chords(body: Polyhedron) -> Iterator[tuple[tuple[int, int], float]]:
+    """The pairs of faces that may stand for one curved surface, with the lesser sagitta (m) of their arcs.
+
+    Facets of width c that turn by φ from one to the next are chords of an arc with the sagitta c/2 · tan(φ/4).
+    """
+    faces = np.array([edge.faces for edge in body.edges], dtype=np.int64).reshape(-1, 2)
+    one, other = body.normals[faces[:, 0]], body.normals[faces[:, 1]]
+    # By both sine and cosine: the cosine alone has lost the digits of a small turn.
+    turns = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.vecdot(one, other))
+    smooth = np.flatnonzero(turns <= _SMOOTH)
+    ends = body.vertices[[body.edges[k].vertices for k in smooth]].reshape(-1, 2, 3)
+    along = ends[:, 1] - ends[:, 0]
+    along /= np.maximum(np.linalg.norm(along, axis=1), np.finfo(np.float64).tiny)[:, None]
+    across = np.cross(body.normals[faces[smooth]], along[:, None])
+    for k, ways in zip(smooth.tolist(), across, strict=True):
+        pair = body.edges[k].faces
+        sagittas = (
+            0.5 * float(np.ptp(body.vertices[list(body.faces[number].vertices)] @ way)) * math.tan(0.25 * turns[k])
+            for number, way in zip(pair, ways, strict=True)
+        )
+        yield pair, min(sagittas)
 
 
 def sagitta(points: Array, triangles: Indices) -> float:
@@ -169,7 +193,7 @@ def sagitta(points: Array, triangles: Indices) -> float:
     flat = turn <= _FLAT
     facet = connected_components(coo_array((flat[flat], (one[flat], other[flat])), (count, count)))[1]
     areas = np.bincount(facet, np.linalg.norm(normals, axis=1)) / 2.0
-    smooth = (turn <= SMOOTH) & ~flat & (along > 0.0)
+    smooth = (turn <= _SMOOTH) & ~flat & (along > 0.0)
     pairs = np.unique(np.sort(np.column_stack([facet[one], facet[other]])[smooth], axis=1), axis=0)
     beside = np.bincount(pairs.ravel(), minlength=len(areas)) > 1
     one, other, along, turn = facet[one[smooth]], facet[other[smooth]], along[smooth], turn[smooth]
