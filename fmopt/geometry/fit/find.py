@@ -22,8 +22,8 @@ from fmopt.geometry.centre import axis, centre, is_round
 from fmopt.geometry.fit import search
 from fmopt.geometry.fit.layers import INSIDE, Layers, common
 from fmopt.geometry.fit.placing import moved
-from fmopt.geometry.fit.search import SHARES, Candidate, Led, largest, opening_around
-from fmopt.geometry.fit.seat import Way, most_room
+from fmopt.geometry.fit.search import SHARES, Candidate, largest, opening_around
+from fmopt.geometry.fit.seat import Led, Way, most_room
 from fmopt.geometry.mating_features import DESCRIBE
 from fmopt.geometry.polyhedron import Polyhedron, manifold_of, placed, triangulated
 from fmopt.spatial.se3 import Pose, exp

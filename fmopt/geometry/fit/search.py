@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.fit.layers import Layers, Outline, common, united
 from fmopt.geometry.fit.placing import moved
-from fmopt.geometry.fit.seat import most_room
+from fmopt.geometry.fit.seat import Led, most_room
 from fmopt.geometry.polyhedron import Polyhedron, plane_basis
 from fmopt.spatial.values import Array
 
@@ -26,8 +26,6 @@ _AXES, _DRAFTED, _LARGEST = 3, 2, 2  # directions that the surface runs along, o
 _FACES = 16  # normals whose cross products are tried as axes
 _APART = math.cos(math.radians(1.0))  # of directions that differ
 _ALONG, _DRAFT, _ACROSS = 0.01, 0.1, 0.9999  # cosines of normals across a direction, of drafts, and along it
-_HEIGHTS = 5  # at which what sweeps by is held against openings
-_GROWN = 1.002  # times the area of a section, below which what sweeps by further up is the same
 _MOST_ROOM, _MOST_ROOM_OPEN = 4.0, 6.0  # area of an opening: of the section's hull
 _TIGHTEST, _LOOSEST = -0.08, 0.25  # of the width: clearances of candidates
 _NARROWEST = 1.0 + 4.0 * _TIGHTEST  # of the width of a section: closed openings are wider
@@ -46,30 +44,6 @@ _MOUTH = 4.0  # times the hull of what goes in: a wider opening is no mouth of i
 _SLENDER = 1.2  # times its other widths: a solid that is so long has a longest axis
 _LOOSE = 2.0  # times that: walls with so much room between them do not count
 SHARES = (0.02, 0.05, 0.1, 0.25)  # of the width: walls so near count
-
-
-@dataclass(frozen=True, eq=False)
-class Led:
-    """A solid that is led along a direction: its layers, tip down."""
-
-    layers: Layers
-
-    @cached_property
-    def swept(self) -> tuple[Outline, ...]:
-        """What of it passes a place on the way up to the top of each slab of the search."""
-        found = list[Outline]()
-        for section in self.layers.sections:
-            grown = section.shape if not found else united([found[-1].shape, section.shape])
-            more = not found or grown.area > found[-1].shape.area * (1.0 + 1e-9)
-            found.append(Outline.of(grown.simplify(1e-9)) if more else found[-1])
-        return tuple(found)
-
-    @cached_property
-    def heights(self) -> tuple[int, ...]:
-        """Slabs above which more sweeps by, at most five of them."""
-        areas = [one.shape.area for one in self.swept]
-        last = [k for k, (a, b) in enumerate(pairwise([*areas, math.inf])) if a > 0.0 and b > _GROWN * a]
-        return tuple(dict.fromkeys(last[round(x)] for x in np.linspace(0, len(last) - 1, min(_HEIGHTS, len(last)))))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,10 @@
 """The seat of a candidate: how deep the straight way in goes, and the pose in which all levels have the most room."""
 
-from __future__ import annotations
-
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -16,9 +15,8 @@ from fmopt.geometry.fit.placing import Facing, Placement, moved
 from fmopt.geometry.section import shrunk
 from fmopt.spatial.values import Array
 
-if TYPE_CHECKING:
-    from fmopt.geometry.fit.search import Led
-
+_HEIGHTS = 5  # at which what sweeps by is held against openings
+_GROWN = 1.002  # times the area of a section, below which what sweeps by further up is the same
 _TOUCH = 2e-8  # m: by which sections may overlap where they touch
 _THIN = 1e-7  # m: slabs that are thinner are rounding
 _NEAR = 5e-7  # m: how far before and behind a level of both solids it is asked whether that stops the way
@@ -28,6 +26,30 @@ _STAGES = 3  # of the least clearance, then of the least that does not bind, and
 _MOVES = 0.05  # of the size: the first steps of a placement
 _SHRINKS = 8  # secant steps to how much an outline that is too thick has to shrink
 _SHRUNK = 100.0  # times the accuracy: how well that is found
+
+
+@dataclass(frozen=True, eq=False)
+class Led:
+    """A solid that is led along a direction: its layers, tip down."""
+
+    layers: Layers
+
+    @cached_property
+    def swept(self) -> tuple[Outline, ...]:
+        """What of it passes a place on the way up to the top of each slab of the search."""
+        found = list[Outline]()
+        for section in self.layers.sections:
+            grown = section.shape if not found else united([found[-1].shape, section.shape])
+            more = not found or grown.area > found[-1].shape.area * (1.0 + 1e-9)
+            found.append(Outline.of(grown.simplify(1e-9)) if more else found[-1])
+        return tuple(found)
+
+    @cached_property
+    def heights(self) -> tuple[int, ...]:
+        """Slabs above which more sweeps by, at most five of them."""
+        areas = [one.shape.area for one in self.swept]
+        last = [k for k, (a, b) in enumerate(pairwise([*areas, math.inf])) if a > 0.0 and b > _GROWN * a]
+        return tuple(dict.fromkeys(last[round(x)] for x in np.linspace(0, len(last) - 1, min(_HEIGHTS, len(last)))))
 
 
 class Way:
