@@ -60,14 +60,16 @@ def judge_presses(plan: Plan, notes: Notes) -> Verdict:
 
 def _check_evidence(evidence: Evidence, notes: Notes) -> None:
     seated, vertices = (sum(one >= 0 for one in of) for of in (evidence.outcomes, evidence.vertex_outcomes))
-    if evidence.first_tries != evidence.outcomes.count(0) or not evidence.tested:
-        notes.add("evidence", "its first tries or its level are not those of its outcomes")
+    if evidence.first_tries != (first := evidence.outcomes.count(0)):
+        notes.add("evidence", f"{first} outcomes seat at the first attempt, {evidence.first_tries} are stated")
     if (evidence.seated, evidence.draws) != (seated, len(evidence.outcomes)):
         notes.add("evidence", f"{seated} of {len(evidence.outcomes)} outcomes seat, other counts are stated")
     if (evidence.vertices_seated, evidence.vertices) != (vertices, len(evidence.vertex_outcomes)):
         notes.add("evidence", f"{vertices} of {len(evidence.vertex_outcomes)} vertices seat, other counts are stated")
     if evidence.vertices != 64:
-        notes.add("evidence", f"a start box has 64 vertices, {evidence.vertices} are stated")
+        notes.add("evidence", f"{evidence.vertices} of the 64 vertices of the start box were tried")
+    elif vertices < MIN_VERTICES:
+        notes.add("evidence", f"{vertices} of 64 vertices seat, where {MIN_VERTICES} have to")
     if evidence.confidence != CONFIDENCE:
         notes.add("evidence", f"the bound holds at {evidence.confidence}, where {CONFIDENCE} is asked for")
     bound = lower_bound(seated, len(evidence.outcomes), CONFIDENCE)
@@ -80,5 +82,5 @@ def _check_evidence(evidence: Evidence, notes: Notes) -> None:
     if evidence.max_time is not None and late > evidence.max_time:
         most = f"{evidence.max_time:.3g} s are asked for: raise settings.max_time, or the limits of force and speed"
         notes.add("evidence", f"95 % of the cycle times are within {late:.3g} s, where {most}")
-    if vertices < MIN_VERTICES:
-        notes.add("evidence", f"{vertices} of 64 vertices seat, where {MIN_VERTICES} have to")
+    if not (evidence.tested or notes.found):
+        notes.add("evidence", "its level is below, where its outcomes are TESTED")

@@ -22,11 +22,6 @@ def _unseated(document: Document, key: str, counted: str | None, number: int = 0
         evidence[counted] = sum(one["seated"] for one in evidence[key])
 
 
-def _vertices(document: Document) -> None:
-    for number in range(6):
-        _unseated(document, "vertex_outcomes", "vertices_seated", number)
-
-
 CORNERS = [[0, 0, 1], [1, 0, 1], [0, 1, 1], [0, 0, 2]]
 CROWD = {"moving": [], "fixed": [{"name": "wall", "pieces": [CORNERS]}]}
 
@@ -46,11 +41,13 @@ LIES: list[tuple[Callable[[Document], Any], bool, str]] = [
     (lambda d: _unseated(d, "outcomes", None), True, "9 of 10 outcomes seat"),
     (lambda d: _unseated(d, "outcomes", "seated"), True, "a bound of 0.691503 is stated, 0.554984 follows"),
     (lambda d: _unseated(d, "vertex_outcomes", None), True, "62 of 64 vertices seat"),
-    (_vertices, True, "57 of 64 vertices seat, where 58 have to"),
+    (lambda d: [_unseated(d, "vertex_outcomes", "vertices_seated", n) for n in range(6)], True, "57 of 64 vertices"),
     (lambda d: d["evidence"].update(bound=d["evidence"]["bound"] + 1e-6), True, "a bound of"),
     (lambda d: d["evidence"].update(confidence=0.9), True, "the bound holds at 0.9"),
     (lambda d: d["evidence"].update(min_rate=0.7), True, "the rate is at least 0.6915, where 0.7 is asked for"),
     (lambda d: d["evidence"].update(max_time=7.0), True, "95 % of the cycle times are within 8 s, where 7 s are asked"),
+    (lambda d: d["evidence"].update(first_tries=9), True, "10 outcomes seat at the first attempt, 9 are stated"),
+    (lambda d: d["evidence"].update(level="below"), True, "its level is below"),
     (_crowd, True, "9 of 10 outcomes seat"),
     (lambda d: d["presses"].update(cell=CROWD), False, OTHERS),
     (lambda d: d["presses"].update(cell=CROWD), True, "0 of 10 outcomes seat"),

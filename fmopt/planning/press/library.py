@@ -90,7 +90,6 @@ def robot_of(task: PressTask, stiffness: tuple[float, float], mass: tuple[float,
     """The robot of a task at strength 1.
 
     Args:
-        task: the insertion.
         stiffness: of held axes, N/m and N·m/rad.
         mass: apparent mass and inertia, kg and kg·m².
     """
@@ -103,8 +102,6 @@ def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: 
     """The sequence of a corner: come down tilted, press into it, turn upright, datum and slide at shelves, go in.
 
     Args:
-        task: the insertion.
-        corner: of the mouth.
         lean: direction of the low side, rad; that of the corner if not given.
 
     Raises:
@@ -215,7 +212,6 @@ def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Pres
     """What follows once the part is upright in the mouth: shelves, rocking, the last press.
 
     Args:
-        task: the insertion.
         u: (3,) direction of the lateral force.
         end: lateral over axial force of the last press.
         rock: whether the part is rocked before.
@@ -294,7 +290,6 @@ def at_shelf(task: PressTask, u: Array, shelf: Shelf) -> tuple[Press, Press, Pre
     The way is led, not pushed: an offset of the wrench would turn it aside.
 
     Args:
-        task: the insertion.
         u: (3,) direction of the two walls.
         shelf: where the part stands.
     """

@@ -29,7 +29,7 @@ _TILTS = ((math.radians(18.0), 0.05), (math.radians(13.0), 0.06))  # and depth o
 _SWEPT = math.radians(4.0)  # tilt while yaw is swept: the tip is still in the mouth, the other arms are on the rim
 _DISTANCE = 1.65  # lateral errors, from the walls of the corner
 _YAW = 1.6  # errors of yaw that the sweep begins at
-_KAPPA = 0.8  # axial over lateral force
+_KAPPA = 1.3  # axial over lateral force
 _END = 0.05  # lateral over axial force of the last press
 
 
