@@ -37,6 +37,8 @@ _LIFTED = 2.0  # times the offset of the force that is pressed down at least: th
 _HELD_SPEED = 0.008  # m/s, down with the attitude held: a part that cannot turn lands harder
 _TURNED = 0.1  # offset of the torque over the last force times the width, from which it turns the part
 _AGAINST, _SWEEPING = 3.0, 0.35  # times that offset, and of the lateral force, with which the part is turned back
+_TURNS = 1.5  # times the offset of the torque, with which a part that is stuck is turned at least
+_FREED = 0.25  # of the lateral force, with which a part that is stuck is pressed down while it is turned
 _SINKS = 2.0  # axial over lateral force while turning upright, at most, in a sharp corner
 _ARM = 0.01  # m, least lever that turns count by
 _DAMPING = 400.0  # N·s/m
@@ -248,13 +250,43 @@ def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
     time = Time(long_enough(task), "retry")
     if not task.through:
         stands = replace(standstill(5e-5, 0.3), then="seated", below=deepest_known(task))
-        return (*before, Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (stands, time)))
-    stuck, speed = replace(standstill(5e-5, 0.3), then="retry"), _LAST[1]
+        down = Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (stands, time))
+        first = replace(down, ends=(replace(stands, else_then="next"), time))
+        return (*before, first, *work_free(task, u), down)
+    stuck, speeds = replace(standstill(5e-5, 0.3), then="retry"), _lowering()
     down = Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (*levels(task), stuck, time))
-    slow_speeds = (*SPEEDS[:2], speed, *SPEEDS[3:])
-    there = Level(speed * DELAY - task.depth, "seated")  # the part goes on for as long as the measurement takes
-    ends = (there, replace(standstill(2e-5, 0.3), then="retry"), Time(4.0, "retry"))
-    return (*before, down, Press("lower to the depth", gives, (0.0,) * 6, wrench, slow_speeds, reach, ends))
+    ends = (_seated(task), replace(standstill(2e-5, 0.3), then="retry"), Time(4.0, "retry"))
+    lower = Press("lower to the depth", gives, (0.0,) * 6, wrench, speeds, reach, ends)
+    first, lowered = (
+        replace(one, ends=tuple(replace(end, then="next") if isinstance(end, Standstill) else end for end in one.ends))
+        for one in (down, lower)
+    )
+    return (*before, first, lowered, *work_free(task, u), down, lower)
+
+
+def work_free(task: PressTask, u: Array) -> tuple[Press, ...]:
+    """Turn a part that is stuck either way about the axis across a direction (3,), under a light force.
+
+    Two contacts that friction holds it by let go.
+    """
+    turn = max(0.5 * task.size * FORCE, _TURNS * task.problem.robot.torque_offset / task.steady_force * AXIAL)
+    x, y, _ = (turn * u).tolist()
+    speeds = _lowering() if task.through else SPEEDS
+    ends = (*((_seated(task),) if task.through else ()), standstill(5e-5, 0.1), Time(0.6, "next"))
+    return tuple(
+        Press("work free", ALL, (0.0,) * 6, (0.0, 0.0, -_FREED * FORCE, a, b, 0.0), speeds, down_and_more(task), ends)
+        for a, b in ((-y, x), (y, -x))
+    )
+
+
+def _lowering() -> Numbers:
+    """Limits of speed close above the depth of a through hole."""
+    return (*SPEEDS[:2], _LAST[1], *SPEEDS[3:])
+
+
+def _seated(task: PressTask) -> Level:
+    """The depth of a through hole; the part goes on for as long as the measurement takes."""
+    return Level(_LAST[1] * DELAY - task.depth, "seated")
 
 
 def sweep_yaw(task: PressTask, wrench: Numbers, seconds: float) -> Press:

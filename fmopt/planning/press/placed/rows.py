@@ -58,8 +58,10 @@ def _attempt_rows(
         at = way[-1]
         row, errors = _press_rows(task, plan, press, way, errors, conditions)
         rows.append(row)
-    depths = _depth_rows(task, presses[-1], errors) if len(rows) == len(presses) else ()
-    datum, friction = _shown(rows) if len(rows) == len(presses) else (None, None)
+    last = presses[max(len(rows) - 1, 0)]
+    whole = any(end.then == "seated" for end in last.ends)
+    depths = _depth_rows(task, last, errors) if whole else ()
+    datum, friction = _shown(rows) if whole else (None, None)
     return PlacedAttempt(tuple(rows), depths, datum, friction)
 
 
