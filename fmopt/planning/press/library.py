@@ -167,6 +167,7 @@ def direction(angle: float) -> Array:
 
 
 SPEEDS = (LATERAL_SPEED, LATERAL_SPEED, AXIAL_SPEED) + (TURN_SPEED,) * 3
+_LOWERING = (*SPEEDS[:2], _LAST[1], *SPEEDS[3:])  # close above the depth of a through hole
 
 
 def six(lateral: Array, axial: float) -> Numbers:
@@ -253,7 +254,7 @@ def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
         down = Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (stands, time))
         first = replace(down, ends=(replace(stands, else_then="next"), time))
         return (*before, first, *work_free(task, u), down)
-    stuck, speeds = replace(standstill(5e-5, 0.3), then="retry"), _lowering()
+    stuck, speeds = replace(standstill(5e-5, 0.3), then="retry"), _LOWERING
     down = Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (*levels(task), stuck, time))
     ends = (_seated(task), replace(standstill(2e-5, 0.3), then="retry"), Time(4.0, "retry"))
     lower = Press("lower to the depth", gives, (0.0,) * 6, wrench, speeds, reach, ends)
@@ -271,17 +272,12 @@ def work_free(task: PressTask, u: Array) -> tuple[Press, ...]:
     """
     turn = max(0.5 * task.size * FORCE, _TURNS * task.problem.robot.torque_offset / task.steady_force * AXIAL)
     x, y, _ = (turn * u).tolist()
-    speeds = _lowering() if task.through else SPEEDS
+    speeds = _LOWERING if task.through else SPEEDS
     ends = (*((_seated(task),) if task.through else ()), standstill(5e-5, 0.1), Time(0.6, "next"))
     return tuple(
         Press("work free", ALL, (0.0,) * 6, (0.0, 0.0, -_FREED * FORCE, a, b, 0.0), speeds, down_and_more(task), ends)
         for a, b in ((-y, x), (y, -x))
     )
-
-
-def _lowering() -> Numbers:
-    """Limits of speed close above the depth of a through hole."""
-    return (*SPEEDS[:2], _LAST[1], *SPEEDS[3:])
 
 
 def _seated(task: PressTask) -> Level:

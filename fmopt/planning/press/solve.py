@@ -125,13 +125,14 @@ def conditions_of(problem: Problem) -> Conditions:
 def weakness(choosing: Choosing, proposed: Sequence[Attempt], problem: Problem) -> str:
     """A warning where each sequence has a press below three times the accuracy of the robot's force; else empty.
 
-    A press counts by the larger of its forces across and along the axis; the first one ends where it meets the part.
+    A press counts by the larger of its forces across and along the axis, but for the first one, which ends where it
+    meets the part, and for those that turn it by a torque.
     """
     robot, wanted = problem.robot, problem.specification
-    sequences = [choosing.plan([one]).attempts[0].presses[1:] for one in proposed]
+    wrenches = [[press.wrench for press in choosing.plan([one]).attempts[0].presses[1:]] for one in proposed]
     least = max(
-        min((max(math.hypot(*press.wrench[:2]), abs(press.wrench[2])) for press in some), default=math.inf)
-        for some in sequences
+        min((max(math.hypot(x, y), abs(z)) for x, y, z, *turning in some if not any(turning)), default=math.inf)
+        for some in wrenches
     )
     share = _CLEAR_OF_OFFSET * robot.force_offset / least
     if share <= 1.0:
