@@ -4,15 +4,14 @@ A difference base ∖ tool with tool = {x : h_i(x) ≤ 0, all i} is the union of
 overlap on purpose: each is as large as it can be, so that one plane keeps another body off it.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from contextlib import suppress
 from heapq import heapify, heappop, heappush
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
-from manifold3d import Manifold, OpType, triangulate
-from shapely import Polygon, union_all
-from shapely.geometry.base import BaseGeometry
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import (
@@ -48,6 +47,11 @@ from fmopt.geometry.upright_prisms import upright_axes
 from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, remembered
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+    from shapely import Polygon
+    from shapely.geometry.base import BaseGeometry
 
 ROUNDING = 1e-12  # m: vertices this close to a plane lie on it, coordinates this close to an operand's are that one
 _SLIVER = 1e-9  # of the volume of the piece that was cut
@@ -184,6 +188,8 @@ def convex_manifold(body: Polyhedron) -> Manifold:
 
 def union_manifold(bodies: Sequence[Polyhedron]) -> Manifold:
     """The manifold3d union of convex polyhedra."""
+    from manifold3d import Manifold, OpType
+
     return Manifold.batch_boolean([convex_manifold(body) for body in bodies], OpType.Add)
 
 
@@ -302,10 +308,14 @@ class _Union:
     """The union of some bodies, each by its number."""
 
     def __init__(self, bodies: Sequence[Polyhedron]) -> None:
+        from manifold3d import Manifold
+
         self._solids, self._whole = [convex_manifold(body) for body in bodies], Manifold()
 
     def with_all(self, which: Sequence[int]) -> float:
         """Its volume with some bodies, m³."""
+        from manifold3d import Manifold, OpType
+
         self._whole = Manifold.batch_boolean([self._whole, *(self._solids[i] for i in which)], OpType.Add)
         return float(self._whole.volume())
 
@@ -326,6 +336,8 @@ class _Sections(_Union):
     """
 
     def __init__(self, sections: Sequence[Polygon], ends: Array) -> None:
+        from shapely import Polygon
+
         levels = np.unique(ends)
         self._sections, self._heights = sections, np.diff(levels)
         self._slabs = [range(*np.searchsorted(levels, one)) for one in ends]
@@ -333,6 +345,8 @@ class _Sections(_Union):
 
     def with_all(self, which: Sequence[int]) -> float:
         """Its volume with some bodies, m³."""
+        from shapely import union_all
+
         for k in range(len(self._filled)):
             self._filled[k] = union_all([self._filled[k], *(self._sections[i] for i in which if k in self._slabs[i])])
         return float(sum(h * one.area for h, one in zip(self._heights, self._filled, strict=True)))
@@ -348,6 +362,8 @@ class _Sections(_Union):
 
 def _prisms(bodies: Sequence[Polyhedron]) -> _Sections | None:
     """Bodies by their sections, if all of them are prisms along one axis of coordinates."""
+    from shapely import Polygon
+
     for axis in upright_axes(np.vstack([body.normals for body in bodies])):
         across = [k for k in range(3) if k != axis]
         floors = [next(face.loops[0] for face in body.faces if face.normal[axis] < -0.5) for body in bodies]
@@ -411,6 +427,8 @@ def _snapped(values: Array, known: Array) -> Array:
 
 def _manifold(solid: Solid, pose: Pose, stock: list[Array]) -> Manifold:
     """The manifold3d solid, the vertices of its operands noted in `stock`."""
+    from manifold3d import Manifold, OpType
+
     match solid:
         case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
             body = convex_polyhedron(solid, pose)
@@ -430,6 +448,8 @@ def _manifold(solid: Solid, pose: Pose, stock: list[Array]) -> Manifold:
 
 def _loft(below: Ring, above: Ring, pose: Pose, stock: list[Array]) -> Manifold:
     """What is between two rings of corners, the walls straight, one above the other."""
+    from manifold3d import triangulate
+
     points, count = exact_pose(pose).apply(np.array([*below, *above])) + 0.0, len(below)
     cap = np.asarray(triangulate([np.array(below)[:, :2]]), dtype=np.int64)
     lid = np.asarray(triangulate([np.array(above)[:, :2]]), dtype=np.int64) + count

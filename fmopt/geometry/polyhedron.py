@@ -4,20 +4,25 @@ Lengths in m. Face loops list vertex indices, the outer loop first, counter-cloc
 holes, clockwise. Coordinates that come in are kept to the bit.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from manifold3d import Manifold, Mesh64, triangulate
 from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Loop, faces_of, patchwork, place, span
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, Value, frozen
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 _LEVEL = 1e-12  # m
 _ON_FACE = 1e-9  # of the diameter: points so near to a face of a hull are on it
@@ -199,6 +204,8 @@ def from_triangles(vertices: ArrayLike, triangles: ArrayLike, tol: float = 1e-9)
 
 def triangulated(body: Polyhedron) -> NDArray[np.int64]:
     """Outward triangles (m, 3) over the polyhedron's vertices."""
+    from manifold3d import triangulate
+
     triangles = []
     for face in body.faces:
         flat = body.vertices @ plane_basis(face.normal)
@@ -291,6 +298,7 @@ def convex_hull_polyhedron(points: ArrayLike) -> Polyhedron:
     Raises:
         GeometryError: the points lie in a plane, or as good as in one.
     """
+    from manifold3d import Manifold
     from scipy.spatial import ConvexHull, QhullError
 
     cloud = np.asarray(points, dtype=np.float64)
@@ -335,6 +343,8 @@ def halfspace_corners(normals: Array, offsets: Array, inside: Array, size: float
 
 def manifold_of(points: Array, triangles: NDArray[np.int64]) -> Manifold:
     """The manifold3d solid of triangles (m, 3) over points (n, 3)."""
+    from manifold3d import Manifold, Mesh64
+
     # It takes arrays that are contiguous and may be written.
     return Manifold(Mesh64(np.array(points, order="C"), np.array(triangles, dtype=np.uint64, order="C")))
 

@@ -13,15 +13,16 @@ from itertools import product
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import shapely
-from shapely import MultiPoint, MultiPolygon, Point, Polygon, get_coordinates, union_all
-from shapely.geometry.base import BaseGeometry
 
 from fmopt.errors import SizeError
 from fmopt.geometry.csg import Solid, corners, exact_pose, operands
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Indices, remembered
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
+    from shapely.geometry.base import BaseGeometry
 
 if TYPE_CHECKING:
     from fmopt.geometry.part import Part
@@ -56,6 +57,8 @@ def section(bodies: Sequence[Polyhedron], frame: Pose) -> MultiPolygon:
 
 def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1]) -> MultiPolygon:
     """The limit of `section` where the plane comes from above (1) or below (−1)."""
+    from shapely import MultiPoint, Point
+
     to_frame = exact_pose(frame).inverse()
     parts = []
     for body in bodies:
@@ -75,6 +78,9 @@ def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1
 
 def united(parts: Sequence[BaseGeometry]) -> BaseGeometry:
     """The union of plane shapes, formed on a grid where rounding along a common side loses one of them."""
+    import shapely
+    from shapely import get_coordinates, union_all
+
     found = union_all(parts)
     shapely.prepare(found)
     lost = not shapely.dwithin(found, shapely.points(get_coordinates(parts)), _GAP).all()
@@ -83,6 +89,9 @@ def united(parts: Sequence[BaseGeometry]) -> BaseGeometry:
 
 def sealed(shape: BaseGeometry) -> BaseGeometry:
     """A plane shape without the cracks and skins that rounding leaves where polygons share a side."""
+    import shapely
+    from shapely import union_all
+
     closed = shapely.set_precision(union_all([shape], grid_size=_GAP), _GAP)
     return closed if closed.length < shape.length - _CRACK else shape
 
@@ -104,6 +113,9 @@ def _crossings(body: Polyhedron, points: Array) -> Array:
 
 
 def _polygons(geometry: BaseGeometry) -> MultiPolygon:
+    import shapely
+    from shapely import MultiPolygon, Polygon
+
     return MultiPolygon([part for part in shapely.get_parts(geometry) if isinstance(part, Polygon) and part.area > 0.0])
 
 

@@ -4,21 +4,24 @@ From each level to the next there is one outline. What the convex hull of all of
 exactly, see `convex_polygons`, where cuts through a body would each leave their rounding.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import suppress
 from fractions import Fraction
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from shapely import MultiLineString, MultiPoint, Polygon, build_area, get_parts
-from shapely.geometry.base import BaseGeometry
-from shapely.geometry.polygon import orient
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.convex_polygons import Convex, convex_pieces, slabs
 from fmopt.geometry.polyhedron import Polyhedron, extruded
 from fmopt.spatial.values import Array
+
+if TYPE_CHECKING:
+    from shapely import Polygon
+    from shapely.geometry.base import BaseGeometry
 
 _UPRIGHT = 1e-9  # rad: walls lean less
 
@@ -54,6 +57,8 @@ def upright_axes(normals: Array) -> list[int]:
 
 def _as_prisms(body: Polyhedron, axis: int, thin: float) -> Prisms:
     """See `upright_prisms`; refuses sections that touch themselves, or have one piece within another."""
+    from shapely import MultiPoint
+
     levels = np.unique(body.vertices[:, axis]).tolist()
     # Rolled to the front and dropped, the axis leaves the two that follow it, seen from its positive side.
     whole = _convex(MultiPoint(np.delete(np.roll(body.vertices, -axis, axis=1), 0, axis=1)).convex_hull)
@@ -67,6 +72,7 @@ def _as_prisms(body: Polyhedron, axis: int, thin: float) -> Prisms:
 
 def _lacking(whole: Convex, section: BaseGeometry, thin: float) -> Iterator[Convex]:
     """Convex polygons that make up what a convex polygon has more than a section without pieces within others."""
+    from shapely import Polygon, get_parts
 
     def is_thick(polygon: Polygon) -> bool:
         # A strip has two long sides: its area is half of its outline times its width.
@@ -86,6 +92,8 @@ def _lacking(whole: Convex, section: BaseGeometry, thin: float) -> Iterator[Conv
 
 def _ring(polygon: Polygon) -> tuple[_Point, ...]:
     """The corners of its boundary, counter-clockwise."""
+    from shapely.geometry.polygon import orient
+
     return tuple((float(x), float(y)) for x, y in orient(polygon).exterior.coords[:-1])
 
 
@@ -96,6 +104,8 @@ def _convex(polygon: Polygon) -> Convex:
 
 def _section(body: Polyhedron, axis: int, height: float) -> BaseGeometry:
     """The section at a height, of the coordinates that follow the axis."""
+    from shapely import MultiLineString, build_area
+
     u, v = (axis + 1) % 3, (axis + 2) % 3
     sides: list[tuple[_Point, _Point]] = []
     crossed: list[list[_Point]] = [[] for _ in body.faces]

@@ -5,16 +5,15 @@ middles lie on the boundary that shapely finds: straight ones as its corners giv
 and islands thinner than the chords tell are left out, and a piece whose chords another one's cross stays chords there.
 """
 
+from __future__ import annotations
+
 import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
-import shapely
-from shapely.geometry.base import BaseGeometry
-from shapely.geometry.polygon import orient
 
 from fmopt.geometry.plane.chords import CHORD, ROUNDING, chords, enclosed, filled, grid_of
 from fmopt.geometry.plane.curve import Arc, Curve, Segment, boxes_of
@@ -22,11 +21,16 @@ from fmopt.geometry.plane.meet import meet
 from fmopt.geometry.plane.region import Region
 from fmopt.spatial.values import Array, Indices
 
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
 T = TypeVar("T")
 
 
 def union(regions: Sequence[Region]) -> Region:
     """The regularised union of any number of regions."""
+    import shapely
+
     full = [region for region in regions if not region.empty]
     if len(full) < 2:
         return full[0] if full else Region(())
@@ -106,6 +110,8 @@ def _quarters(curve: Curve) -> list[Curve]:
 
 def _stops(curves: Sequence[Curve], tolerance: float) -> list[list[float]]:
     """Parameters from 0 to 1 at which each curve is cut."""
+    import shapely
+
     straight = np.array([isinstance(curve, Segment) for curve in curves])
     boxes = shapely.box(*(boxes_of(curves) + 2.0 * tolerance * np.array([-1.0, -1.0, 1.0, 1.0])).T)
     bent = np.flatnonzero(~straight)
@@ -166,6 +172,9 @@ def linked(points: Array, distance: float) -> Indices:
 
 def _rings(shape: BaseGeometry, thin: float) -> list[Array]:
     """Corners (k, 2) of the rings of a shape, the inside on the left; none of those narrower than `thin`, m."""
+    import shapely
+    from shapely.geometry.polygon import orient
+
     found = []
     for part in shapely.get_parts(shape):
         # A line is left where operands touch; it bounds nothing.
@@ -185,6 +194,7 @@ def _rings(shape: BaseGeometry, thin: float) -> list[Array]:
 
 def _with_corners(rings: Sequence[Array], pieces: Sequence[_Piece], tolerance: float) -> list[Array]:
     """Rings (k, 2) that were rounded to a grid, with chords' ends and crossings of straight pieces as corners again."""
+    import shapely
     from scipy.spatial import cKDTree
 
     if not rings:

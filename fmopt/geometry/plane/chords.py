@@ -4,15 +4,19 @@ Chords of neighbouring curves share their ends, so that their order is that of t
 farther apart than the chords' tolerance.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
-from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.plane.curve import Curve, Segment
 from fmopt.spatial.values import Array, Indices
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 CHORD = 1e-6  # of the size: largest distance of a chord from its curve
 ROUNDING = 1e-11  # of the size: points closer than this are one
@@ -49,6 +53,8 @@ def winding(lines: Sequence[Array], points: Array) -> Indices:
 
 def enclosed(lines: Sequence[Array], rounded: bool = True) -> BaseGeometry:
     """What closed chains of directed polylines (k, 2) wind round at least once; on a grid if `rounded`."""
+    import shapely
+
     corners, rows = np.vstack(lines), np.repeat(np.arange(len(lines)), [len(line) for line in lines])
     grid = grid_of(float(np.max(np.abs(corners)))) if rounded else None
     noded = shapely.union_all(shapely.linestrings(corners, indices=rows), grid_size=grid)
@@ -59,6 +65,8 @@ def enclosed(lines: Sequence[Array], rounded: bool = True) -> BaseGeometry:
 
 def filled(rings: Sequence[Array]) -> BaseGeometry:
     """What closed rings (k, 2), last point equal to the first, wind round at least once."""
+    import shapely
+
     area = sum(0.5 * float(np.sum(r[:-1, 0] * r[1:, 1] - r[1:, 0] * r[:-1, 1])) for r in rings)
     simple = shapely.build_area(shapely.MultiLineString(list(rings))) if rings else shapely.Polygon()
     # Where nothing crosses and no ring lies in one of its own sense, windings are 0 and 1, and areas add up.

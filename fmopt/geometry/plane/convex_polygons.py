@@ -16,7 +16,6 @@ from itertools import compress, pairwise
 from typing import TypeAlias
 
 import numpy as np
-from shapely import Polygon, is_valid_reason
 
 from fmopt.errors import GeometryError
 from fmopt.spatial.values import Array
@@ -125,6 +124,8 @@ def simple(outline: Outline) -> Outline:
     Raises:
         GeometryError: it crosses or touches itself, goes back on itself, or is clockwise.
     """
+    from shapely import Polygon, is_valid_reason
+
     made = tuple((float(x), float(y)) for x, y in outline)
     if len(made) < 3 or not all(math.isfinite(value) for corner in made for value in corner):
         raise GeometryError(f"an outline has {len(made)} usable corners", "give at least three finite ones")
@@ -344,6 +345,8 @@ def _heights(outer: Convex, inner: Convex) -> tuple[Array, float]:
 
 def _few(bodies: Sequence[Convex], whole: float) -> tuple[Convex, ...]:
     """Few of the polygons whose union has an area, chosen by what they add, then by their size; in the order given."""
+    from shapely import Polygon
+
     shapes = [Polygon(body.outline) for body in bodies]
     kept: list[int] = []
     union = Polygon()

@@ -1,18 +1,22 @@
 """Plane regions bounded by closed loops of exact curves, the interior on the left; coordinates in m."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike
-from shapely.geometry.base import BaseGeometry
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.chords import CHORD, chords, filled
 from fmopt.geometry.plane.curve import Curve, Segment, boxes_of, distance
 from fmopt.geometry.plane.meet import meet
 from fmopt.spatial.values import Array, Bits, Value
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 _CLOSED = 1e-8  # of the size: shared ends agree to rounding
 
@@ -76,6 +80,8 @@ class Region(Value):
     @cached_property
     def shape(self) -> BaseGeometry:
         """What the loops wind round at least once, curves as chords within 1e-6 of the size, prepared."""
+        import shapely
+
         lines = [
             np.vstack([*(chords(curve, CHORD * self.size)[:-1] for curve in loop), loop[0].first])
             for loop in self.loops
@@ -86,6 +92,8 @@ class Region(Value):
 
     def contains(self, points: ArrayLike) -> Bits:
         """Whether each of `points` (n, 2) lies inside, shape (n,); on the boundary rounding decides."""
+        import shapely
+
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         inside = np.asarray(shapely.contains_xy(self.shape, points), dtype=np.bool_)
         # Between a chord and its curve the curve decides: on which side of it the point lies.
@@ -148,7 +156,7 @@ class Region(Value):
                 kept.append(t)
         return np.array(kept)
 
-    def moved(self, R: ArrayLike, offset: ArrayLike) -> "Region":
+    def moved(self, R: ArrayLike, offset: ArrayLike) -> Region:
         """The image under p ↦ R p + offset with R (2, 2) orthogonal; a reflection turns the loops round."""
         R = np.asarray(R, dtype=np.float64)
         loops = tuple(tuple(curve.moved(R, offset) for curve in loop) for loop in self.loops)

@@ -254,10 +254,10 @@ def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
         down = Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (stands, time))
         first = replace(down, ends=(replace(stands, else_then="next"), time))
         return (*before, first, *work_free(task, u), down)
-    stuck, speeds = replace(standstill(5e-5, 0.3), then="retry"), _LOWERING
+    stuck = replace(standstill(5e-5, 0.3), then="retry")
     down = Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (*levels(task), stuck, time))
     ends = (_seated(task), replace(standstill(2e-5, 0.3), then="retry"), Time(4.0, "retry"))
-    lower = Press("lower to the depth", gives, (0.0,) * 6, wrench, speeds, reach, ends)
+    lower = Press("lower to the depth", gives, (0.0,) * 6, wrench, _LOWERING, reach, ends)
     first, lowered = (
         replace(one, ends=tuple(replace(end, then="next") if isinstance(end, Standstill) else end for end in one.ends))
         for one in (down, lower)
