@@ -9,8 +9,9 @@ from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.facet_margin import Bounds, bounds
 from fmopt.certificate.form import made_lever
 from fmopt.certificate.piece_pairs import Facing, facing
-from fmopt.certificate.propagation import Advance, Piece, Tolerance, advance
+from fmopt.certificate.propagation import Advance, advance
 from fmopt.certificate.remainder import AtEnd, Course, Ends
+from fmopt.certificate.segment_linearisation import Piece, Tolerance
 from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError

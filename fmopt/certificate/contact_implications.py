@@ -20,8 +20,6 @@ from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import cross, length, lengths
 from fmopt.spatial.values import Array, remembered, there
 
-__all__ = ["Assembly", "Facts", "Wall", "aligned", "facts", "flushes", "in_plane", "taken_turns"]
-
 _SHORT = 1e-6  # m: what is nearer to a line than this spans no plane with it
 _LEVEL = 3e-14  # of a vector: what arithmetic leaves of its height; the check decides that exactly
 _STEEP = 1.0 / 64.0

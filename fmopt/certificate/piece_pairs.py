@@ -122,11 +122,6 @@ def _in_walls(
     return any(rim.before(fixed.vertices, *plane).any() for rim in rims for plane in planes)
 
 
-def pairs(assembly: Assembly, piece: Piece) -> tuple[tuple[int, int, Pair], ...]:
-    """The pairs of `facing`."""
-    return facing(assembly, piece).listed
-
-
 def touching(
     assembly: Assembly, moving: Polyhedron, fixed: Polyhedron, contacts: Iterable[PrimitiveContact]
 ) -> tuple[PrimitiveContact, ...]:

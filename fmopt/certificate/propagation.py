@@ -24,16 +24,13 @@ from fmopt.certificate import segment_linearisation
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.form import under_form
-from fmopt.certificate.remainder import Extent
+from fmopt.certificate.remainder import Ends, Extent
 from fmopt.certificate.segment_linearisation import Compliance, Growth, Linearisation, Piece, Tolerance
-from fmopt.certificate.separating_plane import Ends
 from fmopt.certificate.tube import LARGE, PAST, SETTLED, THICK, Errors, Numbers, carried, coupled
 from fmopt.errors import InfeasibleError
 from fmopt.spatial import ellipsoid
 from fmopt.spatial.se3 import exp, length
 from fmopt.spatial.values import Array
-
-__all__ = ["Advance", "Compliance", "Piece", "Tolerance", "advance"]
 
 _IMPOSSIBLE = {
     PAST: ("the velocity error could carry the part past the contact that it is to make", ""),

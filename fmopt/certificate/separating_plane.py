@@ -20,7 +20,7 @@ from fmopt.certificate.contact_implications import Wall, coming_off, facts
 from fmopt.certificate.edge_planes import Counted, contacts_of, edge_rows
 from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.level_rims import faced, level_rims
-from fmopt.certificate.piece_pairs import Pair, Witness, pairs, touching
+from fmopt.certificate.piece_pairs import Pair, Witness
 from fmopt.certificate.remainder import AtEnd, Course, Ends
 from fmopt.certificate.row_bounds import Places, Witnesses, best
 from fmopt.certificate.rows import Forms, Mask, balls_above, faces_above, points_above, stacked
@@ -28,8 +28,6 @@ from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import lengths
 from fmopt.spatial.values import Array, remembered
-
-__all__ = ["Ends", "Pair", "RowBounds", "Separation", "Witness", "pairs", "row_bounds", "separation", "touching"]
 
 _MEMORY = 4096
 

@@ -97,10 +97,23 @@ def run_all(what: Plan, trials: Trials, file: Path, workers: int, advance: Calla
     # A chunk a worker where these are small enough; rounded down, a rest of a few trials would be one more.
     size = min(max(-(-len(missing) // workers), _FEWEST), CHUNK)
     chunks = [missing[k : k + size] for k in range(0, len(missing), size)]
-    keeper = _Keeper(file, head, done)
+    written, due = len(done), time.monotonic() + _PAUSE
+
+    def keep() -> None:
+        """Writes what the file does not hold yet."""
+        nonlocal written, due
+        began = time.monotonic()
+        if len(done) > written:
+            _keep(file, head, done)
+            written = len(done)
+        now = time.monotonic()
+        # The whole file is written each time, and grows: that takes less than a twentieth of the time.
+        due = now + max(_PAUSE, _SHARE * (now - began))
 
     def take(records: list[Any]) -> None:
-        keeper.take(records)
+        done.update({record["trial"]: record for record in records})
+        if time.monotonic() >= due:
+            keep()
         advance(len(records))
 
     try:
@@ -111,37 +124,8 @@ def run_all(what: Plan, trials: Trials, file: Path, workers: int, advance: Calla
         error.add_note(f"{len(done)} of {total} trials are done, and kept in {file}; run it again to go on")
         raise
     finally:
-        keeper.keep()
+        keep()
     return [done[number] for number in sorted(done)]
-
-
-class _Keeper:
-    """Writes the file of trials now and then."""
-
-    def __init__(self, file: Path, head: Mapping[str, Any], done: dict[int, Any]) -> None:
-        self._file, self._head, self._done = file, head, done
-        self._written, self._next = len(done), time.monotonic() + _PAUSE
-
-    def take(self, records: list[Any]) -> None:
-        """Takes records of trials that have ended."""
-        # The table of `run_all`, which counts and returns what is put in here.
-        self._done.update({record["trial"]: record for record in records})
-        if time.monotonic() >= self._next:
-            self.keep()
-
-    def keep(self) -> None:
-        """Writes what the file does not hold yet.
-
-        Raises:
-            ResourceError: it cannot be written.
-        """
-        began = time.monotonic()
-        if len(self._done) > self._written:
-            _keep(self._file, self._head, self._done)
-            self._written = len(self._done)
-        now = time.monotonic()
-        # The whole file is written each time, and grows: that takes less than a twentieth of the time.
-        self._next = now + max(_PAUSE, _SHARE * (now - began))
 
 
 def _head(what: Plan, trials: Trials) -> dict[str, Any]:
@@ -158,7 +142,10 @@ def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:
         first, *rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
     except (OSError, ValueError) as error:
         raise ResourceError(f"{file}: no file of trials: {error}", "choose another folder with --out") from error
-    other = _other(first, head) if isinstance(first, Mapping) else ["head"]
+    other = ["head"]
+    if isinstance(first, Mapping):  # what differs beside the numbers of trials, on which no single trial inside depends
+        keys = [key for key in {**head, **first} if key not in ("inside", "beyond")]
+        other = [key.replace("_", " ") for key in keys if first.get(key) != head.get(key)]
     if other:
         raise ResourceError(f"{file}: holds trials with another {', '.join(other)}", "choose another folder with --out")
     total = head["inside"] + head["beyond"]
@@ -168,12 +155,6 @@ def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:
         advice = "ask for no fewer, for more inside only where none is beyond, or choose another folder with --out"
         raise ResourceError(f"{file}: holds trials that {asked} does not ask for, of {held}", advice)
     return {row["trial"]: row for row in rows}
-
-
-def _other(first: Mapping[str, Any], head: Mapping[str, Any]) -> list[str]:
-    """What differs beside the numbers of trials, on which no single trial inside depends."""
-    keys = [key for key in {**head, **first} if key not in ("inside", "beyond")]
-    return [key.replace("_", " ") for key in keys if first.get(key) != head.get(key)]
 
 
 def _keep(file: Path, head: Mapping[str, Any], done: Mapping[int, Any]) -> None:

@@ -18,7 +18,7 @@ from fmopt.execution import press_servo
 from fmopt.execution.press_servo import BACKING, DONE, HOLDING, NEXT, RUNNING, SAMPLE, Bodies, Ints, Sensors
 from fmopt.execution.rotation import between, product, quaternions
 from fmopt.execution.summary import Fit, reasons_at_rest
-from fmopt.plan.press import PressPlan
+from fmopt.plan.press import PressPlan, first_presses
 from fmopt.spatial.values import Array
 
 _WINDOW = 0.4  # s, the longest window of a standstill
@@ -124,8 +124,7 @@ class Controller:
         self.courses = courses or [range(len(plan.attempts))] * count
         self.presses = tuple(press for attempt in plan.attempts for press in attempt.presses)
         self.errors = errors or Errors.none(count, len(self.presses))
-        counts, robot, n = [len(attempt.presses) for attempt in plan.attempts], plan.robot, count
-        self._first = [sum(counts[:k]) for k in range(len(counts))]  # press of each attempt
+        robot, n, self._first = plan.robot, count, first_presses(plan.attempts)
         self._ends = press_servo.ends_of(self.presses)
         off = self.errors.start
         q = begun(np.array([plan.attempts[course[0]].start for course in self.courses]), off)
@@ -177,11 +176,8 @@ class Controller:
         if self.ticks:
             active = np.flatnonzero(~self.done)
             self.observe(active, pose, velocity, wrench, np.zeros((len(pose), 12)))
-        self.command(np.flatnonzero(~self.done), pose, velocity)
-        state = self.state
-        return Command(
-            self._wrench.copy(), state.resist[:, :3].copy(), np.hstack([state.p, state.q]), state.gives.copy()
-        )
+        wrench, state = self.command(np.flatnonzero(~self.done), pose, velocity), self.state
+        return Command(wrench.copy(), state.resist[:, :3].copy(), np.hstack([state.p, state.q]), state.gives.copy())
 
     def command(self, active: Ints, pose: Array, velocity: Array) -> Array:
         """The wrenches (n, 6) of the parts that are not done at their true poses; damping is in the state."""

@@ -94,12 +94,6 @@ def _by_size(records: Sequence[Any], width: float = 0.25) -> list[dict[str, Any]
     ]
 
 
-def _size(row: dict[str, Any]) -> str:
-    low, high = row["size"]
-    place = "inside" if high <= 1.0 else "beyond"
-    return f"  errors of {low:.2f} to {high:.2f} boxes ({place}): {100 * row['share']:.1f} % of {row['trials']} seated"
-
-
 def _in_words(share: float, interval: Sequence[float]) -> str:
     low, high = interval
     return f"{100 * share:.1f} % (95 % interval {100 * low:.1f} to {100 * high:.1f} %)"
@@ -128,8 +122,10 @@ def lines(found: dict[str, Any]) -> list[str]:
                 f"{part['impact_force']['largest']:.1f} N, penetration up to "
                 f"{1e6 * part['penetration']['largest']:.1f} µm{asked}"
             )
-    if found["beyond"]["trials"]:
-        told += [_size(row) for row in found["by_size"]]
+    for row in found["by_size"] if found["beyond"]["trials"] else ():
+        low, high = row["size"]
+        share = f"{100 * row['share']:.1f} % of {row['trials']} seated"
+        told.append(f"  errors of {low:.2f} to {high:.2f} boxes ({'inside' if high <= 1.0 else 'beyond'}): {share}")
     for group in found["failures"]:
         told.append(f"  {group['count']} failed, first: {group['departure']}; such as trial {group['trials'][0]}")
     return told

@@ -20,12 +20,12 @@ from fmopt.execution.baselines import BASELINES
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.engine import Bodies, Setup
 from fmopt.execution.noise import Noise
+from fmopt.execution.press_controller import begun
 from fmopt.execution.press_trials import press_records
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import Recovery
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
-from fmopt.execution.rotation import product, quaternions
 from fmopt.execution.summary import Fit, Log
 from fmopt.plan import Body, Plan
 from fmopt.plan.contact_geometry import contacts
@@ -208,14 +208,8 @@ def run(
         noise = Noise(trials.seed, [numbers[k] for k in which], attempt)
         return Rig(put(starts), program, robot, np.stack([draws[k].drift for k in which], axis=1), noise)
 
-    return [record(body, log) for body, log in enumerate(carried_out(course, rig, _starts(program, draws)))]
-
-
-def _starts(program: Program, draws: Sequence[Draw]) -> tuple[Array, Array]:
-    """Positions (n, 3) and quaternions (n, 4): the error moves and turns the nominal start pose about its origin."""
-    start, errors = program.start.vector(), np.stack([one.start for one in draws])
-    nominal = np.tile(quaternions(start[3:]), (len(draws), 1))
-    return start[:3] + errors[:, :3], product(quaternions(errors[:, 3:]), nominal)
+    q = begun(program.start.vector()[None], np.stack([one.start for one in draws]))
+    return [record(body, log) for body, log in enumerate(carried_out(course, rig, (q[:, :3], q[:, 3:])))]
 
 
 def grown(plan: Plan, growth: float) -> Plan:

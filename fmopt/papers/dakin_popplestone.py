@@ -18,10 +18,11 @@ from scipy.linalg import null_space
 from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.claim import Claim
 from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.piece_pairs import facing
 from fmopt.certificate.propagation import Advance
 from fmopt.certificate.remainder import Extent
 from fmopt.certificate.segment_linearisation import Piece, Tolerance
-from fmopt.certificate.separating_plane import pairs, separation
+from fmopt.certificate.separating_plane import separation
 from fmopt.spatial import ellipsoid
 from fmopt.spatial.values import Array
 
@@ -69,7 +70,7 @@ def _judged(assembly: Assembly, claim: Claim, errors: ErrorSet, tolerance: Toler
     # No extent and no slack: the paper's claims leave out what is of second order.
     flat = Extent(np.zeros(6), np.zeros(6))
     ends = replace(step.ends, start_set=start, goal_set=goal, extent=flat, slack=np.zeros((6, 0)), core=None)
-    both = zip(claim.separations, pairs(assembly, piece), strict=True)
+    both = zip(claim.separations, facing(assembly, piece).listed, strict=True)
     separations = tuple((i, j, separation(assembly, pair, one.witness, ends)) for (i, j, one), (*_, pair) in both)
     margin, binding = min((s.margin, f"pieces {i}/{j}") for i, j, s in separations)
     return replace(

@@ -12,7 +12,7 @@ from fmopt import __version__, plan
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim, ContactClaim
 from fmopt.certificate.error_set import ErrorSet
-from fmopt.certificate.propagation import Tolerance
+from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.exact_coordinates import Exact, exact_vertices, facing_directions

@@ -5,10 +5,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 
+from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.error_set import ErrorSet
-from fmopt.certificate.propagation import Tolerance
+from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.clearance import Clearance
 from fmopt.planning.control.controlled_motion import least_firm, least_steady, runs_against

@@ -13,7 +13,7 @@ from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.claim import claimed, facet_rows, stepped
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.facet_margin import UNBOUNDED, bounds
-from fmopt.certificate.piece_pairs import Witness, facing, free_plane, pairs
+from fmopt.certificate.piece_pairs import Witness, facing, free_plane
 from fmopt.certificate.remainder import Course
 from fmopt.certificate.separating_plane import counted_rows, row_bounds, separation
 from fmopt.contact.primitive import face_vertex
@@ -132,7 +132,7 @@ def test_the_margin_is_the_least_of_all() -> None:
 
 def test_row_bounds_are_what_the_separation_is_made_of() -> None:
     c = next(c for c in claims() if c.piece.made is not None and c.piece.last)
-    for (_, _, found), (_, _, pair) in zip(c.separations, pairs(peg().assembly, c.piece), strict=True):
+    for (_, _, found), (_, _, pair) in zip(c.separations, facing(peg().assembly, c.piece).listed, strict=True):
         rows = row_bounds(peg().assembly, pair, found.witness, c.advance.ends)
         assert rows.lower.min() / rows.scale == pytest.approx(found.margin, rel=1e-12)
         again = separation(peg().assembly, pair, found.witness, c.advance.ends)

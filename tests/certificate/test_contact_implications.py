@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from fmopt.certificate.assembly import contact_rows, hinge
 from fmopt.certificate.contact_implications import aligned, facts, flushes, taken_turns
-from fmopt.certificate.piece_pairs import Pair, Witness, pairs
+from fmopt.certificate.piece_pairs import Pair, Witness, facing
 from fmopt.certificate.separating_plane import counted_rows
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.spatial.se3 import Pose
@@ -77,7 +77,7 @@ def test_one_flush_face_fixes_its_normal_two_fix_everything() -> None:
 def test_a_flush_face_levels_heights_over_other_walls() -> None:
     """Held flush to the left wall, a peg that makes the front rim with one edge has the parallel edge there, too."""
     way = moves()[4]
-    pair = next(p for _, _, p in pairs(peg().assembly, way.whole) if p.opening)
+    pair = next(p for _, _, p in facing(peg().assembly, way.whole).listed if p.opening)
     assert pair.beside == (way.made,)
     front = np.array([0.0, 1.0, 0.0])
     known = facts(peg().assembly, way.held)
@@ -148,7 +148,7 @@ def excused(pair: Pair) -> list[tuple[Array, float, Array]]:
 @pytest.mark.parametrize("number", [2, 3, 4, 5, 6])
 def test_no_excused_vertex_is_behind_its_plane(number: int) -> None:
     way = moves()[number]
-    touched = [p for _, _, p in pairs(peg().assembly, way.whole) if p.touched]
+    touched = [p for _, _, p in facing(peg().assembly, way.whole).listed if p.touched]
     assert touched
     planes = [plane for pair in touched for plane in excused(pair)]
     if number > 2:
@@ -178,7 +178,7 @@ def along_rim(pair: Pair, rim: Array) -> tuple[int, int]:
 
 def test_edges_turned_onto_a_wall_excuse_it_only_from_inside() -> None:
     way, assembly = moves()[2], peg().assembly
-    pair = next(p for _, _, p in pairs(assembly, way.whole) if p.held)
+    pair = next(p for _, _, p in facing(assembly, way.whole).listed if p.held)
     edge = peg().contacts["left edge"]
     own, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
     a, b = (int(np.argmin(np.linalg.norm(pair.moving.vertices - own[i], axis=1))) for i in edge.moving)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.spatial
 
-from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.assembly import Assembly
 from fmopt.contact.polytope import enumerate_faces
 from fmopt.contact.state_graph import Scale
 from fmopt.errors import SolverError

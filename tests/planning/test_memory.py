@@ -8,7 +8,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_info
 
-from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.assembly import Assembly
 from fmopt.planning.pipeline import certified_motion
 from fmopt.runtime.compiled import undisturbed
 from fmopt.spatial.values import remembered

@@ -5,9 +5,9 @@ from functools import cache
 from itertools import islice
 from typing import Any
 
-from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.error_set import ErrorSet
-from fmopt.certificate.propagation import Tolerance
+from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.planning.motion import drawing
 from fmopt.planning.moves.moves import Reached
 from fmopt.planning.pipeline import certified_motion, planned

@@ -168,9 +168,9 @@ def _put(setup: Setup) -> Put:
     _library()
     if np.ndim(setup.friction) and np.ptp(setup.friction) > 0.0:
         raise SettingsError("Drake's scene has one coefficient of friction", "give a single value, or use mujoco")
-    from pydrake.geometry import Sphere
+    from pydrake.geometry import AddContactMaterial, ProximityProperties, Sphere
     from pydrake.math import RigidTransform
-    from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
+    from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlantConfig
     from pydrake.multibody.tree import SpatialInertia, UnitInertia
     from pydrake.systems.framework import DiagramBuilder
 
@@ -189,7 +189,10 @@ def _put(setup: Setup) -> Put:
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))  # the robot bears the weight
     inertia = UnitInertia.TriaxiallySymmetric(robot.inertia / robot.mass)
     part = plant.AddRigidBody("part", SpatialInertia(robot.mass, np.zeros(3), inertia))
-    material = _material(setup, physics.contact[0])
+    # Two parts in contact are half as stiff as one, and relax over both their times together.
+    material, friction = ProximityProperties(), CoulombFriction(*(2 * [float(np.max(setup.friction))]))
+    AddContactMaterial(material, point_stiffness=max(_STIFF, _BENT / setup.clearance), friction=friction)
+    material.AddProperty("material", "relaxation_time", physics.contact[0])
     _register(plant, plant.world_body(), "fixed", setup.bodies.fixed, material)
     corners = [corner for piece in setup.bodies.moving for corner in with_corners(piece)]
     _register(plant, part, "moving", corners, material)
@@ -198,18 +201,6 @@ def _put(setup: Setup) -> Put:
         plant.RegisterCollisionGeometry(part, at, Sphere(radius), name, material)
     plant.Finalize()
     return partial(DrakeEngine, builder.Build())
-
-
-def _material(setup: Setup, relaxation: float) -> Any:
-    """Of both parts; two in contact are half as stiff as one, and relax over both their times, s, together."""
-    from pydrake.geometry import AddContactMaterial, ProximityProperties
-    from pydrake.multibody.plant import CoulombFriction
-
-    material = ProximityProperties()
-    friction = CoulombFriction(*(2 * [float(np.max(setup.friction))]))
-    AddContactMaterial(material, point_stiffness=max(_STIFF, _BENT / setup.clearance), friction=friction)
-    material.AddProperty("material", "relaxation_time", relaxation)
-    return material
 
 
 def _register(plant: Any, body: Any, side: str, hulls: Sequence[Array], material: Any) -> None:

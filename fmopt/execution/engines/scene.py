@@ -34,7 +34,11 @@ def scene(
     """
     physics.trusted()
     found = {"fixed": _named("fixed", bodies.fixed, cell.fixed), "moving": _named("moving", bodies.moving, cell.moving)}
-    meshes = [_mesh(name, vertices) for side in found.values() for name, vertices in side.items()]
+    meshes = [
+        f'    <mesh name="{name}" inertia="exact" vertex="{numbers(vertices.ravel().tolist())}"/>'
+        for side in found.values()
+        for name, vertices in side.items()
+    ]
     template = Path(__file__).with_name("scene.xml").read_text("utf-8")
     return template.format(
         step=physics.time_step,
@@ -76,10 +80,6 @@ def compiled(text: str) -> Any:
         ResourceError: the extra is missing.
     """
     return engine().MjModel.from_xml_string(text)
-
-
-def _mesh(name: str, vertices: Array) -> str:
-    return f'    <mesh name="{name}" inertia="exact" vertex="{numbers(vertices.ravel().tolist())}"/>'
 
 
 def _named(side: str, pieces: Sequence[Array], solids: Sequence[ConvexSolid]) -> dict[str, Array]:

@@ -37,12 +37,11 @@ class Hold(Enum):
     NONE = "none"
 
 
-def _nothing(_: Array) -> float:
-    return 0.0
+_LABELS = {"held": "held wrenches", "points": "contact points", "made": "made wrenches"}
 
 
 @dataclass(frozen=True, eq=False)
-class GuardedMove(Value):
+class GuardedMove(Value, displacement=(6,), held=(None, 6), points=("held", 3), made=(None, 6), labels=_LABELS):
     """What a segment asks of its controller, all about the moving part's reference point at the goal, axes of B.
 
     Args:
@@ -63,16 +62,9 @@ class GuardedMove(Value):
     points: Array
     made: Array
     bound: float
-    resisting: Callable[[Array], float] = _nothing
+    resisting: Callable[[Array], float] = lambda _: 0.0
     near: bool = True
     centres: Array | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "displacement", frozen(self.displacement, 6, name="displacement"))
-        object.__setattr__(self, "held", frozen(np.reshape(self.held, (-1, 6)), None, 6, name="held wrenches"))
-        points = np.reshape(self.points, (-1, 3))
-        object.__setattr__(self, "points", frozen(points, len(self.held), 3, name="contact points"))
-        object.__setattr__(self, "made", frozen(np.reshape(self.made, (-1, 6)), None, 6, name="made wrenches"))
 
     @property
     def reaction(self) -> Array:

@@ -23,11 +23,10 @@ from weakref import ref
 
 import numpy as np
 
-from fmopt.certificate.assembly import contact_rows
+from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.contact_implications import Assembly
-from fmopt.certificate.propagation import Tolerance
 from fmopt.certificate.remainder import Curvature
+from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.contact.c_surface import Surfaces, contact_normal, contact_point, contact_wrench
 from fmopt.contact.facet_bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact

@@ -26,7 +26,7 @@ from fmopt.planning.control.bias_wrench import GuardedMove, Hold, bias_wrench
 from fmopt.planning.control.compliance_frame import axes, compliance_frame, free_part, twist_scale, wrenches_in
 from fmopt.planning.control.friction_cones import NEARLY, FrictionCones, cone_angle, least_push, plane_angle
 from fmopt.spatial.se3 import Pose, hat
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Value
 from fmopt.task.problem import Specification
 
 _SHOWN = 1e-3  # sine of the least angle that is worth a proof
@@ -47,7 +47,10 @@ class Termination(Value, wrench=(6,), labels={"wrench": "termination wrench"}):
 
 
 @dataclass(frozen=True, eq=False)
-class HybridStrategy(Value):
+class HybridStrategy(
+    Value, frame=(6,), velocity=(6,), bias_wrench=(6,), position_axes=(None, 6), force_axes=(None, 6),
+    normal_forces=(None,), labels={name: name for name in ("bias_wrench", "position_axes", "force_axes")},
+):  # fmt: skip
     """The `hybrid` entry of a plan's segment.
 
     Args:
@@ -70,13 +73,6 @@ class HybridStrategy(Value):
     stays: Hold
     normal_forces: Array
     termination: Termination
-
-    def __post_init__(self) -> None:
-        for name in ("frame", "velocity", "bias_wrench"):
-            object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
-        for name in ("position_axes", "force_axes"):
-            object.__setattr__(self, name, frozen(getattr(self, name), None, 6, name=name))
-        object.__setattr__(self, "normal_forces", frozen(self.normal_forces, None, name="normal forces"))
 
     def document(self, held: Sequence[str], made: Sequence[str]) -> dict[str, Any]:
         """As in the plan file, with the names of the held and of the made contacts in the order of the guarded move."""
@@ -118,7 +114,7 @@ def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification)
 
 
 @dataclass(frozen=True, eq=False)
-class JamFree(Value):
+class JamFree(Value, twists=(None, 6)):
     """The `jam_free` entry of a segment's strategy.
 
     Args:
@@ -139,9 +135,6 @@ class JamFree(Value):
     angle: float
     planes: tuple[tuple[str, tuple[float, float]], ...]
     twists: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "twists", frozen(np.reshape(self.twists, (-1, 6)), None, 6, name="twists"))
 
     def document(self) -> dict[str, Any]:
         """As in the plan file."""

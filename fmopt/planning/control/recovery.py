@@ -20,9 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.certificate.assembly import contact_rows
+from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.contact_implications import Assembly
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.plan import diagnostics, rounded_down
 from fmopt.plan.guarded_moves import NOISE

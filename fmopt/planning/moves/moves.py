@@ -8,12 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from fmopt.certificate.assembly import contact_forms, contact_rows
+from fmopt.certificate.assembly import Assembly, contact_forms, contact_rows
 from fmopt.certificate.claim import Claim, Stepped, claimed, stepped
-from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.kernels_rows import Table
-from fmopt.certificate.propagation import Compliance, Piece, Tolerance
+from fmopt.certificate.segment_linearisation import Compliance, Piece, Tolerance
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.contact.realisation import Poses
 from fmopt.errors import InfeasibleError

@@ -18,8 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.certificate.assembly import contact_forms
-from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.assembly import Assembly, contact_forms
 from fmopt.certificate.remainder import Course
 from fmopt.certificate.rows import Forms, Rows, points_above, stacked
 from fmopt.certificate.separating_plane import counted_rows

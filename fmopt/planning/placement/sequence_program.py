@@ -15,10 +15,9 @@ from itertools import takewhile
 
 import numpy as np
 
-from fmopt.certificate.assembly import contact_rows
+from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.contact_implications import Assembly
-from fmopt.certificate.propagation import Tolerance
+from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.geometry.section import lowest_point

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly, contact_rows, made_form, made_scale
 from fmopt.certificate.claim import Claim, facet_rows
-from fmopt.certificate.piece_pairs import Pair, pairs
+from fmopt.certificate.piece_pairs import Pair, facing
 from fmopt.certificate.remainder import Course, Curvature
 from fmopt.certificate.rows import Forms
 from fmopt.certificate.segment_linearisation import Growth, Tolerance
@@ -269,8 +269,8 @@ def _described(course: Course, sure: Sequence[tuple[Forms, NDArray[np.intp]]], n
 
 def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
     """The pairs of pieces of a claim, with the planes that keep them apart."""
-    found = pairs(assembly, claim.piece)
-    return [(pair, kept) for (_, _, kept), (_, _, pair) in zip(claim.separations, found, strict=True)]
+    both = zip(claim.separations, facing(assembly, claim.piece).listed, strict=True)
+    return [(pair, kept) for (_, _, kept), (_, _, pair) in both]
 
 
 def _surely(

@@ -10,10 +10,10 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.error_set import ErrorSet
-from fmopt.certificate.propagation import Tolerance
+from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import stretched

@@ -12,9 +12,9 @@ from itertools import compress
 
 import numpy as np
 
+from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.contact_implications import Assembly
-from fmopt.certificate.propagation import Piece
+from fmopt.certificate.segment_linearisation import Piece
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.facet_bounds import INSIDE, BoundTable, touching
 from fmopt.contact.primitive import PrimitiveContact, near_contacts

@@ -18,9 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.certificate.assembly import contact_rows
+from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.contact.c_surface import (
     Surfaces,

@@ -8,11 +8,11 @@ from itertools import compress, groupby, product
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.certificate.assembly import contact_rows
-from fmopt.certificate.contact_implications import Assembly, aligned, flushes
+from fmopt.certificate.assembly import Assembly, contact_rows
+from fmopt.certificate.contact_implications import aligned, flushes
 from fmopt.certificate.facet_margin import cornered
 from fmopt.certificate.kernels_rows import Table
-from fmopt.certificate.propagation import Compliance
+from fmopt.certificate.segment_linearisation import Compliance
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.facet_bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distances, near_contacts, near_tips

@@ -8,10 +8,9 @@ from itertools import chain
 
 import numpy as np
 
-from fmopt.certificate.assembly import contact_rows
-from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.error_set import ErrorSet
-from fmopt.certificate.propagation import Tolerance
+from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.facet_bounds import INSIDE
 from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.assembly import Assembly
 from fmopt.contact.c_surface import contact_point, contact_wrench
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.errors import InfeasibleError

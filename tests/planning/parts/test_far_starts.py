@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.assembly import Assembly
 from fmopt.planning.pipeline import synthesise
 from fmopt.planning.search.entry_room import room
 from fmopt.spatial.values import Array

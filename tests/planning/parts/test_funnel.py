@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.facet_margin import _blocked
 from fmopt.planning.pipeline import synthesise
 from fmopt.task.problem import load

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.contact.facet_bounds import touching
 from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distances, near_contacts, vertex_face

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fmopt.certificate.contact_implications import Assembly, aligned, facts, rising
+from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.contact_implications import aligned, facts, rising
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.planning.pipeline import proved
 from fmopt.planning.search.entry import Shape

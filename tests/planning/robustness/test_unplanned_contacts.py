@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.error_set import ErrorSet
-from fmopt.certificate.propagation import Tolerance
+from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.contact.c_surface import Surfaces, angle_between, friction_cone
 from fmopt.contact.facet_bounds import BoundTable
 from fmopt.contact.primitive import near_contacts

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.assembly import Assembly
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import Kind, near_contacts
 from fmopt.geometry import csg

@@ -11,7 +11,7 @@ import pytest
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.error_set import ErrorSet
-from fmopt.certificate.propagation import Tolerance
+from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import Kind, near_contacts
 from fmopt.errors import SearchError

@@ -9,7 +9,7 @@ import numpy as np
 from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.claim import Claim, claimed, stepped
 from fmopt.certificate.error_set import ErrorSet
-from fmopt.certificate.propagation import Compliance, Piece, Tolerance
+from fmopt.certificate.segment_linearisation import Compliance, Piece, Tolerance
 from fmopt.contact.primitive import PrimitiveContact, edge_edge, vertex_face
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
