@@ -46,23 +46,17 @@ class ErrorSet(Value):
     The one ellipsoid is what cone constraints are written in; the sum spares the factor √6 that a box of six
     independent errors costs, and up to √2 that one ellipsoid around both drifts does. The generators are a core, images
     of the start box, and the thickness of contact surfaces.
-
-    Args:
-        shape_root: root (6, a) of the outer ellipsoid of everything.
-        generators: rows gᵢ (k, 6).
-        slide_root: root (6, b).
-        swing_root: root (6, c).
-        compliant: twists (r, 6) along which the contacts of that thickness give way.
-        linkage: how the first generators move on with the part; None where all stay as they are.
     """
 
-    shape_root: Array
-    generators: Array
-    slide_root: Array
-    swing_root: Array = field(default_factory=lambda: _POINT)
+    shape_root: Array  # root (6, a) of the outer ellipsoid of everything
+    generators: Array  # rows gᵢ (k, 6)
+    slide_root: Array  # root (6, b)
+    swing_root: Array = field(default_factory=lambda: _POINT)  # root (6, c)
     thick: int = 0
-    compliant: Array = field(default_factory=lambda: _NONE)
-    linkage: Linkage | None = None
+    compliant: Array = field(
+        default_factory=lambda: _NONE
+    )  # twists (r, 6) along which contacts of that thickness yield
+    linkage: Linkage | None = None  # how the first generators move on with the part; None where all stay as they are
 
     def __post_init__(self) -> None:
         # Six columns at most: sums would let roots grow with each piece of motion.
@@ -131,17 +125,11 @@ class ErrorSet(Value):
 
 @dataclass(frozen=True, eq=False)
 class Linkage(Value, hole=(None, 3), hand=(None, 6), sizes=(4,)):
-    """How generators of the start error move on with the part, the first ones of an error set.
+    """How generators (k, 6) of the start error move on with the part, the first ones of an error set."""
 
-    Args:
-        hole: turns (k, 3) of the hole, rad; zero for generators that are not fixed there.
-        hand: generators (k, 6) that are fixed in the hand, as they are turned now, m and rad; zero for others.
-        sizes: of h_p, h, g_p and g_r at most (4,), m and rad.
-    """
-
-    hole: Array
-    hand: Array
-    sizes: Array
+    hole: Array  # turns (k, 3) of the hole, rad; zero for generators that are not fixed there
+    hand: Array  # generators (k, 6) that are fixed in the hand, as they are turned now, m and rad; zero for others
+    sizes: Array  # of h_p, h, g_p and g_r at most (4,), m and rad
     origin: Array | None = None
 
     @staticmethod

@@ -15,23 +15,15 @@ from fmopt.runtime.process import cores
 
 @dataclass(frozen=True)
 class Examination:
-    """How a plan is examined.
-
-    Attributes:
-        min_rate: that the bound has to reach.
-        examined: number of the plan among those examined for the problem, from 1.
-        threads: of the physics engine, None for as many as there are cores.
-        vertices: whether those of the start box are tried, too; without them a plan is not tested.
-        max_time: s, within which 95 % of the draws that seat have to be through; None where that is not asked for.
-    """
+    """How a plan is examined."""
 
     draws: int
-    min_rate: float
+    min_rate: float  # that the bound has to reach
     seed: int
-    examined: int = 1
-    threads: int | None = None
-    max_time: float | None = None
-    vertices: bool = True
+    examined: int = 1  # number of the plan among those examined for the problem, from 1
+    threads: int | None = None  # of the physics engine, None for as many as there are cores
+    max_time: float | None = None  # s, within which 95 % of the draws that seat have to be through; None for no limit
+    vertices: bool = True  # whether those of the start box are tried, too; without them a plan is not tested
 
     @property
     def trials(self) -> int:

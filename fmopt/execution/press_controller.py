@@ -31,21 +31,14 @@ _DAMPED = 0.8  # of the angular momentum that explicit damping takes in a period
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """What is off in n trials.
+    """What is off in n trials."""
 
-    Attributes:
-        start: (n, 6) of the start pose, m and rad.
-        friction, stiffness, admittance: (n,) coefficient, and factors of the robot's.
-        offset: (n, 6) of the wrench, N and N·m.
-        drift: (n, 6, presses) of the twist of each press, as shares of its translation and of its rotation.
-    """
-
-    start: Array
-    friction: Array
-    stiffness: Array
-    admittance: Array
-    offset: Array
-    drift: Array
+    start: Array  # (n, 6) of the start pose, m and rad
+    friction: Array  # (n,) coefficient
+    stiffness: Array  # (n,) factor of the robot's
+    admittance: Array  # (n,) factor of the robot's
+    offset: Array  # (n, 6) of the wrench, N and N·m
+    drift: Array  # (n, 6, presses) of the twist of each press, as shares of its translation and of its rotation
 
     @staticmethod
     def none(count: int, presses: int) -> Errors:

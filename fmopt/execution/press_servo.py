@@ -28,66 +28,43 @@ Ints: TypeAlias = NDArray[np.int64]
 
 
 class Bodies(NamedTuple):
-    """What is kept of n bodies, a row each; changed in place.
+    """What is kept of n bodies, a row each; changed in place."""
 
-    Attributes:
-        mode, step: (n,), and the press among all of the plan.
-        time, due: (n,), s in the press, and at the end of a rest or of a way back.
-        p, q: references (n, 3), (n, 4) of held axes.
-        begun: measured poses (n, 7) at the begin of the press.
-        before, filtered: wrenches (n, 6) at the begin of the press, and as they are measured.
-        peak, lowest: (n,), N and m.
-        gives, twist, wrench, ramp, reference, rocking: of the press, as the body gets it; rocking is angle, turns a
-            second and seconds, (n, 3).
-        resist, resisted, resists: (n, 6) damping of axes that give way, now, before the press, and wanted.
-        stiffness, damping: (n, 6), of held axes.
-        offset: (n, 6) of the wrench.
-        above: (n,), m, by which the start is above its nominal height.
-    """
-
-    mode: Ints
-    step: Ints
-    time: Array
-    due: Array
-    p: Array
-    q: Array
-    begun: Array
-    before: Array
-    filtered: Array
-    peak: Array
-    lowest: Array
-    gives: Bools
+    mode: Ints  # (n,)
+    step: Ints  # (n,), the press among all of the plan
+    time: Array  # (n,), s in the press
+    due: Array  # (n,), s at the end of a rest or of a way back
+    p: Array  # references (n, 3) of held axes
+    q: Array  # references (n, 4) of held axes
+    begun: Array  # measured poses (n, 7) at the begin of the press
+    before: Array  # wrenches (n, 6) at the begin of the press
+    filtered: Array  # wrenches (n, 6) as they are measured
+    peak: Array  # (n,), N
+    lowest: Array  # (n,), m
+    gives: Bools  # of the press, as the body gets it; so are twist, wrench, ramp and reference
     twist: Array
     wrench: Array
     ramp: Array
     reference: Array
-    resist: Array
-    resisted: Array
-    resists: Array
-    rocking: Array
-    stiffness: Array
-    damping: Array
-    offset: Array
-    above: Array
+    resist: Array  # (n, 6) damping of axes that give way, now
+    resisted: Array  # likewise, before the press
+    resists: Array  # likewise, wanted
+    rocking: Array  # of the press: angle, turns a second and seconds, (n, 3)
+    stiffness: Array  # (n, 6), of held axes
+    damping: Array  # (n, 6), of held axes
+    offset: Array  # (n, 6) of the wrench
+    above: Array  # (n,), m, by which the start is above its nominal height
 
 
 class Ends(NamedTuple):
-    """Ends of all presses of a plan, a row each; those that a press does not have are infinite.
+    """Ends of all presses of a plan, a row each; those that a press does not have are infinite."""
 
-    Attributes:
-        still: a column for each number of a standstill.
-        still_then: what follows at rest below the height, and above it.
-        at, thens: a column for each other end, and what follows.
-        turning: rad/s, of the twist.
-        reach: m and rad.
-    """
-
-    still: Array
-    still_then: Ints
-    at: Array
-    thens: Ints
-    turning: Array
-    reach: Array
+    still: Array  # a column for each number of a standstill
+    still_then: Ints  # what follows at rest below the height, and above it
+    at: Array  # a column for each other end
+    thens: Ints  # what follows these
+    turning: Array  # rad/s, of the twist
+    reach: Array  # m and rad
 
 
 class Sensors(NamedTuple):

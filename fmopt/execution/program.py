@@ -25,49 +25,31 @@ _LATE = 2.0  # durations that a piece of a move may take, as the plan gives its 
 
 @dataclass(frozen=True, eq=False)
 class Step(Value, position=(6, 6), twist=(6,), hold=(2, 6), rubbing=(6,), gain=(6,)):
-    """One hybrid motion.
-
-    Args:
-        move: number of the move that it belongs to; the reference pose starts anew where the part is at each move.
-        frame: compliance frame, turned as in B, its origin from the moving frame's, axes of B; it goes with the part.
-        position: projector (6, 6) of twists in the frame's coordinates onto the position-controlled ones.
-        twist: (6,) of the moving frame's origin in axes of B, m/s and rad/s.
-        hold: wrenches (2, 6) to apply at the start and at the end of its travel, in the frame's coordinates.
-        rubbing: wrench (6,) of friction of coefficient 1 on the held contacts, in the frame's coordinates; 0 for none.
-        travel: way along the twist, m in the metric of ρ, for which it is run.
-        timeout: s since the move began after which the step ends, wherever it is.
-        gain, force, sure: stop when gain · reaction ≥ force, N, and the part has been braked, or when it is ≥ sure,
-            which allows for all that friction may do; infinite for no such stop.
-        deep: stop when the part's reference point is below this z in B, m; −infinite for no such stop.
-        push: limit of the servo along the twist, N in the metric of ρ.
-        soft: stiffness of position axes, as a share of the robot's.
-        touch: what makes the contact felt, above what resists on the way, as `push`; 0 where none is expected.
-        gentle: whether no more may push where the contact may be met, as that would pry held contacts open.
-        on_stop, on_end, on_late: index of the next step when it stops, when its travel and when its time is used up;
-            DONE or FAILED.
-    """
+    """One hybrid motion."""
 
     name: str
-    move: int
-    frame: Pose
-    position: Array
-    twist: Array
-    hold: Array
-    travel: float
-    timeout: float
-    push: float
-    on_stop: int
-    on_end: int
-    on_late: int = FAILED
+    move: int  # number of the move that it belongs to; the reference pose starts anew where the part is at each move
+    frame: Pose  # compliance frame, turned as in B, its origin from the moving frame's, axes of B; goes with the part
+    position: Array  # projector (6, 6) of twists in the frame's coordinates onto the position-controlled ones
+    twist: Array  # (6,) of the moving frame's origin in axes of B, m/s and rad/s
+    hold: Array  # wrenches (2, 6) to apply at the start and at the end of its travel, in the frame's coordinates
+    travel: float  # way along the twist, m in the metric of ρ, for which it is run
+    timeout: float  # s since the move began after which the step ends, wherever it is
+    push: float  # limit of the servo along the twist, N in the metric of ρ
+    on_stop: int  # index of the next step when it stops; DONE or FAILED
+    on_end: int  # the same when its travel is used up
+    on_late: int = FAILED  # the same when its time is
     due: float = 0.0
+    # Wrench (6,) of friction of coefficient 1 on the held contacts, in the frame's coordinates; 0 for none
     rubbing: Array = field(default_factory=lambda: np.zeros(6))
+    # It stops when gain · reaction ≥ force and the part has been braked, or when it is ≥ sure
     gain: Array = field(default_factory=lambda: np.zeros(6))
-    force: float = np.inf
-    sure: float = np.inf
-    touch: float = 0.0
-    gentle: bool = False
-    deep: float = -np.inf
-    soft: float = 1.0
+    force: float = np.inf  # N; infinite for no such stop
+    sure: float = np.inf  # N; it allows for all that friction may do; infinite for no such stop
+    touch: float = 0.0  # what makes the contact felt, above what resists on the way, as `push`; 0 where none is due
+    gentle: bool = False  # whether no more may push where the contact may be met, as that would pry held contacts open
+    deep: float = -np.inf  # stop when the part's reference point is below this z in B, m; −infinite for no such stop
+    soft: float = 1.0  # stiffness of position axes, as a share of the robot's
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,27 +26,17 @@ _THERE = (5e-4, 5e-3)  # m and rad, by which it may then be off
 
 @dataclass(frozen=True, eq=False)
 class Recovery(Value, shifts=(None, 3), points=(None, 3)):
-    """What a plan says of recovery.
+    """What a plan says of recovery."""
 
-    Args:
-        above: m in B, above which the part's lowest point has to lie for it to be lifted.
-        clear: m in B, to which that is lifted before it is carried.
-        turn: rad, the furthest that the part may be turned back.
-        sunk: m, by how much start errors may lower points of the part.
-        shifts: of the start (k, 3), m.
-        orders: for each move, in which order they are tried, after it failed `EARLY` or `LATE`.
-        radii: of the balls about them (v,), m, 0 of those that are points.
-    """
-
-    above: float
-    clear: float
-    turn: float
-    sunk: float
-    shifts: Array
-    orders: tuple[Mapping[str, tuple[int, ...]], ...]
+    above: float  # m in B, above which the part's lowest point has to lie for it to be lifted
+    clear: float  # m in B, to which that is lifted before it is carried
+    turn: float  # rad, the furthest that the part may be turned back
+    sunk: float  # m, by how much start errors may lower points of the part
+    shifts: Array  # of the start (k, 3), m
+    orders: tuple[Mapping[str, tuple[int, ...]], ...]  # of them, for each move, after it failed `EARLY` or `LATE`
     start: Pose
     points: Array
-    radii: Array
+    radii: Array  # of the balls about them (v,), m, 0 of those that are points
 
     @staticmethod
     def of(plan: Plan) -> Recovery | None:
@@ -84,17 +74,11 @@ class Recovery(Value, shifts=(None, 3), points=(None, 3)):
 
 @dataclass(frozen=True, eq=False)
 class WayBack(Value):
-    """Where n parts are led: up, over, down to their new start; each leg straight, at a constant rate, then a rest.
+    """Where n parts are led: up, over, down to their new start; each leg straight, at a constant rate, then a rest."""
 
-    Args:
-        corners: positions (4, n, 3), m, and
-        turned: quaternions (4, n, 4) at the corners.
-        times: (4, n) at which they are reached, s, the first 0.
-    """
-
-    corners: Array
-    turned: Array
-    times: Array
+    corners: Array  # positions (4, n, 3), m
+    turned: Array  # quaternions (4, n, 4) there
+    times: Array  # (4, n) at which they are reached, s, the first 0
 
     @staticmethod
     def of(recovery: Recovery, poses: Array, begun: Array, shifts: Sequence[int]) -> WayBack:

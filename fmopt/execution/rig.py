@@ -31,32 +31,21 @@ Bools = NDArray[np.bool_]
 
 @dataclass
 class State:
-    """Where n bodies are in their programs; the only thing here that changes in place.
-
-    Args:
-        gone: way along the twist of the step, m in the metric of ρ.
-        moving: s in the move.
-        reference: position (n, 3) and quaternion (n, 4) that the servo leads to.
-        filtered: reaction (n, 6) after the filter, about the part's reference point, axes of B.
-        tare: reaction (n, 6) beyond the expected one when the move began.
-        sensed, slowly: means of the last force of the new contacts, N, over the robot's shorter and longer time.
-        felt, stalled: samples in a row that said the contact is felt, and that the part stands at the greatest push.
-        effort: push in pushes of the step; it grows while the part stands and no contact is felt, and falls again.
-    """
+    """Where n bodies are in their programs; the only thing here that changes in place."""
 
     step: Ints
     shown: Ints
-    gone: Array
-    moving: Array
-    p: Array
-    q: Array
-    filtered: Array
-    tare: Array
-    sensed: Array
-    slowly: Array
-    felt: Ints
-    stalled: Ints
-    effort: Array
+    gone: Array  # way along the twist of the step, m in the metric of ρ
+    moving: Array  # s in the move
+    p: Array  # position (n, 3) that the servo leads to
+    q: Array  # quaternion (n, 4) that the servo leads to
+    filtered: Array  # reaction (n, 6) after the filter, about the part's reference point, axes of B
+    tare: Array  # reaction (n, 6) beyond the expected one when the move began
+    sensed: Array  # mean of the last force of the new contacts, N, over the robot's shorter time
+    slowly: Array  # the same over its longer time
+    felt: Ints  # samples in a row that said the contact is felt
+    stalled: Ints  # samples in a row that said the part stands at the greatest push
+    effort: Array  # push in pushes of the step; it grows while the part stands and no contact is felt, and falls again
     friction: Array
     brisk: Array
     pace: Array
@@ -330,19 +319,13 @@ def _through(A: Array, x: Array) -> Array:
 
 
 class Signal(NamedTuple):
-    """What n bodies feel.
+    """What n bodies feel."""
 
-    Args:
-        sensed, slowly: means of the last force (n,) of the new contacts, N, over the robot's shorter and longer time.
-        brisk, pace: means of the last speed (n,) along the motion over these times, as shares of the commanded one.
-        effort: push (n,), in pushes of the plan.
-    """
-
-    sensed: Array
-    slowly: Array
-    brisk: Array
-    pace: Array
-    effort: Array
+    sensed: Array  # mean of the last force (n,) of the new contacts, N, over the robot's shorter time
+    slowly: Array  # the same over its longer time
+    brisk: Array  # mean of the last speed (n,) along the motion over the shorter time, as a share of the commanded one
+    pace: Array  # the same over the longer time
+    effort: Array  # push (n,), in pushes of the plan
 
 
 def contact_told(signal: Signal, force: Array, sure: Array, robot: Robot) -> NDArray[np.bool_]:

@@ -6,55 +6,38 @@ from math import exp, pi, sqrt
 
 @dataclass(frozen=True)
 class Robot:
-    """A compliant tool held by a hybrid position/force servo.
-
-    Args:
-        gyration: radius of gyration about the part's reference point, m; it makes inertia and turning stiffness of mass
-            and stiffness.
-        stiffness: of the servo, N/m.
-        resistances: force per speed with which force-controlled axes give way on the way, N·s/m and N·m·s/rad.
-        settling: s in which the part settles before each move.
-        memory: s over which slow changes of the force signal are taken for the level that a touch rises above.
-        learning: s over which the servo learns the coefficient of friction that it makes up for.
-        cut_off: of the low-pass filter on the force signal, Hz.
-        noise: standard deviations of force (N) and torque (N·m) in each raw sample.
-        averaging: s over which the force of the new contacts is averaged, where it alone tells of them, and where the
-            part has been braked as well; pace is averaged over the longer.
-        alert: share of what a plan's stop allows for friction and noise that is left after the averaging.
-        doubling: s in which the push doubles while the part stands and no contact is felt.
-        lasting: share of what a plan's stop allows that tells of the contact when it is averaged over the longer time.
-        stuck: pushes at which a part that stands may have met the contact, and the share of the force that tells so of
-            a braked one.
-        haste: s in which the push that comes on top of that, at the start of a move, brings the part to its speed.
-        turning: greatest speed of turning, rad/s; moves that the plan turns faster are run more slowly.
-    """
+    """A compliant tool held by a hybrid position/force servo."""
 
     mass: float = 0.5
-    gyration: float = 0.02
-    stiffness: float = 20000.0
+    gyration: float = 0.02  # m about the reference point; it makes inertia and turning stiffness of mass and stiffness
+    stiffness: float = 20000.0  # of the servo, N/m
     damping: float = 0.7  # less than critical, or tight parts rattle between their walls at the controller's rate
-    resistances: tuple[float, float] = (1000.0, 1.0)
-    memory: float = 0.1
-    settling: float = 0.15
+    resistances: tuple[float, float] = (1000.0, 1.0)  # of force-controlled axes on the way, N·s/m and N·m·s/rad
+    memory: float = 0.1  # s over which slow changes of the force signal count as the level that a touch rises above
+    settling: float = 0.15  # s in which the part settles before each move
     settled: tuple[float, float] = (400.0, 0.06)
-    learning: float = 0.02
+    learning: float = 0.02  # s over which the servo learns the coefficient of friction that it makes up for
     period: float = 0.001
-    cut_off: float = 60.0
-    noise: tuple[float, float] = (0.1, 0.002)  # the filter leaves 43 % of it, less than stops of plans allow for
+    cut_off: float = 60.0  # of the low-pass filter on the force signal, Hz
+    # Deviations of force (N) and torque (N·m) in a raw sample; the filter leaves 43 %, less than what stops allow
+    noise: tuple[float, float] = (0.1, 0.002)
+    # s over which the force of the new contacts is averaged, where it alone tells of them, and where the part has been
+    # braked as well; pace is averaged over the longer
     averaging: tuple[float, float] = (0.01, 0.03)
-    alert: float = 0.15
+    alert: float = 0.15  # share of what a plan's stop allows for friction and noise that is left after the averaging
     debounce: int = 3
     patience: int = 40
-    doubling: float = 0.05
+    doubling: float = 0.05  # s in which the push doubles while the part stands and no contact is felt
     slow: float = 0.6
     braked: tuple[float, float] = (0.75, 0.6)
-    lasting: float = 0.7
+    lasting: float = 0.7  # share of what a plan's stop allows that tells of the contact, averaged over the longer time
+    # Pushes at which a part that stands may have met the contact, and the share of the force that tells so if braked
     stuck: tuple[float, float] = (3.0, 0.5)
     standing: float = 0.2
     surplus: float = 1.3
     leeway: float = 1.5
-    haste: float = 0.005
-    turning: float = 0.25
+    haste: float = 0.005  # s in which the push that comes on top, at the start of a move, brings the part to its speed
+    turning: float = 0.25  # greatest speed of turning, rad/s; moves that the plan turns faster are run more slowly
 
     @property
     def starting(self) -> float:

@@ -51,14 +51,6 @@ _SAME = 1e-9  # m between vertices that are one
 class Trials:
     """What is to be run.
 
-    Args:
-        time_step: of the physics, s; None for what the clearance asks for.
-        friction: coefficient; None for the plan's, which is the most that it allows for.
-        growth: of the moving part to each side, m; more than the clearance makes an interference fit.
-        offset: of each start along x, m, that nobody knows of.
-        recovery: whether a plan that says so backs off and tries again when a move fails.
-        covered: whether trials beyond have errors uniform in what the plan's retries cover, instead.
-
     Raises:
         SettingsError: a number is out of range.
     """
@@ -67,13 +59,13 @@ class Trials:
     beyond: int = 0
     reach: float = 2.0
     seed: int = 0
-    time_step: float | None = None
-    friction: float | None = None
+    time_step: float | None = None  # of the physics, s; None for what the clearance asks for
+    friction: float | None = None  # coefficient; None for the plan's, which is the most that it allows for
     method: str = "plan"
-    growth: float = 0.0
-    offset: float = 0.0
-    recovery: bool = True
-    covered: bool = False
+    growth: float = 0.0  # of the moving part to each side, m; more than the clearance makes an interference fit
+    offset: float = 0.0  # of each start along x, m, that nobody knows of
+    recovery: bool = True  # whether a plan that says so backs off and tries again when a move fails
+    covered: bool = False  # whether trials beyond have errors uniform in what the plan's retries cover, instead
     engine: str = "mujoco"
 
     def __post_init__(self) -> None:

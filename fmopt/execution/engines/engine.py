@@ -23,20 +23,13 @@ _SIDES = ("moving", "fixed")
 
 
 class Engine(Protocol):
-    """n bodies about their reference points; its arrays are written in place, by the engine and by who owns it.
+    """n bodies about their reference points; its arrays are written in place, by the engine and by who owns it."""
 
-    Attributes:
-        qpos: poses (n, 7): position in B, m, and quaternion, w first.
-        qvel: velocities (n, 6): of the reference point, axes of B, m/s, and of turning, axes of the part, rad/s.
-        depth, deepest: greatest penetrations (n,) so far, and in the last period, m.
-        deepest_at: poses (n, 7) of the latter.
-    """
-
-    qpos: Array
-    qvel: Array
-    depth: Array
-    deepest: Array
-    deepest_at: Array
+    qpos: Array  # poses (n, 7): position in B, m, and quaternion, w first
+    qvel: Array  # velocities (n, 6): of the reference point, axes of B, m/s, and of turning, axes of the part, rad/s
+    depth: Array  # greatest penetrations (n,) so far, m
+    deepest: Array  # greatest penetrations (n,) in the last period, m
+    deepest_at: Array  # poses (n, 7) of these
 
     def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
         """Moves bodies on by a period, s, under wrenches (n, 6) on reference points, axes of B, N and N·m, of all."""
@@ -112,20 +105,14 @@ class Bodies:
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """What a scene is made of.
-
-    Args:
-        friction: coefficient, or (n,) of each body.
-        time_step: s; None for what the clearance asks for.
-        threads: that step the bodies; one where cores are taken by processes, a chunk each.
-    """
+    """What a scene is made of."""
 
     bodies: Bodies
     clearance: float
     robot: Apparent
-    friction: float | Array
-    time_step: float | None = None
-    threads: int = 1
+    friction: float | Array  # coefficient, or (n,) of each body
+    time_step: float | None = None  # s; None for what the clearance asks for
+    threads: int = 1  # that step the bodies; one where cores are taken by processes, a chunk each
 
 
 Put = Callable[[tuple[Array, Array]], Engine]

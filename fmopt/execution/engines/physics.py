@@ -18,21 +18,16 @@ SLOWEST = 10.0  # s of that a metre of clearance
 
 @dataclass(frozen=True)
 class Physics:
-    """What the engine is told.
+    """What the engine is told."""
 
-    Args:
-        time_step: s.
-        solref: time constant (s) and damping ratio of contacts; None for HARD, or two time steps if that is more,
-            and 1: a smaller step then resolves the same contacts better, instead of making them harder.
-        margin: distance at which contacts begin, m.
-    """
-
-    time_step: float = TIME_STEP
+    time_step: float = TIME_STEP  # s
+    # Time constant (s) and damping ratio of contacts; None for HARD, or two time steps if that is more, and 1: a
+    # smaller step then resolves the same contacts better, instead of making them harder
     solref: tuple[float, float] | None = None
     solimp: tuple[float, ...] = (0.99, 0.999, 1e-4, 0.5, 2.0)
     impratio: float = 10.0
     cone: str = "elliptic"
-    margin: float = 0.0
+    margin: float = 0.0  # distance at which contacts begin, m
     faults: tuple[str, ...] = field(init=False, default=())
 
     def __post_init__(self) -> None:

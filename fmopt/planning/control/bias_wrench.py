@@ -42,29 +42,18 @@ _LABELS = {"held": "held wrenches", "points": "contact points", "made": "made wr
 
 @dataclass(frozen=True, eq=False)
 class GuardedMove(Value, displacement=(6,), held=(None, 6), points=("held", 3), made=(None, 6), labels=_LABELS):
-    """What a segment asks of its controller, all about the moving part's reference point at the goal, axes of B.
+    """What a segment asks of its controller: V (6,) and wrenches (m, 6) about the part's reference point, axes of B."""
 
-    Args:
-        displacement: V (6,) = (p_G − p_S, ω), m and rad.
-        held: wrenches (m, 6) of the held contacts for a unit normal force, all of them, also dependent ones.
-        points: their contact points (m, 3) in the B-frame, m.
-        made: wrenches (k, 6) of the contacts that end the move, made together; none for a move that ends by its travel.
-        bound: how much longer than ‖V‖ the way may be, m.
-        resisting: how much work normal forces (m,) of the held contacts may take from the motion as errors turn them,
-            J; none by default.
-        near: whether the new contacts may be met on this way; on the first pieces of a longer move they may not.
-        centres: of balls through which held contacts push (k, 3), m; None without any.
-    """
-
-    reference: Pose
-    displacement: Array
-    held: Array
-    points: Array
-    made: Array
-    bound: float
+    reference: Pose  # at the goal
+    displacement: Array  # V (6,) = (p_G − p_S, ω), m and rad
+    held: Array  # wrenches (m, 6) of the held contacts for a unit normal force, all of them, also dependent ones
+    points: Array  # their contact points (m, 3) in the B-frame, m
+    made: Array  # wrenches (k, 6) of the contacts that end the move, made together; none where it ends by its travel
+    bound: float  # how much longer than ‖V‖ the way may be, m
+    # How much work (J) normal forces (m,) of held contacts may take from the motion as errors turn them; 0 by default
     resisting: Callable[[Array], float] = lambda _: 0.0
-    near: bool = True
-    centres: Array | None = None
+    near: bool = True  # whether the new contacts may be met on this way; not on the first pieces of a longer move
+    centres: Array | None = None  # of balls through which held contacts push (k, 3), m; None without any
 
     @property
     def reaction(self) -> Array:

@@ -244,17 +244,11 @@ def _level(contact: PrimitiveContact, body: Polyhedron, fixed: Polyhedron, pose:
 
 @dataclass(frozen=True, eq=False)
 class Meeting(Value, normal=(3,), arms=(None, 3)):
-    """A contact that a move may make.
+    """A contact that a move may make, with arms (k, 3)."""
 
-    Args:
-        normal: unit normal (3,) at the goal; zero where the features fix none.
-        arms: vertices (k, 3) of the moving feature from the reference point, axes of B, m.
-        leverage: sine of the normal's turn for that of the part; infinite where nothing bounds it.
-    """
-
-    normal: Array
-    arms: Array
-    leverage: float
+    normal: Array  # unit normal (3,) at the goal; zero where the features fix none
+    arms: Array  # vertices (k, 3) of the moving feature from the reference point, axes of B, m
+    leverage: float  # sine of the normal's turn for that of the part; infinite where nothing bounds it
 
     @staticmethod
     def of(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> "Meeting":

@@ -65,15 +65,10 @@ def nearest_opening(wrench: Array, normal: Array, tangent: Array, least: float) 
 class FrictionCones(
     Value, normal=(None, 6), tangent=("normal", 2, 6), labels={n: f"{n} rows" for n in ("normal", "tangent")}
 ):
-    """The friction cones of held contacts, by what a scaled twist does at their points.
+    """The friction cones of m held contacts, by what a scaled twist (6,) does at their points."""
 
-    Args:
-        normal: (m, 6), normal velocity at a contact point, positive where the contact opens.
-        tangent: (m, 2, 6), its sliding velocity times the coefficient of friction.
-    """
-
-    normal: Array
-    tangent: Array
+    normal: Array  # (m, 6), normal velocity at a contact point, positive where the contact opens
+    tangent: Array  # (m, 2, 6), its sliding velocity times the coefficient of friction
     rho: float
 
     @staticmethod

@@ -125,19 +125,12 @@ def _along_edge(corners: Array, wrench: tuple[Array, Array], changes: tuple[Arra
 
 @dataclass(frozen=True, eq=False)
 class MoveDerivatives:
-    """How a guarded move changes with n displacements.
+    """How a guarded move, V (6,), changes with n displacements."""
 
-    Args:
-        displacement: of V (n, 6).
-        held: of the wrenches of held contacts (n, m, 6).
-        arms: of their points from the reference point (n, m, 3).
-        made: of the wrenches of new contacts (n, k, 6).
-    """
-
-    displacement: Array
-    held: Array
-    arms: Array
-    made: Array
+    displacement: Array  # of V (n, 6)
+    held: Array  # of the wrenches of held contacts (n, m, 6)
+    arms: Array  # of their points from the reference point (n, m, 3)
+    made: Array  # of the wrenches of new contacts (n, k, 6)
 
 
 def hold_derivatives(

@@ -51,27 +51,17 @@ class HybridStrategy(
     Value, frame=(6,), velocity=(6,), bias_wrench=(6,), position_axes=(None, 6), force_axes=(None, 6),
     normal_forces=(None,), labels={name: name for name in ("bias_wrench", "position_axes", "force_axes")},
 ):  # fmt: skip
-    """The `hybrid` entry of a plan's segment.
+    """The `hybrid` entry of a plan's segment: frame (6,), axes, velocity (6,) and bias wrench (6,)."""
 
-    Args:
-        frame: compliance frame (6,), a pose in the B-frame.
-        position_axes: twists (6 − r, 6) in the frame's coordinates, orthonormal in diag(1, 1, 1, ρ², ρ², ρ²).
-        force_axes: wrenches (r, 6) in its coordinates, orthonormal in the dual metric, reciprocal to the twists.
-        velocity: twist (6,), V / ‖V‖_ρ.
-        bias_wrench: applied wrench (6,), N and N·m.
-        push: size of the part of the bias that pushes along the motion, N in the metric of ρ.
-        normal_forces: (m,), a normal force of each held contact that balances the rest of the bias, N.
-    """
-
-    frame: Array
-    position_axes: Array
-    force_axes: Array
-    velocity: Array
+    frame: Array  # compliance frame (6,), a pose in the B-frame
+    position_axes: Array  # twists (6 − r, 6) in the frame's coordinates, orthonormal in diag(1, 1, 1, ρ², ρ², ρ²)
+    force_axes: Array  # wrenches (r, 6) in its coordinates, orthonormal in the dual metric, reciprocal to the twists
+    velocity: Array  # twist (6,), V / ‖V‖_ρ
     speed: float
-    bias_wrench: Array
-    push: float
+    bias_wrench: Array  # applied wrench (6,), N and N·m
+    push: float  # size of the part of the bias that pushes along the motion, N in the metric of ρ
     stays: Hold
-    normal_forces: Array
+    normal_forces: Array  # (m,), a normal force of each held contact that balances the rest of the bias, N
     termination: Termination
 
     def document(self, held: Sequence[str], made: Sequence[str]) -> dict[str, Any]:

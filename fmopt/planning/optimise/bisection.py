@@ -42,17 +42,17 @@ def largest(holds: Callable[[float], bool], likely: Callable[[float], bool]) -> 
         return holds(factor(step))
 
     if not holds_at(0):
-        last = _last(_LEAST, 0, holds_at)
+        last = last_step(_LEAST, 0, holds_at)
         return factor(last), factor(last + 1)
-    last = _last(*_doubled(0, likely_at), likely_at)
+    last = last_step(*_doubled(0, likely_at), likely_at)
     if last > 0 and not holds_at(last):  # step 0 is known to hold
-        last = _last(0, last, holds_at)
+        last = last_step(0, last, holds_at)
     elif last < _MOST and holds_at(last + 1):
-        last = _last(*_doubled(last + 1, holds_at), holds_at)
+        last = last_step(*_doubled(last + 1, holds_at), holds_at)
     return factor(last), factor(last + 1) if last < _MOST else None
 
 
-def _last(low: int, high: int, holds: Callable[[int], bool]) -> int:
+def last_step(low: int, high: int, holds: Callable[[int], bool]) -> int:
     """The last step that holds, of one that does and a higher one that does not."""
     return low + bisect_left(range(low + 1, high), True, key=lambda step: not holds(step))
 

@@ -53,27 +53,16 @@ class Trialled:
 
 @dataclass(frozen=True, eq=False)
 class Choosing:
-    """What candidates are carried out with.
-
-    Attributes:
-        bodies: both parts.
-        seat: what counts as seated.
-        robot: at strength 1.
-        conditions: that draws are taken from.
-        seed: of the choice.
-        filled: whether the moving part has its hollows filled.
-        cell: what the parts are kept clear of.
-        max_time: s, that a trial may take.
-    """
+    """What candidates are carried out with."""
 
     bodies: Bodies
-    seat: Seat
-    robot: PressRobot
-    conditions: Conditions
-    seed: int
-    filled: bool = False
-    cell: Surroundings = ALONE
-    max_time: float = math.inf
+    seat: Seat  # what counts as seated
+    robot: PressRobot  # at strength 1
+    conditions: Conditions  # that draws are taken from
+    seed: int  # of the choice
+    filled: bool = False  # whether the moving part has its hollows filled
+    cell: Surroundings = ALONE  # what the parts are kept clear of
+    max_time: float = math.inf  # s, that a trial may take
 
     def plan(self, attempts: Sequence[Attempt]) -> PressPlan:
         """Attempts as a plan, at the largest strength that the limits of force and torque allow."""
@@ -83,8 +72,7 @@ class Choosing:
 
     def carried_out(self, candidates: Sequence[Attempt], numbers: range) -> list[tuple[TrialOutcome, ...]]:
         """Outcomes of each candidate, alone, for the same draws."""
-        plan, count = self.plan(candidates), len(numbers)
-        seed = self.seed ^ _CHOOSING
+        plan, count, seed = self.plan(candidates), len(numbers), self.seed ^ _CHOOSING
         once = drawn_errors(self.conditions, count_presses(plan), seed, numbers, _CORNERS)
         errors = once.of(np.tile(np.arange(count), len(candidates)))
         courses = [(k,) for k in range(len(candidates)) for _ in numbers]
@@ -142,15 +130,11 @@ def halved(
 
 @dataclass
 class Pace:
-    """How long trials take, for the `kept` ones of the evidence to be forecast.
-
-    Attributes:
-        trials, seconds: that are through, and how long they took by the clock.
-    """
+    """How long trials take, for the `kept` ones of the evidence to be forecast."""
 
     kept: int
-    trials: int = 0
-    seconds: float = 0.0
+    trials: int = 0  # that are through
+    seconds: float = 0.0  # that they took by the clock
 
     @property
     def needed(self) -> float:
@@ -228,11 +212,8 @@ def examined(
 ) -> tuple[PressPlan, Evidence | None]:  # fmt: skip
     """The first plan whose evidence reaches what is asked, of two at most; else the better or the faster one.
 
-    Where the time limit cuts the examination of the first one off, it has no evidence.
-
-    Args:
-        ranked: by their scores.
-        subject_of: digest of what is carried out.
+    Where the time limit cuts the examination of the first one off, it has no evidence. `subject_of` is the digest of
+    what is carried out.
     """
     best: tuple[PressPlan, Evidence] | None = None
     for number in range(min(MAX_EXAMINED, len(ranked))):

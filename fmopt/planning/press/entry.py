@@ -25,17 +25,11 @@ _NEAR = 0.1  # of the size, from a seat to the walls that are at it
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A tilted start pose whose lowest point comes down inside the mouth.
+    """A tilted start pose whose lowest point comes down inside the mouth."""
 
-    Attributes:
-        pose: of the moving part.
-        descent: way of the lowest point to the mouth's plane, m.
-        share: of the wanted distances from walls that all of them keep; less than one where the mouth is too narrow.
-    """
-
-    pose: Pose
-    descent: float
-    share: float
+    pose: Pose  # of the moving part
+    descent: float  # way of the lowest point to the mouth's plane, m
+    share: float  # of the wanted distances from walls that all keep; less than one where the mouth is too narrow
 
 
 def attitude(lean: float, tilt: float) -> Array:
@@ -52,28 +46,16 @@ def low_vertex(task: PressTask, R: Array, towards: Array) -> Array:
 
 
 def support(task: PressTask, direction: Array, arm: Array) -> float:
-    """How far start errors move a point in a direction (3,), m, at most.
-
-    Args:
-        task: with the box of the errors.
-        direction: unit vector, axes of B.
-        arm: (3,) from the origin of the moving part to the point, axes of B, m.
-    """
+    """How far start errors move a point in a unit direction (3,) at most, m, by its arm (3,), m, both in axes of B."""
     return float(np.abs(direction) @ task.box[:3] + np.abs(np.cross(arm, direction)) @ task.box[3:])
 
 
 def corner_entry(
     task: PressTask, corner: Corner, tilt: float, lean: float, distance: float, below: float, yaw: float = 0.0
 ) -> Entry:
-    """The tip beside a corner: at a distance from its walls, inside of all others, for every start error.
+    """The tip beside a corner: at a distance (m) from its walls, inside of all others, for every start error.
 
-    Args:
-        task: the insertion.
-        corner: of the mouth.
-        tilt, lean: of the part, rad.
-        distance: wanted from the corner's walls, m.
-        below: depth of the tip below the mouth, m, at which the part still leans out over it.
-        yaw: about the axis, from the goal, rad.
+    The part leans out over the mouth still where its tip is `below` it, m; angles are in rad, yaw is from the goal.
 
     Raises:
         SearchError: the mouth leaves no place.

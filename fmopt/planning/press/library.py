@@ -51,30 +51,18 @@ ONLY_Z = (False, False, True, False, False, False)
 
 @dataclass(frozen=True)
 class CornerPress:
-    """Dimensionless numbers of a corner press.
+    """Dimensionless numbers of a corner press."""
 
-    Attributes:
-        tilt: of the start, rad.
-        distance: of the tip from the corner's walls, in lateral errors.
-        down: depth of the tip below the mouth before it is pressed, in sizes.
-        kappa: axial over lateral force of the press.
-        hold, axial: lateral force while turning upright, in that of the press; axial in that lateral one.
-        yaw: whether yaw gives way then.
-        end: lateral over axial force of the last press.
-        rock: whether the part is rocked before it.
-        strokes: whether the tip is led along each wall of the corner even where one direction does.
-    """
-
-    tilt: float
-    distance: float
-    down: float
-    kappa: float
-    hold: float
-    axial: float
-    yaw: bool
-    end: float
-    rock: bool = False
-    strokes: bool = False
+    tilt: float  # of the start, rad
+    distance: float  # of the tip from the corner's walls, in lateral errors
+    down: float  # depth of the tip below the mouth before it is pressed, in sizes
+    kappa: float  # axial over lateral force of the press
+    hold: float  # lateral force while turning upright, in that of the press
+    axial: float  # axial force then, in that lateral one
+    yaw: bool  # whether yaw gives way then
+    end: float  # lateral over axial force of the last press
+    rock: bool = False  # whether the part is rocked before it
+    strokes: bool = False  # whether the tip is led along each wall of the corner even where one direction does
 
 
 LIBRARY = (
@@ -89,12 +77,7 @@ _CORNER = 2.3  # lateral errors from the corner along its bisector, at least
 
 
 def robot_of(task: PressTask, stiffness: tuple[float, float], mass: tuple[float, float]) -> PressRobot:
-    """The robot of a task at strength 1.
-
-    Args:
-        stiffness: of held axes, N/m and N·m/rad.
-        mass: apparent mass and inertia, kg and kg·m².
-    """
+    """The robot of a task at strength 1: stiffness of held axes, N/m, N·m/rad, apparent mass and inertia, kg, kg·m²."""
     damping = _DAMPING, _DAMPING * max(0.5 * task.size, _LEVER) ** 2
     limits = task.problem.specification.contact_force, task.problem.specification.torque_limit
     return PressRobot(stiffness, damping, *mass, limits, arm=max(0.5 * task.size, _ARM))
@@ -103,8 +86,7 @@ def robot_of(task: PressTask, stiffness: tuple[float, float], mass: tuple[float,
 def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: float | None = None) -> Attempt:
     """The sequence of a corner: come down tilted, press into it, turn upright, datum and slide at shelves, go in.
 
-    Args:
-        lean: direction of the low side, rad; that of the corner if not given.
+    The low side is in direction `lean`, rad, that of the corner if not given.
 
     Raises:
         SearchError: the mouth leaves no place for the tip.
@@ -136,14 +118,10 @@ def corner_distance(task: PressTask, corner: Corner, least: float) -> float:
 def into_the_mouth(
     task: PressTask, u: Array, lean: float, numbers: CornerPress, gives: Gives = XYZ, aside: Sequence[Array] = ()
 ) -> tuple[Press, ...]:
-    """Press towards a direction (3,), turn upright under the press, settle, and go in.
+    """Press towards a direction u (3,) with the tip inside the mouth, turn upright under the press, settle, and go in.
 
-    Args:
-        task: the insertion, the tip inside the mouth.
-        u: unit vector of the lateral force.
-        lean: direction of the low side, rad.
-        gives: axes that give way to the first presses.
-        aside: directions (3,) of these presses, u if there is one alone.
+    The low side is in direction `lean`, rad; `gives` are axes that give way to the first presses, `aside` the
+    directions (3,) of these, u if there is one alone.
     """
     hold = numbers.hold * FORCE
     axial = max(numbers.axial * hold, _LIFTED * task.offset_share * AXIAL)
@@ -212,12 +190,9 @@ def levels(task: PressTask) -> tuple[End, ...]:
 
 
 def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Press, ...]:
-    """What follows once the part is upright in the mouth: shelves, rocking, the last press.
+    """What follows once the part is upright in the mouth: shelves, rocking, if wanted, the last press.
 
-    Args:
-        u: (3,) direction of the lateral force.
-        end: lateral over axial force of the last press.
-        rock: whether the part is rocked before.
+    The lateral force is in direction u (3,), and the share `end` of the axial one in the last press.
     """
     presses = [press_on(task, XYZ, six(_ASIDE * FORCE * u, -FORCE))] if task.shelves else []
     presses += [press for one in task.shelves for press in at_shelf(task, u, one)]
@@ -315,11 +290,7 @@ def deepest_known(task: PressTask) -> float:
 def at_shelf(task: PressTask, u: Array, shelf: Shelf) -> tuple[Press, Press, Press]:
     """Datum, slide, down: two walls and the shelf fix the part, then it is led to the middle, drops, and is pressed on.
 
-    The way is led, not pushed: an offset of the wrench would turn it aside.
-
-    Args:
-        u: (3,) direction of the two walls.
-        shelf: where the part stands.
+    The walls are in direction u (3,). The way is led, not pushed: an offset of the wrench would turn it aside.
     """
     line: Point = (0.0, 0.0, shelf.lever)
     floor = levels(task)

@@ -21,21 +21,9 @@ from fmopt.verify.reading.parse import SUBJECT
 
 
 def press_document(
-    posed: Posed,
-    presses: PressPlan,
-    evidence: Evidence | None,
-    trace: Sequence[TracePose] = (),
-    **described: Any,
+    posed: Posed, presses: PressPlan, evidence: Evidence | None, trace: Sequence[TracePose] = (), **described: Any
 ) -> dict[str, Any]:
-    """The plan file of presses, its verdict still open.
-
-    Args:
-        posed: the problem with its parts measured.
-        presses: as they are carried out.
-        evidence: of their trials; None where there were none.
-        trace: the way of a trial without errors.
-        described: more of its `Description`.
-    """
+    """The plan file of presses with the way of a trial without errors, `described` further, its verdict still open."""
     document: dict[str, Any] = {
         **heading(posed.problem, posed.tolerance, posed.errors, posed.clearance.per_side),
         "goal": posed.problem.goal,

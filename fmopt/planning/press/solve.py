@@ -40,19 +40,13 @@ _TRACE_EVERY = 25  # periods between poses that are shown
 
 @dataclass(frozen=True, eq=False)
 class PressSolution:
-    """A plan of presses and what its trials came to.
-
-    Attributes:
-        evidence: None where no trials were asked for, or the time limit leaves no time for them, as `untried` says.
-        trace: the way of the first attempt without errors.
-        placed: rows of each attempt.
-    """
+    """A plan of presses and what its trials came to."""
 
     plan: PressPlan
-    evidence: Evidence | None
-    trace: tuple[TracePose, ...] = ()
+    evidence: Evidence | None  # None where no trials were asked for, or there was no time for them, as `untried` says
+    trace: tuple[TracePose, ...] = ()  # the way of the first attempt without errors
     untried: str = ""
-    placed: tuple[PlacedAttempt, ...] = ()
+    placed: tuple[PlacedAttempt, ...] = ()  # rows of each attempt
 
 
 def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSolution:

@@ -44,33 +44,21 @@ _CLEAR = 4.0  # lateral errors, by which hollows that are filled stay away from 
 
 @dataclass(frozen=True, eq=False)
 class Corner:
-    """A corner of the mouth that its convex hull has, too.
+    """A corner of the mouth that its convex hull has, too."""
 
-    Attributes:
-        at: (2,), m.
-        walls: outward unit normals (2, 2) of the sides before and after it.
-        angle: direction of the mean of these normals, rad.
-        turn: exterior angle, rad.
-    """
-
-    at: Array
-    walls: Array
-    angle: float
-    turn: float
+    at: Array  # (2,), m
+    walls: Array  # outward unit normals (2, 2) of the sides before and after it
+    angle: float  # direction of the mean of these normals, rad
+    turn: float  # exterior angle, rad
 
 
 @dataclass(frozen=True)
 class Shelf:
-    """Where a step of the one part reaches a step of the other, and the play drops.
+    """Where a step of the one part reaches a step of the other, and the play drops."""
 
-    Attributes:
-        gone: how far the origin of the moving part is below the mouth there, m.
-        lever, height: of the walls that are engaged, their middle over that origin and how high they are, m.
-    """
-
-    gone: float
-    lever: float
-    height: float
+    gone: float  # how far the origin of the moving part is below the mouth there, m
+    lever: float  # middle of the walls that are engaged over that origin, m
+    height: float  # of these walls, m
 
 
 @dataclass(frozen=True)
@@ -85,20 +73,13 @@ class Engaged:
 
 @dataclass(frozen=True, eq=False)
 class PressTask:
-    """What presses are proposed for.
-
-    Attributes:
-        problem: the task.
-        moving, fixed: the parts as presses take them.
-        clearance: as measured.
-        box: half-widths (6,) of the start errors, m and rad.
-    """
+    """What presses are proposed for; the parts are as presses take them."""
 
     problem: Problem
     moving: Part
     fixed: Part
-    clearance: Clearance
-    box: Array
+    clearance: Clearance  # as measured
+    box: Array  # half-widths (6,) of the start errors, m and rad
 
     @property
     def goal(self) -> Pose:

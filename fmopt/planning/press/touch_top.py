@@ -23,10 +23,8 @@ _UP = np.array([0.0, 0.0, 1.0])
 def touching_first(task: PressTask, attempt: Attempt, at: Array, walls: Array, below: float) -> Attempt:
     """The attempt by way of the top beside the mouth; as it is where the height is known or there is no top.
 
-    Args:
-        at: place (2,), m, on the walls that the tip comes down beside.
-        walls: their outward unit normals (k, 2).
-        below: depth of the tip below the mouth, m, that the first press leads to.
+    The tip comes down beside walls with unit normals (k, 2) outwards, `at` a place (2,) on them, m; the first press
+    leads it so far `below` the mouth, m.
     """
     from shapely import Point
 

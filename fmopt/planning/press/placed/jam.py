@@ -55,10 +55,8 @@ def jam(sets: Sequence[frozenset[int]], touches: Touches, push: Push) -> Jam:
 def reached_sets(touches: Touches, box: Array, along: Array, clearance: float) -> list[frozenset[int]]:
     """Sets of contacts that poses of a box can touch together, those with the shortest way there first.
 
-    Args:
-        box: half-widths (6,), m and rad, about the pose of the contacts.
-        along: gradient (6,) of what stays as it is there, such as the progress of a press; 0 for nothing.
-        clearance: a side, m.
+    The box has half-widths (6,), m and rad, about the pose of the contacts; `along` is the gradient (6,) of what stays
+    as it is there, such as the progress of a press, 0 for nothing. The clearance is a side, m.
     """
     vertices = _vertices(touches, box, along)
     sets = dict[frozenset[int], float]()

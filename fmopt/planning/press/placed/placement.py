@@ -45,11 +45,7 @@ class PlacedPush:
 
 
 def placed_push(push: Push, short: Sequence[Touches], held: Touches, friction: float) -> PlacedPush:
-    """The push of the same size that leads away best from each set of contacts `short` of those that are `held`.
-
-    Args:
-        friction: that is enough.
-    """
+    """The push that leads away best, up to enough friction, from each set of contacts `short` of those `held`."""
     best = _placed(push, short, held, friction)
     while best.twists:
         w = ClarabelSolver().proposed(strongest(best.push, best.twists, held))[:-1]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmopt.plan.press_rows import FREE_OF_JAMS
+from fmopt.planning.optimise.bisection import last_step
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm
 from fmopt.planning.optimise.solvers import ClarabelSolver, nearest_point
 from fmopt.planning.press.placed.touches import Push, Touches
@@ -19,7 +20,7 @@ _TOUCHING = 0.02  # of the clearance, within which a contact of a rest touches
 _SOFT = 1e-6  # m, within which a contact touches in the engine
 _STILL = 0.02  # of the clearance, below which a step counts as none
 _RANK = 1e-6  # relative singular value
-_FINE = 1e-3  # of friction
+_FINE = 2.0**-10  # of friction
 _MOST = 12  # contacts that a rest is told by
 _SLIPPERY = 0.02  # friction for which answers are chosen
 _AGAINST = 0.25  # of a wrench, that contacts on which the part seats are against
@@ -40,11 +41,8 @@ class Rest:
     @property
     def friction(self) -> float:
         """The largest friction for which no contact lets go."""
-        low, high = 0.0, FREE_OF_JAMS
-        while high - low > _FINE:
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if self.least_force(middle) > 0.0 else (low, middle)
-        return low
+        steps = round(FREE_OF_JAMS / _FINE)
+        return _FINE * last_step(0, steps, lambda step: self.least_force(_FINE * step) > 0.0)
 
     def least_force(self, friction: float) -> float:
         """A bound from below on the normal forces for all friction up to one, N; −inf where there is none."""
