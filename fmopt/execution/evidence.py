@@ -44,7 +44,7 @@ def examine(
         errors = errors.followed_by(vertex_errors(conditions, presses))
     outcomes = _with_few_ways(carry_out(bodies, plan, errors, asked.seed, numbers, threads=threads))
     drawn, vertices = outcomes[: asked.draws], outcomes[asked.draws :]
-    seated, at_vertices = count_seated(drawn), count_seated(vertices)
+    seated, at_vertices = (sum(one.seated for one in some) for some in (drawn, vertices))
     bound, times = lower_bound(seated, asked.draws), cycle_times(drawn)
     in_time = asked.max_time is None or times is None or times[1] <= asked.max_time
     return Evidence(
@@ -77,8 +77,3 @@ def _with_few_ways(outcomes: Sequence[TrialOutcome]) -> list[TrialOutcome]:
             seen[one.press, one.kind] += 1
     few = sorted(ranks, key=ranks.__getitem__)[:MAX_WAYS]
     return [replace(one, way=one.way if number in few else ()) for number, one in enumerate(outcomes)]
-
-
-def count_seated(outcomes: Sequence[TrialOutcome]) -> int:
-    """How many trials seat."""
-    return sum(one.seated for one in outcomes)

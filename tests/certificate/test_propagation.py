@@ -9,7 +9,7 @@ from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.claim import Claim, stepped
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.propagation import advance
-from fmopt.certificate.segment_linearisation import Compliance, Piece
+from fmopt.certificate.segment_linearisation import Piece
 from fmopt.errors import InfeasibleError
 from fmopt.spatial import ellipsoid
 from fmopt.spatial.se3 import Pose, exp, length, log
@@ -33,10 +33,6 @@ def last_claims() -> list[Claim]:
     return [c for c in claims() if c.piece.last]
 
 
-def basis_of(move: int) -> tuple[Compliance, ...]:
-    return last_claims()[move - 1].advance.basis if move else ()
-
-
 def run(rng: np.random.Generator, extreme: bool) -> Execution:
     """One execution of all moves: start error in the box, drift on its bounds, contacts kept, stopped as it touches."""
     box = np.array(START_BOX)
@@ -50,7 +46,7 @@ def run(rng: np.random.Generator, extreme: bool) -> Execution:
 
 def move_through(number: int, way: Way, error: Array, rng: np.random.Generator, poses: list[tuple[int, Pose]]) -> Array:
     """The error about the move's goal, for an error about its start."""
-    basis = basis_of(number)
+    basis = last_claims()[number - 1].advance.basis if number else ()
     shift, turn = (part / length(part) for part in rng.normal(size=(2, 3)))
     cone = np.append(shift * TOLERANCE.velocity_error[0], turn * TOLERANCE.velocity_error[1] / TOLERANCE.rho)
     drifted = np.zeros(6)

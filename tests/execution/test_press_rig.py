@@ -72,11 +72,8 @@ def at(x: float, z: float, *presses: Press) -> Attempt:
 
 def errors_of(n: int, **more: ArrayLike) -> Errors:
     """Nothing off in n trials, on next to no friction, but for what is given."""
-    found = Errors(
-        *(np.zeros((n, 6)), np.full(n, NEXT_TO_NO_FRICTION), np.ones(n), np.ones(n)),
-        *(np.zeros((n, 6)), np.zeros((n, 6, 12))),
-    )
-    return replace(found, **{name: np.array(value) for name, value in more.items()})
+    given = {"friction": np.full(n, NEXT_TO_NO_FRICTION), **more}
+    return replace(Errors.none(n, 12), **{name: np.array(value) for name, value in given.items()})
 
 
 def run(

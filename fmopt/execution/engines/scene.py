@@ -39,6 +39,10 @@ def scene(
         for side in found.values()
         for name, vertices in side.items()
     ]
+    spheres = (  # which the engine collides as they are
+        f'\n      <geom name="ball{i}" type="sphere" size="{radius!r}" pos="{numbers(at.tolist())}" rgba="{_COLOUR}"/>'
+        for i, (at, radius) in enumerate(bodies.balls)
+    )
     template = Path(__file__).with_name("scene.xml").read_text("utf-8")
     return template.format(
         step=physics.time_step,
@@ -50,7 +54,7 @@ def scene(
         friction=friction,
         meshes="\n".join(meshes),
         fixed=_geoms(found["fixed"], "0.6 0.65 0.7 0.35"),  # see-through, for what goes on in the hole
-        moving=_geoms(found["moving"], _COLOUR) + _spheres(bodies.balls),
+        moving=_geoms(found["moving"], _COLOUR) + "".join(spheres),
         mass=mass,
         inertia=inertia,
         contacts=CONTACTS,
@@ -91,14 +95,6 @@ def _named(side: str, pieces: Sequence[Array], solids: Sequence[ConvexSolid]) ->
 
 def _geoms(names: Iterable[str], colour: str) -> str:
     return "\n".join(f'      <geom name="{name}" mesh="{name}" rgba="{colour}"/>' for name in names)
-
-
-def _spheres(balls: Iterable[tuple[Array, float]]) -> str:
-    """The balls of the moving part, which the engine collides as they are."""
-    return "".join(
-        f'\n      <geom name="ball{i}" type="sphere" size="{radius!r}" pos="{numbers(at.tolist())}" rgba="{_COLOUR}"/>'
-        for i, (at, radius) in enumerate(balls)
-    )
 
 
 def numbers(values: Sequence[float]) -> str:

@@ -160,6 +160,7 @@ def guarded(
     begun, done = piece.progress
     rest = (1.0 - done) / (done - begun) * claim.advance.length  # to the goal of the move, m in the metric of ρ
     points, wrenches = _pushes(problem, held, piece.goal)
+    balls = dict.fromkeys(c.moving[0] for c in held if c.kind is Kind.BALL_FACE)
     move = GuardedMove(
         piece.goal,
         piece.start.local(piece.goal),
@@ -169,15 +170,9 @@ def guarded(
         bound,
         _resisting(assembly, held, claim),
         rest < _NEAR * bound,
-        _centres(problem.moving.polyhedron, held, piece.goal),
+        piece.goal.apply(problem.moving.polyhedron.vertices[[*balls]]) if balls else None,
     )
     return move, held, made
-
-
-def _centres(body: Polyhedron, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array | None:
-    """The centres (k, 3) of balls that contacts push through, m; None where none is a ball's."""
-    balls = dict.fromkeys(c.moving[0] for c in contacts if c.kind is Kind.BALL_FACE)
-    return pose.apply(body.vertices[[*balls]]) if balls else None
 
 
 def _pushes(problem: Problem, contacts: Sequence[PrimitiveContact], pose: Pose) -> tuple[Array, Array]:

@@ -76,7 +76,8 @@ def recovery_record(
         clear = _clear(body, fixed, first, box, turn)
         lift = {"direction": [0.0, 0.0, 1.0], "above": above, "clear": clear, "turn": turn}
     retries = offsets(box)
-    if lift is not None and _begun(body, first, box) <= float(fixed.vertices[:, 2].max()) + _SLACK:
+    begun = float((first.apply(body.vertices)[:, 2] - body.radii - _sunk(body, first, box)).min())  # at the worst
+    if lift is not None and begun <= float(fixed.vertices[:, 2].max()) + _SLACK:
         why, retries = "with some start errors the part begins below the top, where it cannot be carried to", []
     if lift is None:
         retries = []
@@ -132,11 +133,6 @@ def _sunk(body: Polyhedron, pose: Pose, errors: Array) -> Array:
     w = body.vertices @ pose.R.T
     turned = errors[3] * np.abs(w[:, 1]) + errors[4] * np.abs(w[:, 0])
     return np.asarray(errors[2] + turned + 0.5 * np.linalg.norm(w, axis=1) * float(errors[3:] @ errors[3:]))
-
-
-def _begun(body: Polyhedron, first: Pose, box: Array) -> float:
-    """The height of the part's lowest point as it starts, with the worst of the start errors, m."""
-    return float((first.apply(body.vertices)[:, 2] - body.radii - _sunk(body, first, box)).min())
 
 
 def _clear(body: Polyhedron, fixed: Polyhedron, first: Pose, box: Array, turn: float) -> float:

@@ -111,7 +111,11 @@ class ConeProgram(Value, c=("c",), A=("b", "c"), b=("b",), G=("h", "c"), h=("h",
         stated(self, lower=np.full(n, -np.inf), upper=np.full(n, np.inf))
         super().__post_init__()
         for name in ("lower", "upper"):
-            object.__setattr__(self, name, _bound(getattr(self, name), n))
+            bound = np.array(getattr(self, name), dtype=np.float64)
+            if bound.shape != (n,) or np.isnan(bound).any():
+                raise ValueError(f"a bound has shape {bound.shape} or holds nan, expected ({n},)")
+            bound.setflags(write=False)
+            object.__setattr__(self, name, bound)
         if any(norm.F.shape[1] != n for norm in self.norms):
             raise ValueError(f"every norm needs {n} columns")
         if (self.W < 0.0).any() or (self.units <= 0.0).any():
@@ -192,14 +196,6 @@ def _unchecked(kind: type[T], **fields: Any) -> T:
 
 def _lengths(M: Array) -> Array:
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", M, M)))
-
-
-def _bound(values: ArrayLike, n: int) -> Array:
-    array = np.array(values, dtype=np.float64)
-    if array.shape != (n,) or np.isnan(array).any():
-        raise ValueError(f"a bound has shape {array.shape} or holds nan, expected ({n},)")
-    array.setflags(write=False)
-    return array
 
 
 @dataclass(frozen=True, eq=False)

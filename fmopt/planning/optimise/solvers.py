@@ -63,7 +63,8 @@ class ClarabelSolver:
         # Where the last digits are not to be had, Clarabel may take a program for infeasible that is none.
         for settings in (self, replace(self, tolerance=_LOOSER * self.tolerance)):
             x, z, status = settings._run(scaled, kept)
-            x = _onto(scaled, x)
+            if len(scaled.b):  # the nearest point on the equalities
+                x = x - np.linalg.lstsq(scaled.A, scaled.A @ x - scaled.b, rcond=1e-10)[0]
             try:
                 return certify(program, x * program.units, duals(program, kept, z))
             except SolverError as error:
@@ -118,13 +119,6 @@ def _independent(program: ConeProgram, scaled: ConeProgram) -> Indices:
     R, pivots = qr(scaled.A.T, mode="r", pivoting=True)
     diagonal = np.abs(np.diag(R))
     return np.sort(pivots[: int((diagonal > 1e-10 * diagonal[0]).sum())])
-
-
-def _onto(scaled: ConeProgram, x: Array) -> Array:
-    """The nearest point to x on the equalities."""
-    if not len(scaled.b):
-        return x
-    return np.asarray(x - np.linalg.lstsq(scaled.A, scaled.A @ x - scaled.b, rcond=1e-10)[0])
 
 
 def _short(scaled: ConeProgram, x: Array) -> bool:

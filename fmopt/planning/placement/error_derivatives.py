@@ -25,7 +25,6 @@ import numpy as np
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.remainder import Ends
 from fmopt.certificate.segment_linearisation import Linearisation, Piece, Tolerance, linearisation_of
 from fmopt.planning.moves.moves import claims_of_moves
 from fmopt.spatial import ellipsoid
@@ -73,7 +72,8 @@ def sensitivities(
     for claim in claims:
         piece, ends = claim.piece, claim.advance.ends
         number += piece.progress[0] == 0.0
-        core, share = carried_on(ends), piece.progress[1] - piece.progress[0]
+        core = ends.start_set.generators if ends.core is None else ends.core
+        share = piece.progress[1] - piece.progress[0]
         displaced = np.zeros((6, n))
         displaced[:, 6 * number : 6 * number + 6] = -share * np.eye(6)
         displaced[:, 6 * number + 6 : 6 * number + 12] = share * np.eye(6)
@@ -102,11 +102,6 @@ def _longer(start: Pose, goal: Pose, number: int, n: int, rho: float) -> Array:
     along, found = way / max(float(np.linalg.norm(way)), _STANDSTILL) * metric, np.zeros(n)
     found[6 * number : 6 * number + 6], found[6 * number + 6 : 6 * number + 12] = -along, along
     return found
-
-
-def carried_on(ends: Ends) -> Array:
-    """The generators (k, 6) that a piece carries on."""
-    return ends.start_set.generators if ends.core is None else ends.core
 
 
 def pose_derivatives(assembly: Assembly, claims: tuple[Claim, ...], tolerance: Tolerance) -> list[tuple[Array, Array]]:

@@ -124,7 +124,7 @@ def into_the_mouth(
     directions (3,) of these, u if there is one alone.
     """
     hold = numbers.hold * FORCE
-    axial = max(numbers.axial * hold, _LIFTED * task.offset_share * AXIAL)
+    axial = max(numbers.axial * hold, _LIFTED * (task.problem.robot.force_offset / task.steady_force) * AXIAL)
     upright = turn_upright(task, numbers.tilt, lean, six(hold * u, -axial), numbers.yaw)
     pressed = (press_aside(task, one, numbers.kappa, gives) for one in aside or (u,))
     return (*pressed, *upright, *to_the_goal(task, u, numbers.end, numbers.rock))
@@ -225,7 +225,8 @@ def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
         before = (*swept, press_on(task, XYZ_YAW, light))
     time = Time(long_enough(task), "retry")
     if not task.through:
-        stands = replace(standstill(5e-5, 0.3), then="seated", below=deepest_known(task))
+        deepest = -task.depth + task.clearance.per_side + float(task.box[2]) + 1e-4  # measured z of a seated part
+        stands = replace(standstill(5e-5, 0.3), then="seated", below=deepest)
         down = Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (stands, time))
         first = replace(down, ends=(replace(stands, else_then="next"), time))
         return (*before, first, *work_free(task, u), down)
@@ -280,11 +281,6 @@ def press_on(task: PressTask, gives: Gives, wrench: Numbers) -> Press:
     """Down until the part stands, on the floor or on a shelf."""
     ends = (*levels(task), standstill(5e-5, 0.3), Time(2.0 + long_enough(task), "next"))
     return Press("press on", gives, (0.0,) * 6, wrench, SPEEDS, down_and_more(task), ends)
-
-
-def deepest_known(task: PressTask) -> float:
-    """Highest measured z of a part that is seated, m."""
-    return -task.depth + task.clearance.per_side + float(task.box[2]) + 1e-4
 
 
 def at_shelf(task: PressTask, u: Array, shelf: Shelf) -> tuple[Press, Press, Press]:

@@ -195,11 +195,6 @@ class PressTask:
         return _STEADY * self.problem.specification.contact_force
 
     @property
-    def offset_share(self) -> float:
-        """The greatest offset of the force over that of the last press."""
-        return self.problem.robot.force_offset / self.steady_force
-
-    @property
     def keeps_attitude(self) -> bool:
         """Whether its attitude can be held all the way in: its error is less than the play at the depth."""
         return float(self.box[3:5].max()) < 2.0 * self.clearance.per_side / self.depth

@@ -69,7 +69,9 @@ class Visited:
         """The plan's graphs, each with the states visited in it: those that are in the order of the motion first."""
         order = dict.fromkeys(at for visit in self.visits for at in visit.spaces)
         order |= dict.fromkeys(range(len(self.spaces)))
-        return tuple(self.spaces[at].graph_near(self._chosen(at)) for at in order)
+        pairs = [pair for visit in self.visits for pair in zip(visit.spaces, visit.states, strict=True)]
+        chosen = {at: list(dict.fromkeys(state for space, state in pairs if space == at)) for at in order}
+        return tuple(self.spaces[at].graph_near(states) for at, states in chosen.items())
 
     def sequence(self) -> tuple[diagnostics.Visit, ...]:
         """The plan's sequence of contact states, each with the critical points that hold it and its name there."""
@@ -85,10 +87,6 @@ class Visited:
             )
             for visit in self.visits
         )
-
-    def _chosen(self, space: int) -> list[int]:
-        held = [zip(visit.spaces, visit.states, strict=True) for visit in self.visits]
-        return list(dict.fromkeys(state for pairs in held for at, state in pairs if at == space))
 
 
 def visited(assembly: Assembly, claims: Sequence[Claim], nominal: Sequence[Space], scale: Scale) -> Visited:

@@ -26,8 +26,6 @@ from fmopt.task.problem import Problem
 from fmopt.verify import verify
 from tests.shared.plans.press_plan import DRAWS, MIN_RATE, press_plan_document, press_problem, press_task
 
-BASE = ("--base", *"000000")
-
 
 def test_the_square_peg_is_tested() -> None:
     made = synthesise(press_problem())

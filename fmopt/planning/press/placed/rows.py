@@ -40,8 +40,7 @@ def placed_attempts(
     task: PressTask, plan: PressPlan, traces: Sequence[Sequence[TracePose]], conditions: Conditions
 ) -> tuple[PlacedAttempt, ...]:
     """Rows of the presses of each attempt, along the way of its trial without errors."""
-    pairs = zip(plan.attempts, traces, strict=True)
-    return tuple(_attempt_rows(task, plan, attempt, trace, conditions) for attempt, trace in pairs)
+    return tuple(_attempt_rows(task, plan, *pair, conditions) for pair in zip(plan.attempts, traces, strict=True))
 
 
 def _attempt_rows(
@@ -72,7 +71,8 @@ def _press_rows(
     stations = [way[k] for k in np.unique(np.linspace(0, len(way) - 1, _STATIONS).astype(int))]
     push = _push(task, press)
     led = any(press.twist) or press.rocking is not None or push.size == 0.0
-    stands = not led and any(isinstance(end, Standstill) for end in press.ends) and _stands(way)
+    slow = bool(np.linalg.norm(way[-2].local(way[-1])[:3]) < _STANDS)
+    stands = not led and any(isinstance(end, Standstill) for end in press.ends) and slow
     seats = any(end.then == "seated" for end in press.ends)
     rest = rest_of(task, push, stations[-1], seats) if stands else None
     found = None if led else _jam(task, push, stations, errors, rest)
@@ -100,11 +100,6 @@ def _push(task: PressTask, press: Press) -> Push:
     return Push(wrench, np.array(press.gives), task.seat.rho)
 
 
-def _stands(way: Sequence[Pose]) -> bool:
-    """Whether the part stands at the end of a way."""
-    return bool(np.linalg.norm(way[-2].local(way[-1])[:3]) < _STANDS)
-
-
 def _jam(task: PressTask, push: Push, stations: Sequence[Pose], errors: Array, rest: Rest | None) -> Jam:
     """The largest friction without a jam at all stations; the state that the press is to reach is none."""
     wanted, found = None if rest is None else {*rest.touches.names}, list[Jam]()
@@ -119,14 +114,12 @@ def _jam(task: PressTask, push: Push, stations: Sequence[Pose], errors: Array, r
 def _sets(task: PressTask, push: Push, pose: Pose, errors: Array) -> tuple[Touches, list[frozenset[int]]]:
     """Contacts about a pose, and sets of them that errors reach while the press is as far on."""
     clearance = task.clearance.per_side
-    box = np.abs(errors).sum(axis=1)
-    box = box + np.repeat([_PLAY * clearance, _TURN], 3) * push.gives
+    box = np.abs(errors).sum(axis=1) + np.repeat([_PLAY * clearance, _TURN], 3) * push.gives
     if (touches := _circles(task, pose)) is None:
         reach, angle = 1.5 * float(np.linalg.norm(box[:3])), float(np.linalg.norm(box[3:]))
         parts = task.moving.polyhedron, task.fixed.polyhedron
         touches = Touches.near(*parts, pose, reach, angle, clearance)
-    along = push.wrench * push.gives
-    return touches, reached_sets(touches, box, along, clearance)
+    return touches, reached_sets(touches, box, push.wrench * push.gives, clearance)
 
 
 def _circles(task: PressTask, pose: Pose) -> Touches | None:
