@@ -100,11 +100,17 @@ def claimed(
         contacts = _contacts(assembly, alike, course) if thorough else [()] * len(alike)
         chosen = choose(assembly, listed, course)
         for n, ((piece, step), planes, own) in enumerate(zip(alike, chosen, contacts, strict=True)):
-            early = None
+            separations, early = _separated(listed, planes), None
+            named = [(s.margin, f"pieces {i}/{j}") for i, j, s in separations]
+            named += [(c.margin, c.contact.id) for c in own]
             # Only where the move begins: later pieces go on from where the contact was proved to be open.
             if piece.made is not None and piece.progress[0] == 0.0:
                 early = _before(assembly, piece, step.ends, course.piece(n), tolerance.rho)
-            found.append(_claim(piece, step, _separated(listed, planes), own, early))
+                named.append((early, f"{piece.made.id} too early"))
+            # By margin, then by name: of equal ones always the same is said to bind.
+            margin, binding = min(named)
+            clearance = min(s.clearance for _, _, s in separations)
+            found.append(Claim(piece, step, separations, own, margin, clearance, binding, early))
     return found
 
 
@@ -121,24 +127,6 @@ def _separated(listed: Facing, planes: Sequence[Separation | None]) -> tuple[tup
             raise InfeasibleError(f"moving piece {i} and fixed piece {j} are not apart on the nominal path")
         found.append((i, j, plane))
     return tuple(found)
-
-
-def _claim(
-    piece: Piece,
-    step: Advance,
-    separations: tuple[tuple[int, int, Separation], ...],
-    contacts: tuple[ContactClaim, ...],
-    early: float | None,
-) -> Claim:
-    named = [(s.margin, f"pieces {i}/{j}") for i, j, s in separations]
-    named += [(c.margin, c.contact.id) for c in contacts]
-    if early is not None:
-        assert piece.made is not None
-        named.append((early, f"{piece.made.id} too early"))
-    # By margin, then by name: of equal ones always the same is said to bind.
-    margin, binding = min(named)
-    clearance = min(s.clearance for _, _, s in separations)
-    return Claim(piece, step, separations, contacts, margin, clearance, binding, early)
 
 
 def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> list[tuple[ContactClaim, ...]]:

@@ -109,7 +109,7 @@ class Rig:
         raw = self.reaction + self.noise() * np.repeat(self.robot.noise, 3)
         self.state.filtered += self.robot.smoothing * (raw - self.state.filtered)
         self.moved = np.hstack([self.qpos[:, :3] - before[:, :3], between(self.qpos[:, 3:], before[:, 3:])])
-        events = self._decide(here, self._gone(here))
+        events = self._decide(here)
         if self.back is not None:
             # In the period of their ends alone: a body that has failed since must not begin once more.
             rested = (self.time >= self.back.ends) & (self.time - self.robot.period < self.back.ends)
@@ -236,9 +236,11 @@ class Rig:
         self.state.p[bodies] = self.qpos[bodies, :3] + back[:, :3]
         self.state.q[bodies] = product(quaternions(back[:, 3:]), self.qpos[bodies, 3:])
 
-    def _decide(self, here: Ints, way: Array) -> list[Event]:
+    def _decide(self, here: Ints) -> list[Event]:
         """Felt, deep or late: bodies that leave their step, and where they go."""
         state, numbers = self.state, self.table.numbers[here]
+        scaled = self.scale**2 * self.table.twist[here]  # along it ways in the last period are in the metric of ρ
+        way = np.asarray(np.sum(self.moved * scaled, axis=1) / np.maximum(self.table.speed[here], 1e-12))
         running = self.running
         extra, robot = state.filtered + self.held, self.robot
         state.gone += np.where(state.moving >= 0.0, way, 0.0)
@@ -274,11 +276,6 @@ class Rig:
         events = [Event(int(body), int(here[body]), self.time) for body in left]
         self._enter(left, following[left], numbers[left, MOVE])
         return events
-
-    def _gone(self, here: Ints) -> Array:
-        """Ways (n,) along the twists of the steps in the last period, m in the metric of ρ."""
-        scaled = self.scale**2 * self.table.twist[here]
-        return np.asarray(np.sum(self.moved * scaled, axis=1) / np.maximum(self.table.speed[here], 1e-12))
 
     def _enter(self, bodies: NDArray[np.intp], steps: Ints, moves: Array) -> None:
         """A new move starts where the part is; a piece of the same move goes on from its lead and its way."""

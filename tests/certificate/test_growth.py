@@ -7,7 +7,7 @@ from fmopt.certificate.assembly import contact_forms, made_form
 from fmopt.certificate.kernels_rows import power
 from fmopt.certificate.remainder import Curvature
 from fmopt.certificate.rows import points_above
-from fmopt.certificate.segment_linearisation import Growth, Linearisation, linearisation_of
+from fmopt.certificate.segment_linearisation import Growth, linearisation_of
 from fmopt.spatial.kernels import halves, vector
 from fmopt.spatial.se3 import Pose, exp, log
 from fmopt.spatial.values import Array
@@ -19,7 +19,7 @@ ROUNDING = 1e-15  # m
 
 def moving(made: Segment, rng: np.random.Generator) -> Array:
     """How much nearer the contact of a segment comes, at poses of the piece, per the whole of it (POSES,)."""
-    ends, way = made.outcome.ends, linearised(made)
+    ends, way = made.outcome.ends, linearisation_of(made.assembly, made.piece, made.tolerance)
     held = contact_forms(made.assembly, tuple(c.contact for c in made.piece.basis), made.piece.held)
     nearing = made_form(made.assembly, made.piece.making[0], made.piece.held)
     turn, travel = log(ends.goal.R @ ends.start.R.T), ends.goal.p - ends.start.p
@@ -36,10 +36,6 @@ def moving(made: Segment, rng: np.random.Generator) -> Array:
         given = np.linalg.solve(N @ C, -N @ V) if len(N) else np.zeros(0)
         found.append(-float(nearing.at(at).N[0] @ (V + C @ given)))
     return np.array(found)
-
-
-def linearised(made: Segment) -> Linearisation:
-    return linearisation_of(made.assembly, made.piece, made.tolerance)
 
 
 def claimed(made: Segment) -> Growth:

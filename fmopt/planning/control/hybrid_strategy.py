@@ -16,7 +16,7 @@ the held contacts is touched before those that end the move, so that no others h
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -168,8 +168,8 @@ def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specificat
         for _, d in sides:
             for side in (-d, d):
                 proofs.turn(a, side)
-    least = min(proofs.each(lambda v: least_push(v, held, along)))
-    angle = max(proofs.each(lambda v: cone_angle(v, a))) if sides else 0.0
+    least = min(least_push(v, held, along) for v in proofs.scaled)
+    angle = max(cone_angle(v, a) for v in proofs.scaled) if sides else 0.0
     planes = tuple((name, (proofs.reach(a, -d), proofs.reach(a, d))) for name, d in sides)
     return JamFree(push, least if math.isfinite(least) else None, angle, planes, np.array(proofs.stated))
 
@@ -186,10 +186,6 @@ class _Proofs:
         """States another scaled twist."""
         self.stated.append(self.cones.stated(twist, self.inner))
         self.scaled = np.vstack([self.scaled, self.stated[-1] * twist_scale(self.cones.rho)])
-
-    def each(self, proved: Callable[[Array], float]) -> list[float]:
-        """What each scaled twist proves."""
-        return list(map(proved, self.scaled))
 
     def reach(self, a: Array, d: Array) -> float:
         """How far the unit wrench a may turn to d, rad."""

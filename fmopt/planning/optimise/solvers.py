@@ -71,7 +71,10 @@ class ClarabelSolver:
                 stopped = SolverError(f"Clarabel stopped with {status}", _ADVICE.get(status, ""))
                 failure = failure or (error if status == "Solved" else stopped)
             # Rows that contradict each other by little are solved, as it seems, by a point that breaks them.
-            if status == "PrimalInfeasible" or (status == "Solved" and _short(scaled, x)):
+            if status == "PrimalInfeasible" or (
+                status == "Solved"
+                and any((s < -FEASIBLE).any() for s in (scaled.slacks(x), x - scaled.lower, scaled.upper - x))
+            ):
                 failure = self._infeasible(program)
                 if isinstance(failure, InfeasibleError):
                     break
@@ -119,12 +122,6 @@ def _independent(program: ConeProgram, scaled: ConeProgram) -> Indices:
     R, pivots = qr(scaled.A.T, mode="r", pivoting=True)
     diagonal = np.abs(np.diag(R))
     return np.sort(pivots[: int((diagonal > 1e-10 * diagonal[0]).sum())])
-
-
-def _short(scaled: ConeProgram, x: Array) -> bool:
-    """Whether a point is short of rows or bounds."""
-    box = np.minimum(x - scaled.lower, scaled.upper - x)
-    return bool(min(scaled.slacks(x).min(initial=0.0), box.min(initial=0.0)) < -FEASIBLE)
 
 
 def standard_form(scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, tuple[int, ...]]:

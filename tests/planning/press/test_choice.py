@@ -140,17 +140,14 @@ def test_strength_keeps_every_press_within_the_limits_and_one_at_them() -> None:
     assert max(shares) == pytest.approx(1.0)
     assert strength(plan) == pytest.approx(1.0)
     # Ways and speeds stay: damping and thresholds of force are scaled alike.
-    weaker = replace(plan, attempts=(replace(candidate("0"), presses=(pressed(Force(8.0)),)),)).strengthened(0.5)
+    one = replace(candidate("0").presses[0], ends=(Force(8.0), Time(1.0)))
+    weaker = replace(plan, attempts=(replace(candidate("0"), presses=(one,)),)).strengthened(0.5)
     assert weaker.attempts[0].presses[0].wrench[2] == -0.5
     assert weaker.attempts[0].presses[0].ends[0] == Force(4.0)
     assert np.allclose(weaker.robot.damping, 0.5 * np.array(robot.damping))
     fast = replace(plan, robot=replace(robot, mass=100.0))
     with pytest.raises(SearchError, match="as light as the limits"):
         strength(fast)
-
-
-def pressed(end: Force) -> Press:
-    return replace(candidate("0").presses[0], ends=(end, Time(1.0)))
 
 
 def test_a_candidate_that_is_late_loses_to_one_that_is_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
