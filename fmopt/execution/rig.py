@@ -87,11 +87,6 @@ class Rig:
         )
 
     @property
-    def contacts(self) -> Array:
-        """Contacts of the last time step, as `Engine` has them."""
-        return self.engine.contacts
-
-    @property
     def running(self) -> Bools:
         """Which bodies still have a step to do."""
         return np.asarray(self.state.step >= 0)

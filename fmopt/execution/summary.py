@@ -250,7 +250,7 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
             found.append(f"{_spoken(move.number)}: {name} open")
     corners = [known[name] for name in move.goal_state if known[name].kind == "vertex-face"]
     flat = [one for n, one in enumerate(corners) if any(np.array_equal(one.fixed, c.fixed) for c in corners[:n])]
-    sensed = rig.contacts[body]  # columns as `FIELDS`: found, force, distance, position
+    sensed = rig.engine.contacts[body]  # columns as `FIELDS`: found, force, distance, position
     pressing = sensed[(sensed[:, 0] > 0.0) & (np.linalg.norm(sensed[:, 1:4], axis=1) > _PRESSES)]
     for row in pressing:
         near = any(float(np.linalg.norm(row[5:] - place)) <= _NEAR for place in places)

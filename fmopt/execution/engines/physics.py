@@ -6,7 +6,7 @@ penetration at or below some 25 µm at 50 mm/s, and in proportion to the time co
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import ceil
 
 from fmopt.errors import SettingsError
@@ -28,12 +28,6 @@ class Physics:
     impratio: float = 10.0
     cone: str = "elliptic"
     margin: float = 0.0  # distance at which contacts begin, m
-    faults: tuple[str, ...] = field(init=False, default=())
-
-    def __post_init__(self) -> None:
-        if self.solref is None:
-            object.__setattr__(self, "solref", (max(2.0 * self.time_step, HARD), 1.0))
-        object.__setattr__(self, "faults", tuple(_faults(self)))
 
     @staticmethod
     def of_fit(clearance: float, period: float, time_step: float | None = None) -> Physics:
@@ -50,8 +44,7 @@ class Physics:
     @property
     def contact(self) -> tuple[float, float]:
         """solref as it is used."""
-        assert self.solref is not None
-        return self.solref
+        return self.solref or (max(2.0 * self.time_step, HARD), 1.0)
 
     def trusted(self) -> Physics:
         """These settings.
@@ -59,9 +52,9 @@ class Physics:
         Raises:
             SettingsError: a result with them would say nothing about tight fits.
         """
-        if self.faults:
+        if faults := _faults(self):
             advice = "leave the settings of contacts out: interference fits go in with the engine's defaults"
-            raise SettingsError("untrustworthy physics: " + "; ".join(self.faults), advice)
+            raise SettingsError("untrustworthy physics: " + "; ".join(faults), advice)
         return self
 
 

@@ -56,13 +56,10 @@ def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSo
         SearchError: no sequence comes down inside the mouth, or none keeps clear of tool and obstacles.
         OverdueError: the time limit leaves no draw for any.
     """
-    problem = posed.problem
-    task, settings = task_of(posed), problem.settings
-    robot, conditions = robot_for(task), conditions_of(problem)
-    choosing = Choosing(
-        task.bodies, task.seat, robot, conditions, settings.seed, task.filled, problem.cell,
-        settings.max_time or math.inf,
-    )  # fmt: skip
+    problem, task, settings = posed.problem, task_of(posed), posed.problem.settings
+    conditions, late = conditions_of(problem), settings.max_time or math.inf
+    parts = task.bodies, task.seat, robot_for(task), conditions
+    choosing = Choosing(*parts, settings.seed, task.filled, problem.cell, late)
     progress("presses: sections of the parts")
     asked = _examination(settings)
     pace, limit = Pace(asked.trials), deadline() - clock()
@@ -84,11 +81,10 @@ def press_solution(posed: Posed, progress: Progress = lambda _: None) -> PressSo
 
 def tried_again(posed: Posed, plan: PressPlan) -> PressSolution:
     """Presses that were chosen for another variant, tried as they are: parts, errors and hardware are of this one."""
-    problem, settings = posed.problem, posed.problem.settings
-    task = task_of(posed)
+    problem, task = posed.problem, task_of(posed)
     robot = replace(robot_for(task), damping=plan.robot.damping, limits=plan.robot.limits, arm=plan.robot.arm)
     same = replace(plan, robot=robot, seat=task.seat, filled=task.filled, cell=problem.cell)
-    asked = replace(_examination(settings), threads=1)
+    asked = replace(_examination(problem.settings), threads=1)
     return PressSolution(same, examine(task.bodies, same, conditions_of(problem), asked, subject(posed, same)))
 
 

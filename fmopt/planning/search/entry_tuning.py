@@ -85,10 +85,15 @@ def _varied(
         tries += 1
         entry = entry_of(shape.varied(shape.numbers * (factors + step)))
         try:
-            other = _from_entry(task, found, entry, best.reached.margin + _GAIN * limits.enough)
+            node = replayed(task, entry, found.names, best.reached.margin + _GAIN * limits.enough)
         except OverdueError:
             return False  # and there is no time for another try
-        if other is None or not kept(other):
+        if node is None:
+            return False
+        bound = min(found.lower_bound, node.cost)  # that of the sequence is of other entries
+        come = replace(found, entry=node.entry, moves=node.moves, reached=node.reached)
+        other = replace(come, cost=node.cost, lower_bound=bound)
+        if not kept(other):
             return False
         factors, best = factors + step, other
         progress(other.reached.margin)
@@ -103,15 +108,6 @@ def _varied(
                 while left() and gains(step):
                     improved = True
     return best
-
-
-def _from_entry(task: Task, found: MoveSequence, entry: Entry, least: float) -> MoveSequence | None:
-    """A found sequence from another entry, None where it fails or has no more margin (m) than this."""
-    node = replayed(task, entry, found.names, least)
-    if node is None:
-        return None
-    bound = min(found.lower_bound, node.cost)  # that of the sequence is of other entries
-    return replace(found, entry=node.entry, moves=node.moves, reached=node.reached, cost=node.cost, lower_bound=bound)
 
 
 def replayed(task: Task, entry: Entry, names: Sequence[str], least: float) -> Node | None:
