@@ -157,10 +157,7 @@ class Linkage(Value, hole=(None, 3), hand=(None, 6), sizes=(4,)):
         return np.append(self.sizes, max(length(start - origin), length(goal - origin)))
 
     def moves(self, travel: Array, turn: Array, count: int) -> Array:
-        """By how much generators (count, 6) move as the part travels (3,), m, and turns (3, 3).
-
-        Generators behind the linked ones do not move.
-        """
+        """By how much generators (count, 6) move, if linked, as the part travels (3,), m, and turns (3, 3)."""
         found = np.zeros((count, 6))
         after = self.turned(turn).hand
         # What is fixed in the hand turns with the part; what is fixed in the hole stays and swings what has moved on.

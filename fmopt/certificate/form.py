@@ -232,10 +232,7 @@ def _seen(parts: tuple[Rows, ...], C: Array, half: Array) -> tuple[Array, Array]
 
 
 def made_lever(assembly: Assembly, piece: Piece, ends: Ends) -> float:
-    """How many times Δ the function of the contact being made may be off zero along a piece if it were touched there.
-
-    Infinite where nothing tells.
-    """
+    """How many times Δ the function of the contact being made may be off zero as it is touched; infinite if unknown."""
     assert piece.made is not None
     try:
         lever = _Edges(assembly, piece).made(piece.made)

@@ -56,8 +56,7 @@ class Step(Value, position=(6, 6), twist=(6,), hold=(2, 6), rubbing=(6,), gain=(
 class Program(Value):
     """Steps, from the first on.
 
-    To the speed (m/s) the shares of the velocity error refer; the limits are the servo's greatest force (N) and torque
-    (N·m).
+    To the speed (m/s) the shares of the velocity error refer; limits are the servo's in force (N) and torque (N·m).
     """
 
     name: str

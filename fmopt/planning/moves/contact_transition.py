@@ -78,10 +78,7 @@ class _Known:
 
 @remembered(_MEMORY)
 def _known(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> _Known:
-    """What held contacts say of walls.
-
-    Not of those with holes: their corners have to stay where they are.
-    """
+    """What held contacts say of walls but those with holes, whose corners have to stay where they are."""
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
     known, found = facts(assembly, held), []
     for number, face in enumerate(fixed.faces):

@@ -213,10 +213,7 @@ def _placed_pose(
 
 
 def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float) -> tuple[Forms, Array]:
-    """The rows near binding at the goal of move k, of the pieces that end and begin there, with their allowances, m.
-
-    Planes along edges are left out.
-    """
+    """Rows near binding at the goal of move k, of pieces that meet there, with allowances, m; none of edge planes."""
     number, forms, allowances = -1, [points_above(np.zeros((0, 3)), np.zeros(3), 0.0)], [np.zeros(0)]
     for claim in placed.reached.claims:
         number += claim.piece.progress[0] == 0.0

@@ -118,8 +118,7 @@ def sequence_rows(
     """Every row of a sequence that is within `near` (m) of binding.
 
     If `drifting`, it counts in later moves that a longer one drifts farther, too. That leads on where poses are far
-    from where they are to be; near there, steps without it were found to end higher. If `felt`, what ends a move has to
-    be.
+    from where they are to be; near there, steps without it ended higher. If `felt`, what ends a move has to be.
     """
     most, moves = reached.margin + near, claims_of_moves(reached.claims)
     sensitivity = iter(found := sensitivities(assembly, reached.claims, tolerance, drifting))
@@ -180,7 +179,7 @@ def _growing(
     """The rows that let errors be carried through a move, and its end be felt.
 
     A contact being made comes nearer all along, as it is and as errors are seen through those held; contacts given up
-    get farther away; and a move is longer than what errors make its end differ by. `shape` is of generators and
+    get farther away; and a move is longer than errors make its end differ by. `shape` is of generators and
     displacements.
     """
     piece, last, (width, n) = claim.piece, claim.advance, shape

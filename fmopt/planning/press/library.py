@@ -242,10 +242,7 @@ def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
 
 
 def work_free(task: PressTask, u: Array) -> tuple[Press, ...]:
-    """Turn a part that is stuck either way about the axis across a direction (3,), under a light force.
-
-    Two contacts that friction holds it by let go.
-    """
+    """Turn a stuck part either way about the axis across a direction (3,), for the contacts that hold it to let go."""
     turn = max(0.5 * task.size * FORCE, _TURNS * task.problem.robot.torque_offset / task.steady_force * AXIAL)
     x, y, _ = (turn * u).tolist()
     speeds = _LOWERING if task.through else SPEEDS

@@ -48,8 +48,7 @@ def tuned(
     """One of some sequences of moves, the best first, from an entry of another shape, with the largest margin met.
 
     One that is steady, friction leaving all of its contacts closed, stays so; one that does not start tilted is not
-    varied. The numbers are varied one after the other. Where that leaves next to no margin, so are those of the next
-    sequence.
+    varied. The numbers are varied one after the other. Where that leaves next to no margin, so are those of the next.
     """
     best: MoveSequence | None = None
     for found in candidates:

@@ -234,8 +234,7 @@ def implied(
 ) -> bool:
     """Whether a contact is made exactly when `first` is, because flush faces fix the turn between the two.
 
-    Walls and rims of several holes may be met together, too: those that are parallel and as far from each other as what
-    meets them.
+    Walls and rims of several holes may be met together, too: if they are parallel and as far apart as what meets them.
     """
     if first.kind is not other.kind or first.kind in (Kind.FACE_VERTEX, Kind.BALL_FACE):
         return False
