@@ -17,7 +17,6 @@ from fmopt.runtime.process import interrupted
 
 _SHOWN = 5  # findings that a refusal lists
 _DATA = ("interference", "place", "shortfall", "feature", "rule", "findings")  # what errors carry beside their words
-
 MOST_WORKERS = 1024
 MOST_TRIALS = 10_000_000
 EXIT = {"CERTIFIED": 0, "REFUTED": 1, "NOT_PROVED": 3, "TESTED": 3}  # of the check

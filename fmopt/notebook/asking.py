@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 Size: TypeAlias = str | float
 Part: TypeAlias = str | PathLike[str] | Any
+UNITLESS = frozenset(MESHES) - frozenset(STEP)
 _UNITS = ("m", "cm", "mm", "um", "in")
 _BODIES_ADVICE = "say which with --moving NAME and --fixed NAME, or by their numbers"
 
@@ -66,7 +67,7 @@ class Asked:
                 advice = f"write one of {', '.join(_UNITS)}"
                 raise wrong("--unit", "unknown-unit", f"{unit!r} is no unit of a mesh", advice)
             # STEP files say their unit themselves, and model files are no meshes.
-            if unit is not None and file.suffix.lower() in MESHES and file.suffix.lower() not in STEP:
+            if unit is not None and file.suffix.lower() in UNITLESS:
                 lines.append(f"unit = {quoted(unit)}")
             if body is not None:
                 lines.append(f"body = {int(body) if body.isdecimal() else quoted(body)}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,6 @@ from fmopt.task.problem import Problem
 from fmopt.task.sizes import short_of_height
 
 if TYPE_CHECKING:
-    from fmopt.contact.primitive import PrimitiveContact
     from fmopt.geometry.part import Part as Solid
     from fmopt.planning.motion import Attempt
     from fmopt.planning.moves.moves import Move
@@ -63,6 +62,7 @@ def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: fl
             found = Nearest(tried.share, tuple(map(float, tried.share * problem.stated_box)), tried.margin, own)
     # Contacts of moves that lead on, too: what is missing may be named after them.
     moves = () if attempt is None else (*attempt.moves, *(move for _, move in attempt.onward))
+    contacts = {one.id: one for move in moves for one in (*move.held, *move.making, *move.left)}
     return Failure(
         title=problem.title,
         stage="begin" if attempt is None else attempt.stage,
@@ -76,7 +76,7 @@ def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: fl
         advice=tuple(_advice(problem, error, found, cut)),
         moving=_part(problem.moving, problem, posed),
         fixed=_part(problem.fixed, problem, posed),
-        contacts=tuple(_contacts(moves)),
+        contacts=tuple(Contact(c.id, str(c.kind), c.moving, c.fixed) for c in contacts.values()),
     )
 
 
@@ -177,13 +177,6 @@ def _contact(move: Move, binding: str) -> str:
     # "v0-f5 too early" is about v0-f5.
     own = next((c.id for c in (*move.held, *move.making, *move.left) if binding.split(" ")[0] == c.id), "")
     return own or next((c.id for c in move.making), "")
-
-
-def _contacts(moves: Iterable[Move]) -> list[Contact]:
-    found: dict[str, PrimitiveContact] = {}
-    for move in moves:
-        found |= {contact.id: contact for contact in (*move.held, *move.making, *move.left)}
-    return [Contact(c.id, str(c.kind), c.moving, c.fixed) for c in found.values()]
 
 
 def _part(solid: Solid, problem: Problem, posed: Posed) -> Part:

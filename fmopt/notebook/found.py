@@ -7,17 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmopt.notebook.asking import quoted
+from fmopt.notebook.asking import UNITLESS, quoted
 from fmopt.task.explain import aligned, statements
-from fmopt.task.mesh_source import MESHES
-from fmopt.task.toml.model_file import STEP
 
 if TYPE_CHECKING:
     from fmopt.geometry.clearance import Clearance
     from fmopt.notebook.asking import Asked
     from fmopt.task.problem import Problem
-
-UNITLESS = frozenset(MESHES) - frozenset(STEP)
 
 
 def commented(asked: Asked, folder: Path, problem: Problem, clearance: Clearance, stated: bool) -> str:

@@ -71,7 +71,14 @@ def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placin
     Raises:
         ResourceError: CVXPY is not installed.
     """
-    now = motion_of(plan, problem)
+    # The motion of the plan, certified once more on the parts of its problem.
+    posed, said = Posed.of(problem), plan.description.search
+    run = tuple(_moves(plan, posed.assembly.moving.polyhedron, posed.assembly.fixed.polyhedron))
+    placed = certified(posed.assembly, run, posed.start, posed.tolerance, FINE)
+    found = Searched(0.0, (), 0.0, 0.0, 0)
+    if said is not None:
+        found = Searched(said.heading, said.moves, said.cost, said.lower_bound, said.states_expanded)
+    now = posed.certified(found, placed)
     aim = Aim(now.assembly, Reached(now.errors, (), ()), now.tolerance, FINE)  # it begins free: no basis, no claims
     program = sequence_program(aim, now.placed, _RADIUS * now.clearance.per_side if radius is None else radius)
     try:
@@ -83,18 +90,6 @@ def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placin
     # Solvers want unknowns of one size: y are theirs, x those of the program, in m and rad.
     x = cvxpy.multiply(program.units, y)
     return Placing(found, cvxpy.reshape(x[:-1], (len(now.placed.moves) + 1, 6), order="C"), x[-1], now, aim)
-
-
-def motion_of(plan: Plan, problem: Problem) -> CertifiedMotion:
-    """The motion of a plan, certified once more on the parts of its problem."""
-    posed = Posed.of(problem)
-    run = tuple(_moves(plan, posed.assembly.moving.polyhedron, posed.assembly.fixed.polyhedron))
-    placed = certified(posed.assembly, run, posed.start, posed.tolerance, FINE)
-    said = plan.description.search
-    found = Searched(0.0, (), 0.0, 0.0, 0)
-    if said is not None:
-        found = Searched(said.heading, said.moves, said.cost, said.lower_bound, said.states_expanded)
-    return posed.certified(found, placed)
 
 
 def _moves(plan: Plan, moving: Polyhedron, fixed: Polyhedron) -> Iterator[Move]:

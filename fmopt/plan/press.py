@@ -233,15 +233,9 @@ class PressPlan:
 
     def strengthened(self, factor: float) -> "PressPlan":
         """All wrenches times a factor, damping likewise: ways and speeds stay."""
-        robot = self.robot
-        damping = factor * robot.damping[0], factor * robot.damping[1]
-        return replace(
-            self,
-            robot=replace(robot, damping=damping),
-            attempts=tuple(
-                replace(one, presses=tuple(_stronger(press, factor) for press in one.presses)) for one in self.attempts
-            ),
-        )
+        robot = replace(self.robot, damping=(factor * self.robot.damping[0], factor * self.robot.damping[1]))
+        attempts = (replace(one, presses=tuple(_stronger(p, factor) for p in one.presses)) for one in self.attempts)
+        return replace(self, robot=robot, attempts=tuple(attempts))
 
 
 def _stronger(press: Press, factor: float) -> Press:

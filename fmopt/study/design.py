@@ -17,10 +17,10 @@ from fmopt.study.running.batch import Limits, Question, Run
 from fmopt.study.running.program import program
 from fmopt.study.running.running import Work
 from fmopt.study.sampling import CUBES
-from fmopt.study.targets import UNIT_NAMES, Base, assigned, blamed, canonical_digest
+from fmopt.study.targets import UNIT_NAMES, Base, assigned, blamed
 from fmopt.task.loading import problem_of
 from fmopt.task.problem import load
-from fmopt.task.toml.source import Source, dotted, read
+from fmopt.task.toml.source import Source, canonical_digest, dotted, read
 from fmopt.task.toml.tables import Reading, checked, factors
 from fmopt.task.toml.units import QuantityError, did_you_mean
 

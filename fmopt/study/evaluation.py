@@ -15,10 +15,10 @@ from fmopt.errors import FmoptError, InfeasibleError, InputError, InterferenceEr
 from fmopt.plan import Plan
 from fmopt.study.running.batch import Question, Run
 from fmopt.study.running.store import Row, Scalar
-from fmopt.study.targets import assigned, canonical_digest
+from fmopt.study.targets import assigned
 from fmopt.task.loading import problem_of
 from fmopt.task.problem import Problem
-from fmopt.task.toml.source import Source, read
+from fmopt.task.toml.source import Source, canonical_digest, read
 
 if TYPE_CHECKING:
     from fmopt.geometry.clearance import Clearance
@@ -164,10 +164,9 @@ def _shortfall(error: FmoptError) -> float | None:
 
 def _clearance(solved: Solved) -> dict[str, Scalar]:
     """Measured clearance on each side, m."""
-    x, y = (0.5 * float(width) for width in solved.clearance.play)
     # Play is infinite where nothing stops the part, and the store takes finite numbers only.
-    finite = [side if side < float("inf") else None for side in (x, y)]
-    return {"clearance": solved.clearance.per_side, "clearance_x": finite[0], "clearance_y": finite[1]}
+    x, y = (0.5 * float(width) if width < float("inf") else None for width in solved.clearance.play)
+    return {"clearance": solved.clearance.per_side, "clearance_x": x, "clearance_y": y}
 
 
 def _plan(solved: Solved) -> dict[str, Scalar]:

@@ -19,7 +19,7 @@ from fmopt.task.mesh_source import MESHES
 from fmopt.task.model import parameter_values
 from fmopt.task.toml import units
 from fmopt.task.toml.problem_file import ProblemFile, spelled_out
-from fmopt.task.toml.source import Key, Source, read, read_bytes
+from fmopt.task.toml.source import Key, Source, canonical_digest, read, read_bytes
 from fmopt.task.toml.tables import Measured, Table
 from fmopt.task.toml.units import RATIO, Dimension, Quantity, did_you_mean
 
@@ -106,14 +106,6 @@ class Base:
                     continue
                 found[f"model.{side}.{name}"] = Target((side, "parameters", name), value.dimension)
         return found
-
-
-def canonical_digest(value: object) -> str:
-    """SHA-256 (hex) of plain data in one canonical form."""
-    import json
-
-    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def target(targets: Mapping[str, Target], path: str) -> Target | str:

@@ -1,7 +1,6 @@
 """From problem and model files to the problem: read, checked as a whole, parts built in their mating frames."""
 
 import hashlib
-import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -36,7 +35,7 @@ from fmopt.task.sources import (
 )
 from fmopt.task.task_command import attributes, is_round
 from fmopt.task.toml import problem_file as files
-from fmopt.task.toml.source import NAME_PROBLEM, Key, Source, dotted, read_bytes
+from fmopt.task.toml.source import NAME_PROBLEM, Key, Source, canonical_digest, dotted, read_bytes
 from fmopt.task.toml.tables import Reading, checked
 from fmopt.task.toml.units import LENGTH, at_most, did_you_mean, in_words
 
@@ -412,5 +411,4 @@ def _sha256(source: Source, models: Mapping[str, Model]) -> str:
             path = model.source.path.parent / model.file.mesh.file
             mesh = read_bytes(path, model.source.place(("mesh", "file")), MAX_MESH_BYTES)
             content["meshes"][side] = hashlib.sha256(mesh).hexdigest()
-    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
-    return hashlib.sha256(canonical.encode()).hexdigest()
+    return canonical_digest(content)

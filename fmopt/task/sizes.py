@@ -26,12 +26,9 @@ from fmopt.task.toml.units import ANGLE, FORCE, LENGTH, TORQUE, UNITS, at_most, 
 
 _LARGEST_ERROR = 0.5  # m and rad: what the check of a plan takes
 _USUAL = 0.05  # m: about how long a part is
-
 IMPACT = ("impact_force", "apparent_mass", "contact_stiffness")
-
 _LEAST_HEIGHT = 1e-3  # m: of the lowest point at the start
 _ROOM = 1.25  # times what the start errors could bring the lowest point down by, it starts above the mouth
-
 LEAST_LEVER = 2.0**-10  # m: what the check of a plan takes
 _FAR = 10.0  # times the declared clearance: no tolerance, but another part or another unit
 

@@ -38,7 +38,6 @@ from fmopt.verify.reading.parse import parse
 from fmopt.verify.reading.reader import NOT_COVERED, NOT_COVERED_OFF_FORM, NOT_COVERED_PRESSES, PlanError
 
 Failed = tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
-
 Point = tuple[float, float, float]
 
 

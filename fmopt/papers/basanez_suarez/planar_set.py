@@ -18,7 +18,6 @@ from fmopt.papers.basanez_suarez.boundary import Loop, Piece, moved, outline
 from fmopt.spatial.values import Array, Bits, Value
 
 ROUNDING = 1e-9  # of the size
-
 Side = Literal["inside", "outside"]
 SIDES: dict[Side, CurveSide] = {"inside": "left", "outside": "right"}
 

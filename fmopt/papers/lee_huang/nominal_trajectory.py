@@ -24,8 +24,6 @@ from fmopt.spatial.se3 import Pose, turns
 from fmopt.spatial.values import Array, Bits, Value
 
 _AT_GOAL = 1e-11  # of T: what begins this late only the goal touches
-
-
 _FLAT = 1e-9  # |n × z| of a face that is perpendicular to the axis
 _SAME = 1e-12  # m, heights this close are one
 

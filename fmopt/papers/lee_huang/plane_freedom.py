@@ -36,7 +36,6 @@ from fmopt.spatial.values import Array, Bits, Indices, Value
 
 _BLUR = 1e-12  # of T
 _SAME = 1e-12
-
 _STILL = 1e-9  # force, or torque over size, below which a contact does not stop a degree
 _ROUNDING = 1e-12  # of the size
 

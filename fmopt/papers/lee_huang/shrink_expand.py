@@ -34,7 +34,6 @@ from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array
 
 _RELATIVE = 1e-6  # of the larger size, where no tolerance is given
-
 _STEP = 0.05  # rad, between orientations of a turn out of the plane
 _IN_PLANE = 1e-12  # rad
 _SIDES: tuple[Literal[1, -1], ...] = (1, -1)

@@ -13,7 +13,6 @@ from fmopt.report.views.planar_view import piece_points
 
 _COLUMNS = 2
 _ROW = 2.75  # inches
-
 TITLE = "CU of basic contacts over φ, and the nominal C-surface inside"
 
 

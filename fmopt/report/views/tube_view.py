@@ -46,9 +46,7 @@ def ends_words(plan: Plan) -> str:
 
 def error_table(plan: Plan) -> str:
     """How contacts shrink the error: half-widths at the start and at every move's end."""
-    rows = []
-    for name, errors in error_sets(plan).items():
-        rows.append((name, *map(_fine, SCALES * errors.half_widths())))
+    rows = [(name, *map(_fine, SCALES * errors.half_widths())) for name, errors in error_sets(plan).items()]
     head = ("at the end of", *AXES_READ)
     return paragraph(ends_words(plan)) + table("Half-widths of the set of errors", head, rows, ".nnnnnn")
 

@@ -98,8 +98,6 @@ class FileSolid(OfFile, PlacedTable):
 Solids: TypeAlias = Annotated[
     dict[Name, Annotated[Primitive | FileSolid, Field(discriminator="shape"), Short()]], Field(max_length=32)
 ]
-
-
 Depth: TypeAlias = Annotated[float | None, Measured(LENGTH, 1e-9, 1e3, words=("full", "free"))]
 Angle: TypeAlias = Annotated[float | None, Measured(ANGLE, -2.0 * math.pi, 2.0 * math.pi, words=("free",))]
 Pair: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute"]

@@ -1,5 +1,7 @@
 """TOML files with the line and column of every key and value; a file that cannot be read becomes a fault."""
 
+import hashlib
+import json
 import re
 import stat
 import sys
@@ -104,6 +106,12 @@ def dotted(key: Sequence[str | int]) -> str:
             name = part if re.fullmatch(r"[A-Za-z0-9_-]+", part) else f'"{escaped}"'
             text += f".{name}" if text else name
     return text
+
+
+def canonical_digest(value: object) -> str:
+    """SHA-256 (hex) of plain data in one canonical form."""
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 @lru_cache(maxsize=1)

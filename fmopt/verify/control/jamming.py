@@ -32,7 +32,6 @@ from fmopt.verify.reading.reader import Numbers
 
 _STRICT = 1e-9  # of unit twists, by which each contact must be opened beyond friction
 _ROUNDING = 1e-9  # rad, or relative
-
 _EXACT = 1e-7  # of the contact force, by which forces may fail to balance
 _TINY = 1e-12  # of a unit column, below which it depends on others
 

@@ -46,7 +46,6 @@ _EXACT = 1e-11  # relative: what double arithmetic may leave of an equality betw
 _RANK = 1e-6
 _AT = 1e-8  # m: a contact nearer to its rim than this may be counted as touching or not
 _OVER = 1e-9  # relative: by how much a limit of force may be exceeded
-
 _LEVEL = 1e-3  # sine of the angle below which edges fix no normal
 _ROUNDING = 1e-9  # relative
 

@@ -52,7 +52,6 @@ SEGMENT_FIELDS: tuple[Fields, ...] = (
 )  # fmt: skip
 _MANY = 256  # twists that prove a range
 _WITNESSES = ("fixed-face", "moving-face", "edges", "plane")
-
 LARGEST_NUMBER_OF_RETRIES = 64
 _RECOVERY = fields("recovery", proved="retries covers", commentary="why not_covered", objects="lift moves")
 _LIFT = fields("recovery.lift", proved="direction above clear turn")
