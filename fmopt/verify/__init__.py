@@ -9,15 +9,6 @@ from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, TESTED, Findin
 from fmopt.verify.reading.reader import PlanError, load
 
 __all__ = [
-    "CERTIFIED",
-    "NOT_PROVED",
-    "REFUTED",
-    "TESTED",
-    "Finding",
-    "PlanError",
-    "Verdict",
-    "Witness",
-    "judge",
-    "load",
+    "CERTIFIED", "NOT_PROVED", "REFUTED", "TESTED", "Finding", "PlanError", "Verdict", "Witness", "judge", "load",
     "verify",
-]
+]  # fmt: skip

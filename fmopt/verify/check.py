@@ -164,8 +164,7 @@ def _collision(
     none: Row = (0, 0, 0, 0, 0, 0)
     tries = [(start, segment.start, none), (goal, segment.goal, none)]
     for e in errors:
-        moved = Pose(add(start.p, e[:3]), product(exponential(e[3:]), start.R))
-        tries.append((moved, segment.start, e))
+        tries.append((Pose(add(start.p, e[:3]), product(exponential(e[3:]), start.R)), segment.start, e))
     for X, stated, error in tries:
         for i, j, _ in failed:
             depth = overlap(assembly.moving_pieces[i], assembly.fixed_pieces[j], X, max(touch, 1e-12))

@@ -43,19 +43,17 @@ def _tail(successes: int, trials: int, rate: float) -> float:
 
 def judge_presses(plan: Plan, notes: Notes) -> Verdict:
     """Judge a plan of presses, of which nothing is proved: TESTED where its evidence holds, else NOT_PROVED."""
-    evidence = plan.evidence
-    if evidence is None:
+    told = plan.evidence
+    if told is None:
         notes.add("evidence", "the presses were not carried out: nothing is known of them")
     else:
-        _check_evidence(evidence, notes)
-        if evidence.subject != plan.subject:
+        _check_evidence(told, notes)
+        if told.subject != plan.subject:
             notes.add("evidence", "it is of other parts, presses or goals than the plan holds")
-        if evidence.start != plan.start_box:
+        if told.start != plan.start_box:
             notes.add("evidence", "it is drawn from other start errors than the plan states")
     verdict = NOT_PROVED if notes.found else TESTED
-    return Verdict(
-        verdict, tuple(notes.found), None, plan.presses, None, plan.not_covered, plan.verdict, evidence=evidence
-    )
+    return Verdict(verdict, tuple(notes.found), None, plan.presses, None, plan.not_covered, plan.verdict, evidence=told)
 
 
 def _check_evidence(evidence: Evidence, notes: Notes) -> None:

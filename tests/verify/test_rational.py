@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from fmopt.verify.arithmetic import rational as q
 from fmopt.verify.certificate import error_set
+from tests.shared.plans.table_plan import exp, vector
 
 ULP = Fraction(1, q.ONE)
 floats = st.floats(-8.0, 8.0, allow_subnormal=False).filter(lambda x: x == 0.0 or abs(x) > 1e-30)
@@ -57,10 +58,7 @@ def test_directions_without_length_are_refused() -> None:
 
 def rotation(r: tuple[float, ...]) -> mp.matrix:
     mp.mp.dps = 110
-    x = [mp.mpf(a) for a in r]
-    angle = mp.sqrt(mp.fsum(a**2 for a in x))
-    K = mp.matrix([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])
-    return mp.eye(3) + mp.sin(angle) / angle * K + (1 - mp.cos(angle)) / angle**2 * K * K if angle else mp.eye(3)
+    return exp(vector(r))
 
 
 @given(st.tuples(*[st.floats(-3.5, 3.5, allow_subnormal=False)] * 3))

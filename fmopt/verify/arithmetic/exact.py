@@ -46,9 +46,7 @@ def way(p: Point, q: Point) -> Vector:
     a, b, c, v = p
     x, y, z, w = q
     # With one denominator the difference points the same way, by shorter integers.
-    if v == w:
-        return (x - a, y - b, z - c)
-    return (x * v - a * w, y * v - b * w, z * v - c * w)
+    return (x - a, y - b, z - c) if v == w else (x * v - a * w, y * v - b * w, z * v - c * w)
 
 
 def parallel(u: Sequence[int], v: Sequence[int]) -> bool:

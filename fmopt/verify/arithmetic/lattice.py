@@ -169,8 +169,7 @@ def meets(p: Point, q: Point, corners: Corners, plane: HalfSpace) -> bool:
         sides = [(flat[0], flat[1]), (flat[1], flat[2]), (flat[2], flat[0])]
         turns = [turn(s, t, u) for s, t in sides]
         # Seen from behind, the triangle runs clockwise.
-        inside = min(turns) >= 0 or max(turns) <= 0
-        return inside or any(cross_or_touch(u, v, s, t) for s, t in sides)
+        return min(turns) >= 0 or max(turns) <= 0 or any(cross_or_touch(u, v, s, t) for s, t in sides)
     # The line p q goes through the triangle where it passes all three sides on the same hand.
     sides3 = [height(through(p, q, s), t) for s, t in ((a, b), (b, c), (c, a))]
     return min(sides3) >= 0 or max(sides3) <= 0

@@ -19,8 +19,7 @@ compliant directions C, the same for all pieces, the contacts take up; with Π_k
     |Π_k D_k| ≤ Σ_b Λ_b |Π_k (V′_{b+1} − V′_b)|
 
 holds for translations, exactly, and for rotations, which compose, to first order. A move whose pieces share one twist
-up to the compliance has nothing here. Up to `LEFT_ASIDE` of it is allowed to a move and left aside: it is not added to
-the errors.
+up to the compliance has nothing here. Up to `LEFT_ASIDE` of it is allowed to a move, and not added to the errors.
 """
 
 from collections.abc import Sequence
@@ -144,8 +143,7 @@ class Chain:
             (fixed(self.plan.velocity_error[0]), fixed(self.plan.velocity_error[1])),
             fixed(self.plan.rho),
         )
-        # The wall leaves an edge two directions, of which the nominal one is right only while errors cannot reach the
-        # other.
+        # The wall leaves an edge two directions, the nominal one being right only while errors cannot reach the other.
         if task.theta >= LARGEST_ERROR and any(turn.level for turn in (*basis_facts.turns, *facts.turns)):
             raise Broken("may turn so far that an edge in a wall is not known by its nominal direction")
         motion = Motion(self.assembly, task, errors)

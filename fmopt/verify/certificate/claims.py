@@ -139,9 +139,8 @@ def _contacts(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], no
         goal = motion.ends(function)[1]
         notes.equal(f"normal of {touch.id}", stated.normal, goal.N, _NORMAL_FLOOR)
         notes.equal(f"offset of {touch.id}", [stated.offset], [-goal.f], MARGIN_FLOOR)
-        notes.at_least(
-            f"remainder of {touch.id}", stated.remainder, motion.rest(function) + motion.loss(function), ALLOWANCE
-        )
+        lost = motion.rest(function) + motion.loss(function)
+        notes.at_least(f"remainder of {touch.id}", stated.remainder, lost, ALLOWANCE)
 
 
 def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], notes: Notes) -> None:
@@ -183,8 +182,6 @@ def _after(assembly: Assembly, stage: Stage, notes: Notes) -> None:
 def _hybrid(stage: Stage, notes: Notes) -> None:
     """That the control strategy goes along V, and servoes what the held contacts leave free and nothing else."""
     hybrid, motion = stage.segment.hybrid, stage.motion
-    if hybrid is None:
-        return
     floor = _TWIST_FLOOR / number(motion.length)
     # The tolerance is of a twist; divided by its length it is one of the unit twist.
     notes.equal("velocity", hybrid.velocity, [over(x, motion.length) for x in motion.twist], floor)
@@ -200,8 +197,7 @@ def _hybrid(stage: Stage, notes: Notes) -> None:
         notes.add("hybrid", "its axes are not independent")
     for twist in hybrid.position_axes:
         for wrench in hybrid.force_axes:
-            # Reciprocal: force control does no work along what is servoed in position, so that neither drives the
-            # other.
+            # Reciprocal: force control does no work along what is servoed in position, neither drives the other.
             if abs(sum(a * b for a, b in zip(twist, wrench, strict=True))) > _RECIPROCAL:
                 notes.add("hybrid", "a force axis does work along a position axis")
 
@@ -326,9 +322,8 @@ class _Growth:
         slid, spun = length(motion.motion[:3]) + self._drift[0], length(motion.motion[3:]) + self._drift[1]
         for column, most in zip(motion.held_dual, given, strict=True):
             slid, spun = slid + times(most, length(column[:3])), spun + times(most, length(column[3:]))
-        return (
-            times(length(N[:3]), times(askew, slid) + times(off, spun)) + times(length(N[3:]), times(askew, spun)) + 8
-        )
+        moved = times(askew, slid) + times(off, spun)
+        return times(length(N[:3]), moved) + times(length(N[3:]), times(askew, spun)) + 8
 
 
 def _power(distance: Distance, mu: Row) -> Row:

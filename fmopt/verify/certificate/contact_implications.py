@@ -39,8 +39,7 @@ class Wall:
         return self._lines[2]
 
     def _distinct(self, assembly: Assembly) -> list[Line]:
-        n = len(self.points)
-        pairs = [(self.points[i], self.points[j]) for i in range(n) for j in range(i)]
+        pairs = [(self.points[i], self.points[j]) for i in range(len(self.points)) for j in range(i)]
         pairs += [(a, b) for a, b in self.between if a in self.points or b in self.points]
         distinct: list[Line] = []
         for a, b in pairs:
@@ -131,8 +130,7 @@ class Facts:
             flush = self.assembly.spanned(l, p)
             if flush is None or any(parallel(flush.exact, known.exact) for known in wall.flush):
                 continue
-            # A face lies in the wall with its outside towards it; which of its two sides that is tells the nominal
-            # pose.
+            # A face lies in the wall with its outside towards it; which of its sides that is tells the nominal pose.
             towards = dot(turned(self.R, flush.plane.normal), wall.plane.normal)
             if towards > 0:
                 flush = Flush(Plane(neg(flush.plane.normal), -flush.plane.offset), turned_over(flush.exact))

@@ -122,8 +122,7 @@ def edge_rows(
     functions: list[Function] = []
     kept = M.vertices
     if anchors:
-        # Contacts of these two edges keep the moving edge on or above the plane; without one each vertex is its own
-        # row.
+        # Contacts of these two edges keep the moving edge on or above the plane; without one each vertex is a row.
         levels = list(_levels(assembly, known, moving, base))
         kept = tuple(
             v
@@ -138,7 +137,7 @@ def edge_rows(
         functions += [EdgesApart(moving, base, v) for v in kept]
     # Only where the edges are held to meet does the fixed one lie in the plane along both.
     turned = _turned_onto(assembly, known, base, lies) if any(anchors) else iter(())
-    return [*functions, *_fixed_rows(assembly, F, motion, (moving, base), turned)], _scale(motion, moving, base)
+    return [*functions, *_fixed_rows(assembly, F, motion, moving, base, turned)], _scale(motion, moving, base)
 
 
 class _Beside(NamedTuple):
@@ -186,8 +185,7 @@ def _level_rows(
     """
     rim, plane, moving, base = beside
     a = moving.point
-    off = [v for v in M.vertices if abs(plane.height(v)) > DEVIATION]
-    arms = [cross(sub(v, a), moving.direction) for v in off]
+    arms = [cross(sub(v, a), moving.direction) for v in M.vertices if abs(plane.height(v)) > DEVIATION]
     kept = [arm for arm in arms if not known.facts.rises(base.direction, arm)]
     functions: list[Function] = [_relative(assembly, base.direction, arm) for arm in kept]
     plain = assembly.exact(rim.face)
@@ -196,22 +194,17 @@ def _level_rows(
         if rim.held
         else iter(())
     )
-    return [*functions, *_fixed_rows(assembly, F, motion, (moving, base), turned)], _scale(motion, moving, base)
+    return [*functions, *_fixed_rows(assembly, F, motion, moving, base, turned)], _scale(motion, moving, base)
 
 
 def _fixed_rows(
-    assembly: Assembly,
-    F: Shape,
-    motion: Motion,
-    edges: tuple[Line, Line],
-    turned: Iterator[tuple[Vector, Plane, Plane]],
+    assembly: Assembly, F: Shape, motion: Motion, moving: Line, base: Line, turns: Iterator[tuple[Vector, Plane, Plane]]
 ) -> Iterator[Function]:
-    """The rows of a fixed piece under a plane along its edge and a moving one."""
-    moving, base = edges
+    """The rows of a fixed piece under a plane along its edge `base` and a moving one."""
     # Vertices on the fixed edge are on the plane by its construction.
     below = {k for k, w in enumerate(F.vertices) if near(base.away(w))}
     off = [sub(w, base.point) for w in F.vertices]
-    for v, inward, wall in turned:
+    for v, inward, wall in turns:
         # The witness plane's normal R e_m × e_f has a positive part along the wall's, over the whole piece.
         if motion.lowest(_relative(assembly, cross(base.direction, wall.normal), moving.direction)) > 0:
             yield PointAbove(inward, v, assembly.reach(v))
@@ -312,8 +305,7 @@ def _turned_onto(
             continue
         wall = touch.faces[0]
         exact = assembly.exact(wall)
-        # Exactly along the fixed edge: only then does the end of the moving edge, turned onto it, lie in the witness
-        # plane.
+        # Exactly along the fixed edge: only then does the moving edge's end, turned onto it, lie in the witness plane.
         if not any(height(exact, assembly.point(w)) for w in (base.point, base.far)):
             yield touch.moving[0], _inward(touch, base, wall), wall
 

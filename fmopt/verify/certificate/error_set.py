@@ -134,8 +134,7 @@ class Linkage:
         found = []
         for h, old, new in zip(self.hole, self.hand, after, strict=True):
             # A turn of the hole by h moves what is fixed there by h × travel; what is in the hand turns with it.
-            swung = add(sub(new[:3], old[:3]), cross(h, travel))
-            found.append(row_of((*swung, *sub(new[3:], old[3:]))))
+            found.append(row_of((*add(sub(new[:3], old[:3]), cross(h, travel)), *sub(new[3:], old[3:]))))
         # Generators of the world come last, and stay as they are.
         return (*found, *[NO_ROW] * (count - len(found)))
 
@@ -301,11 +300,9 @@ def complement(columns: Sequence[Row], rows: Sequence[Row]) -> Square:
     )
 
 
-def without(A: Square, column: Row, row: Row) -> Square:
+def without(A: Square, c: Row, n: Row) -> Square:
     """A − c nᵀ."""
-    return square_of(
-        [[x - ((c * n) >> BITS) for x, n in zip(r, row, strict=True)] for r, c in zip(A, column, strict=True)]
-    )
+    return square_of([[x - ((k * m) >> BITS) for x, m in zip(r, n, strict=True)] for r, k in zip(A, c, strict=True)])
 
 
 def metric(rho: int) -> Row:

@@ -69,8 +69,7 @@ def _beside(shape: Shape, face: int, loop: Sequence[int]) -> list[Plane]:
     found = []
     for _, _, plane in shape.across(face, loop):
         beyond = max(plane.height(shape.vertices[k]) for k in loop)
-        # Only edges with the whole hole behind them: the point is outside of the hole if it is in front of one such
-        # plane.
+        # Only edges with the whole hole behind them: the point is outside the hole if in front of one such plane.
         if beyond <= DEVIATION:
             found.append(Plane(plane.normal, plane.offset + max(0, beyond)))
     return found

@@ -122,8 +122,7 @@ class Motion:
     def lowest(self, function: Function) -> int:
         """Certified lower bound of a function over the piece."""
         start, goal = self.ends(function)
-        # The end that is nominally lower first: often the other one is so much higher that its errors need not be
-        # summed.
+        # The end that is nominally lower first: often the other is so much higher that its errors need no sum.
         if start.f <= goal.f:
             found = start.f - self._first(function)
             if goal.f - self._boxed(goal.N) < found:

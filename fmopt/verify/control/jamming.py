@@ -78,12 +78,7 @@ def check_jam_free(hybrid: Hybrid, drive: Drive, goal: Numbers, asked: Specifica
 
 
 def _range(
-    stated: JamFree,
-    twists: Sequence[Numbers],
-    rest: Numbers,
-    along: Numbers,
-    directions: dict[str, Numbers],
-    notes: Notes,
+    stated: JamFree, twists: Sequence[Numbers], rest: Numbers, along: Numbers, towards: dict[str, Numbers], notes: Notes
 ) -> None:
     """That the least push and the angles follow; `rest` is the scaled bias without its push."""
     freeing = [max(-dot(v, rest) / power, 0.0) for v in twists if (power := dot(v, along)) > 0.0]
@@ -97,10 +92,10 @@ def _range(
         notes.add("jam_free.angle", f"{stated.angle!r} rad do not follow from the twists")
     powers = [(power, v) for v in twists if (power := dot(v, a)) > 0.0]
     for name, angles in stated.planes:
-        if name not in directions:
+        if name not in towards:
             notes.add("jam_free.planes", f"{name!r} is nothing that the wrench could turn to")
             continue
-        for angle, proved in zip(angles, _turned(a, directions[name], powers), strict=True):
+        for angle, proved in zip(angles, _turned(a, towards[name], powers), strict=True):
             if not angle <= proved + _ROUNDING:
                 notes.add("jam_free.planes", f"{angle!r} rad to {name} do not follow from the twists")
 
@@ -175,13 +170,11 @@ def residual(columns: Sequence[Sequence[float]], wanted: Sequence[float]) -> flo
             continue
         chosen.append(best)
         while solved is not None and min(solved) <= 0.0:
-            step, leaving = min(
-                (x[j] / max(x[j] - s, _TINY), j) for j, s in zip(chosen, solved, strict=True) if s <= 0.0
-            )
+            step, first = min((x[j] / max(x[j] - s, _TINY), j) for j, s in zip(chosen, solved, strict=True) if s <= 0.0)
             for j, s in zip(chosen, solved, strict=True):
                 x[j] += step * (s - x[j])
-            x[leaving] = 0.0
-            chosen.remove(leaving)
+            x[first] = 0.0
+            chosen.remove(first)
             solved = _solved([columns[j] for j in chosen], wanted)
         for j, s in zip(chosen, solved or (), strict=True):
             x[j] = s

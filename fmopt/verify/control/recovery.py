@@ -144,8 +144,7 @@ def _check_carrying(lift: Lift, plan: Plan, parts: tuple[Shape, Shape], notes: N
     least, sums = fixed(math.cos(lift.turn)), []
     for segment in plan.segments:
         for X in (pose(segment.start), pose(segment.goal)):
-            trace = sum(dot(line, other) for line, other in zip(X.R, first.R, strict=True))
-            sums.append((trace - ONE) >> 1)
+            sums.append((sum(dot(line, other) for line, other in zip(X.R, first.R, strict=True)) - ONE) >> 1)
     if min(sums) < least:
         notes.add("recovery.lift.turn", "a pose of the plan is turned further from the start")
     theta = fixed(lift.turn)
@@ -186,5 +185,4 @@ def _check_covering(box: Numbers, retries: Sequence[Numbers], covers: Numbers, n
 
 def _cells(cuts: Sequence[int], end: int) -> list[int]:
     """Twice the middles of the intervals that cuts divide −end … end into; all of it where that is a point."""
-    inside = sorted({-end, end, *(x for x in cuts if -end < x < end)})
-    return [a + b for a, b in pairwise(inside)] or [0]
+    return [a + b for a, b in pairwise(sorted({-end, end, *(x for x in cuts if -end < x < end)}))] or [0]

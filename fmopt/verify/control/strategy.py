@@ -228,11 +228,9 @@ class Arrival(NamedTuple):
     rho: float
 
 
-def check_impact(
-    hybrid: Hybrid, touches: Sequence[Touch], arrival: Arrival, asked: Specification, notes: Notes
-) -> None:
+def check_impact(hybrid: Hybrid, made: Sequence[Touch], arrival: Arrival, asked: Specification, notes: Notes) -> None:
     """Judges what a strategy says of the impact that ends its move."""
-    if asked.impact is None or not touches:
+    if asked.impact is None or not made:
         if hybrid.impact is not None:
             notes.add("impact", "is stated although no impact is limited, or none comes")
         return
@@ -241,7 +239,7 @@ def check_impact(
         return
     approach, force = hybrid.impact
     limit, mass, stiffness = asked.impact
-    met = max(_met(touch, arrival) for touch in touches)
+    met = max(_met(touch, arrival) for touch in made)
     if not approach >= met * (1.0 - _ROUNDING):
         notes.add("impact.approach", f"is stated as {approach!r}, but up to {met!r} follow")
     follows = hybrid.speed * approach * math.sqrt(mass * stiffness)

@@ -166,8 +166,7 @@ class Assembly(Incidence):
         for other in together:
             if other.kind != "vertex-face" or other.plane is None:
                 continue
-            # A wall through the fixed edge: where an end of the moving edge is on it, the two lines can only meet
-            # there.
+            # A wall through the fixed edge: where an end of the moving edge is on it, the lines can meet only there.
             if any(self.agree(other.plane, face) for face in touch.faces):
                 a, b = touch.moving
                 for one, two in ((a, b), (b, a)):
@@ -266,9 +265,7 @@ def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plan
     zeros: the edge's line in the wall. None when there is no such wall.
     """
     for face in touch.faces:
-        ends = [
-            other.moving[0] for other in held if other.kind == "vertex-face" and assembly.agree(face, other.faces[0])
-        ]
+        ends = [t.moving[0] for t in held if t.kind == "vertex-face" and assembly.agree(face, t.faces[0])]
         on = [end for end in touch.moving if end in ends]
         if len(on) == 2 or (on and any(other_rim(assembly, touch, other, face) for other in held)):
             return face

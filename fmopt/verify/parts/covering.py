@@ -1,11 +1,10 @@
 """That convex pieces make up a part: the two agree as sets, which is decided exactly.
 
 Each piece stands for two bodies of half-spaces, one a little larger than its hull and one a little smaller (see
-`Hull`). Of the larger ones, the boundary of their union is in what is left of the faces of each without the
-inside of all others. Where none of that meets the part's surface or is inside the part, and every shell of the surface
-has a vertex inside one of them, they cover the part: else their boundary would divide the inside of the part between
-them and what is not covered, and had an area there. The part then is nowhere farther from the hulls than
-`DEVIATION`.
+`Hull`). Of the larger ones, the boundary of their union is in what is left of the faces of each without the inside of
+all others. Where none of that meets the part's surface or is inside the part, and every shell of the surface has a
+vertex inside one of them, they cover the part: else their boundary would divide the inside of the part between them and
+what is not covered, and had an area there. The part is nowhere farther from them than `DEVIATION`.
 
 Nothing of a piece sticks out where the part's surface does not meet the smaller body, and one point of that is inside.
 
@@ -97,8 +96,7 @@ def _open(surface: Surface, hulls: Sequence[Hull], work: Work) -> Place | None:
     """A place inside the part, or on its surface, that the pieces leave uncovered; None where there is none."""
     for shell in surface.shells:
         start = place(surface.points[surface.triangles[shell[0]][0]])
-        # One point of each shell: what follows from the boundaries of pieces says nothing of a shell that they do not
-        # touch.
+        # One point of each shell: what follows from the boundaries of pieces says nothing of a shell they do not touch.
         if not any(all(elevation(space, start) < 0 for space in hull.outer) for hull in hulls):
             return start
     corners = [tuple(place(p) for p in surface.corners(t)) for t in range(len(surface.triangles))]
@@ -107,8 +105,7 @@ def _open(surface: Surface, hulls: Sequence[Hull], work: Work) -> Place | None:
         for face in hull.cells:
             for cell in _left_of(face, others, work):
                 work.spend(len(corners))
-                # What is left of a piece's boundary must not be inside the part: beyond it the part would go on
-                # uncovered.
+                # What is left of a piece's boundary must not be inside the part: the part would go on beyond it.
                 if _meets(surface, corners, cell) or surface.holds(cell.corners[0]):
                     return cell.corners[0]
     return None
@@ -177,8 +174,7 @@ class Cell(NamedTuple):
         sides: list[HalfSpace] = []
         for k, (p, side, g) in enumerate(zip(self.corners, self.sides, heights, strict=True)):
             before, h, ahead = self.sides[k - 1], heights[k - 1], heights[(k + 1) % len(heights)]
-            # Crossings are meetings of three planes, exact in homogeneous integers: nothing is computed from rounded
-            # corners.
+            # Crossings are meetings of three planes, exact in homogeneous integers: nothing comes from rounded corners.
             if h < 0 < g or g < 0 < h:
                 corners.append(meeting(self.plane, before, space))
                 sides.append(space if g > 0 else before)
@@ -259,8 +255,7 @@ class Hull:
         yield from (f"face {n} has material on both sides" for n in self._bent)
         if self._bent:
             return
-        # Half-spaces of the faces may hold more than the hull where a face is missing: then planes meet away from
-        # vertices.
+        # Half-spaces of the faces may hold more than the hull where a face is missing: planes then meet off vertices.
         if not self.cells or not all(self._by_vertex(p) for cell in self.cells for p in cell.corners):
             yield "its faces meet elsewhere than in its vertices"
         elif any(elevation(space, self.middle) >= 0 for space in self.inner):
@@ -268,10 +263,8 @@ class Hull:
 
     def _by_vertex(self, p: Place) -> bool:
         x, y, z, w = p
-        most = _NEXT * w
-        return any(
-            abs(x - a * w) <= most and abs(y - b * w) <= most and abs(z - c * w) <= most for a, b, c in self.points
-        )
+        off = _NEXT * w
+        return any(abs(x - a * w) <= off and abs(y - b * w) <= off and abs(z - c * w) <= off for a, b, c in self.points)
 
     @cached_property
     def middle(self) -> Place:
@@ -306,8 +299,7 @@ class Hull:
                 most = max(sign * p[axis] for p in self.points) + _ROOM
                 # A millimetre beyond all vertices: wide enough to be cut back by the planes around, if there are any.
                 around.append((normal[0], normal[1], normal[2], most))
-        corners = tuple(meeting(plane, around[n - 1], around[n]) for n in range(4))
-        return Cell(plane, corners, tuple(around))
+        return Cell(plane, tuple(meeting(plane, around[n - 1], around[n]) for n in range(4)), tuple(around))
 
     @cached_property
     def box(self) -> Bounds:

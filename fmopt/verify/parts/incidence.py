@@ -9,7 +9,7 @@ on, and together with what the parts deviate by, and their pieces from them, it 
 Body directions that are known to be turned onto world directions, and what follows for others, exactly.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -26,21 +26,7 @@ from fmopt.verify.arithmetic.exact import (
     unit_of,
     way,
 )
-from fmopt.verify.arithmetic.rational import (
-    ONE,
-    Matrix,
-    Vector,
-    add,
-    cross,
-    dot,
-    fixed,
-    length,
-    over,
-    root,
-    scaled,
-    sub,
-    times,
-)
+from fmopt.verify.arithmetic.rational import ONE, Vector, add, cross, dot, fixed, length, over, root, scaled, sub, times
 from fmopt.verify.parts.covering import DEVIATION as COVERED
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, short
 from fmopt.verify.reading.document import Body, Part
@@ -274,7 +260,7 @@ def directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector 
     return None
 
 
-def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector, nominal: Matrix) -> Vector | None:
+def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector, nominal: Sequence[Vector]) -> Vector | None:
     """The direction of an edge in a wall exactly, None where it is not known.
 
     It is when it is square to a direction that is turned exactly. It is, too, where axes are turned onto axes, as they
@@ -297,7 +283,7 @@ def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector, nominal: M
     return found if alike and length(sub(unit_of(found), there)) < _APART else None
 
 
-def _axes_turned(R: Matrix, d: Vector) -> Vector | None:
+def _axes_turned(R: Sequence[Vector], d: Vector) -> Vector | None:
     """R d exactly where R turns axes onto axes but for rounding, else None."""
     found = list[int]()
     for row in R:

@@ -5,19 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from fmopt.verify.arithmetic.exact import (
-    Level,
-    area,
-    height,
-    inner,
-    outer,
-    point,
-    rounded,
-    through,
-    turned_over,
-    unit_of,
-    way,
-)
+from fmopt.verify.arithmetic.exact import area, height, inner, outer, point, rounded, through, turned_over, unit_of, way
 from fmopt.verify.arithmetic.rational import (
     BITS,
     ONE,
@@ -106,7 +94,7 @@ class Face:
 
     loops: tuple[tuple[int, ...], ...]
     plane: Plane
-    exact: Level | None
+    exact: tuple[int, int, int, int] | None
 
 
 class Shape:
@@ -295,8 +283,7 @@ def _before(depths: Sequence[int], behind: Sequence[set[int]], order: Sequence[i
     for m in order:
         if depths[m] > 0 and not any(m in behind[n] for n in chosen):
             chosen.append(m)
-    covered = set(chosen).union(*(behind[n] for n in chosen))
-    return chosen if len(covered) == len(depths) else None
+    return chosen if len(set(chosen).union(*(behind[n] for n in chosen))) == len(depths) else None
 
 
 def _winding(at: Vector, edges: Sequence[tuple[Vector, Vector]], plane: Plane) -> bool:

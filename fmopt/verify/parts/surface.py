@@ -329,11 +329,9 @@ def _obstructs(flat: Mapping[int, Flat], edge: tuple[int, int], i: int, j: int) 
     """Whether an edge is in the way between two vertices."""
     a, b = edge
     if a in (i, j) or b in (i, j):
-        own, far = (a, b) if a in (i, j) else (b, a)
-        other = j if own == i else i
-        return far != other and (
-            folds_back(flat[other], flat[own], flat[far]) or folds_back(flat[far], flat[own], flat[other])
-        )
+        at, far = (a, b) if a in (i, j) else (b, a)
+        end = j if at == i else i
+        return far != end and (folds_back(flat[end], flat[at], flat[far]) or folds_back(flat[far], flat[at], flat[end]))
     return cross_or_touch(flat[i], flat[j], flat[a], flat[b])
 
 

@@ -7,18 +7,7 @@ from typing import Any
 
 from fmopt.verify.reading.document import Body, Contact, Evidence, Found, Part, Plan, Segment, Specification
 from fmopt.verify.reading.parse_segments import RECOVERY_FIELDS, SEGMENT_FIELDS, pose, read_recovery, read_segment
-from fmopt.verify.reading.reader import (
-    FIXED_IN,
-    FORMAT,
-    FRAMES,
-    UNITS,
-    VERDICTS,
-    Fields,
-    Numbers,
-    Reader,
-    digest,
-    fields,
-)
+from fmopt.verify.reading.reader import FIXED_IN, FORMAT, FRAMES, UNITS, VERDICTS, Numbers, Reader, digest, fields
 
 LARGEST_TOLERANCE = 1e-9  # m
 KINDS = ("guarded_move", "press")
@@ -39,17 +28,17 @@ _TOP = fields(
     compared="goal",
     commentary="fmopt_version description",
     objects="problem units frames parts contacts segments uncertainty specification recovery presses evidence",
-    optional=("recovery", "description", "presses", "evidence"),
+    optional="recovery description presses evidence",
 )
 _PROBLEM = fields("problem", compared="sha256", commentary="title")
 _UNITS = fields("units", proved=" ".join(UNITS))
 _FRAMES = fields("frames", proved=" ".join(FRAMES))
-_UNCERTAINTY = fields("uncertainty", compared="start_box velocity_error rho", objects="sources", optional=("sources",))
+_UNCERTAINTY = fields("uncertainty", compared="start_box velocity_error rho", objects="sources", optional="sources")
 _SOURCE = fields("uncertainty.sources[]", compared="frame box")
 _SPECIFICATION = fields(
     "specification",
     compared="speed contact_force torque_limit friction termination_force impact_force apparent_mass contact_stiffness",
-    optional=("impact_force", "apparent_mass", "contact_stiffness"),
+    optional="impact_force apparent_mass contact_stiffness",
 )
 _PARTS = fields("parts", objects="moving fixed")
 _PART = fields(
@@ -57,9 +46,9 @@ _PART = fields(
     compared="vertices faces declared_clearance form",
     commentary="name measured_clearance",
     objects="pieces exact found balls",
-    optional=("exact", "found", "balls", "form"),
+    optional="exact found balls form",
 )
-_FOUND = fields("parts.*.found", proved="frame", compared="side feature", optional=("frame",))
+_FOUND = fields("parts.*.found", proved="frame", compared="side feature", optional="frame")
 _BALL = fields("parts.*.balls[]", compared="vertex radius")
 _EXACT = fields("parts.*.exact[]", proved="vertex at")
 _PIECE = fields("parts.*.pieces[]", proved="vertices faces")
@@ -69,17 +58,17 @@ _EVIDENCE = fields(
     compared="max_time",
     commentary="examined seed engine conditions",
     objects="outcomes vertex_outcomes",
-    optional=("max_time",),
+    optional="max_time",
 )
 _OUTCOME = fields(
     "evidence.*[]",
     proved="seated attempt seconds distance",
     commentary="press peak_force penetration reasons offset turn rests way",
-    optional=("distance", "rests", "way"),
+    optional="distance rests way",
 )
 _CONTACT = fields("contacts[]", proved="id kind", objects="moving fixed")
 _SIDE = fields("contacts[].*", proved="vertices")
-FIELDS: tuple[Fields, ...] = (
+FIELDS = (
     _TOP, _PROBLEM, _UNITS, _FRAMES, _UNCERTAINTY, _SOURCE, _SPECIFICATION, _PARTS, _PART, _EXACT, _FOUND, _BALL,
     _PIECE, _EVIDENCE, _OUTCOME,
     _CONTACT, _SIDE, *SEGMENT_FIELDS, *RECOVERY_FIELDS,
@@ -101,7 +90,7 @@ def parse(document: Any) -> Plan:
     stated.text([FORMAT])
     top.only(_TOP)
     _the_formats_own(top)
-    moving, fixed = (_part(top.at("parts").only(_PARTS).at(key)) for key in ("moving", "fixed"))
+    moving, fixed = (_part(top.at("parts").only(_PARTS).at(key).only(_PART)) for key in ("moving", "fixed"))
     if fixed.body.balls:
         raise top.at("parts").at("fixed").at("balls").fail("are for the moving part only")
     contacts = tuple(_contact(item, moving, fixed) for item in top.at("contacts").items())
@@ -128,13 +117,13 @@ def parse(document: Any) -> Plan:
         velocity_error=uncertainty.at("velocity_error").numbers(2, 0.0, 1.0),
         rho=uncertainty.at("rho").number(2.0**-10, 16.0),
         sources=_framed(uncertainty),
-        specification=_specification(top.at("specification")),
+        specification=_specification(top.at("specification").only(_SPECIFICATION)),
         goal=pose(top.at("goal")),
         touch=top.at("touch_tolerance").number(0.0, LARGEST_TOLERANCE),
         not_covered=tuple(item.text() for item in top.at("not_covered").items(most=64)),
         recovery=None if recovery is None else read_recovery(recovery),
         presses=presses,
-        evidence=None if evidence is None else _evidence(evidence, top.at("presses")),
+        evidence=None if evidence is None else _evidence(evidence.only(_EVIDENCE), top.at("presses")),
         subject=digest({key: document.get(key) for key in SUBJECT}) if presses else "",
         digest_holds=top.at("sha256").value == digest(document),
     )
@@ -156,7 +145,6 @@ def _segments(top: Reader, known: dict[str, None], moving: Part, fixed: Part) ->
 
 
 def _evidence(place: Reader, presses: Reader) -> Evidence:
-    place.only(_EVIDENCE)
     cell = presses.at("cell") if presses.has("cell") else None
     crowded = cell is not None and any(cell.has(side) and cell.at(side).value for side in ("moving", "fixed"))
     counts = ("draws", "seated", "first_tries", "vertices", "vertices_seated")
@@ -177,8 +165,7 @@ def _evidence(place: Reader, presses: Reader) -> Evidence:
 def _attempt(outcome: Reader, crowded: bool) -> int:
     """The attempt at which a trial seats, from 0; −1 where it does not, or comes too near to tool or obstacles."""
     attempt = outcome.at("attempt").integer()
-    known = outcome.has("distance")
-    near = outcome.at("distance").number() <= TOUCH if known else crowded
+    near = outcome.at("distance").number() <= TOUCH if outcome.has("distance") else crowded
     return attempt if outcome.at("seated").flag() and not near else -1
 
 
@@ -199,10 +186,9 @@ def _version(place: Reader) -> str:
 def _body(place: Reader, balls: tuple[tuple[int, float], ...] = ()) -> Body:
     # Turned, and put at ±8 m by poses, they stay within the 2⁴ m for which rounding is bounded.
     vertices = tuple(item.numbers(3, -4.0, 4.0) for item in place.at("vertices").items(4))
-    faces = tuple(
-        tuple(loop.indices(len(vertices), 3) for loop in face.items(1)) for face in place.at("faces").items(4)
-    )
-    loose = set(range(len(vertices))).difference(*(loop for face in faces for loop in face))
+    count = len(vertices)
+    faces = tuple(tuple(loop.indices(count, 3) for loop in face.items(1)) for face in place.at("faces").items(4))
+    loose = set(range(count)).difference(*(loop for face in faces for loop in face))
     centres = {vertex for vertex, _ in balls}
     if loose - centres:
         raise place.at("vertices").fail(f"vertex {min(loose - centres)} belongs to no face")
@@ -226,7 +212,6 @@ def _balls(place: Reader) -> tuple[tuple[int, float], ...]:
 
 
 def _part(place: Reader) -> Part:
-    place.only(_PART)
     pieces = []
     for item in place.at("pieces").items(1, most=LARGEST_NUMBER_OF_PIECES):
         piece = _body(item.only(_PIECE))
@@ -261,8 +246,7 @@ def _exact(place: Reader, count: int) -> dict[int, tuple[int, int, int, int]]:
     """The vertices whose coordinates are fractions and no floats, as integers (x, y, z, w) for (x, y, z)/w."""
     found: dict[int, tuple[int, int, int, int]] = {}
     for item in place.at("exact").items(most=count) if place.has("exact") else ():
-        item.only(_EXACT)
-        n = item.at("vertex").integer(count)
+        n = item.only(_EXACT).at("vertex").integer(count)
         if n in found:
             raise item.fail("repeats a vertex")
         x, y, z = (_fraction(value) for value in item.at("at").items(exact=3))
@@ -284,8 +268,7 @@ def _fraction(place: Reader) -> tuple[int, int]:
 
 
 def _contact(place: Reader, moving: Part, fixed: Part) -> Contact:
-    place.only(_CONTACT)
-    kind = place.at("kind").text(_SIZES)
+    kind = place.only(_CONTACT).at("kind").text(_SIZES)
     own = place.at("moving").only(_SIDE).at("vertices").indices(len(moving.body.vertices), 1)
     other = place.at("fixed").only(_SIDE).at("vertices").indices(len(fixed.body.vertices), 1)
     for indices, size in zip((own, other), _SIZES[kind], strict=True):
@@ -303,8 +286,7 @@ def _framed(place: Reader) -> tuple[tuple[str, Numbers], ...]:
         return ()
     found = []
     for item in place.at("sources").items(1):
-        item.only(_SOURCE)
-        found.append((item.at("frame").text(FIXED_IN), item.at("box").numbers(6, 0.0, 0.5)))
+        found.append((item.only(_SOURCE).at("frame").text(FIXED_IN), item.at("box").numbers(6, 0.0, 0.5)))
     if len({frame for frame, _ in found}) != len(found):
         raise place.at("sources").fail("repeats a frame")
     by_axis = zip(*(box for _, box in found), strict=True)
@@ -317,7 +299,6 @@ def _framed(place: Reader) -> tuple[tuple[str, Numbers], ...]:
 def _specification(place: Reader) -> Specification:
     names = ("speed", "contact_force", "torque_limit", "friction", "termination_force")
     limits = ("impact_force", "apparent_mass", "contact_stiffness")
-    place.only(_SPECIFICATION)
     speed, contact_force, torque, friction, threshold = (place.at(name).number(0.0) for name in names)
     impact = None
     if any(place.has(name) for name in limits):

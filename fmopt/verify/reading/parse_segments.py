@@ -26,13 +26,13 @@ _SEGMENT = fields(
     "segments[]",
     proved="kind move state goal_state progress start goal clearance margin binding_contact leaving",
     objects="basis tube separations contacts hybrid",
-    optional=("leaving",),
+    optional="leaving",
 )
 _BASIS = fields("segments[].basis[]", proved="contact direction made")
 _TUBE = fields("segments[].tube", proved="theta_max offset_box angle_box")
 _SEPARATION = fields("segments[].separations[]", proved="moving_piece fixed_piece margin", objects="witness")
 _WITNESS = fields(
-    "segments[].separations[].witness", proved="kind moving fixed normal offset", optional=("normal", "offset")
+    "segments[].separations[].witness", proved="kind moving fixed normal offset", optional="normal offset"
 )
 _OF_FEATURES = fields(_WITNESS.where, proved="kind moving fixed")
 _CLAIM = fields("segments[].contacts[]", proved="id role normal offset remainder margin")
@@ -40,7 +40,7 @@ _HYBRID = fields(
     "segments[].hybrid",
     proved="frame position_axes force_axes velocity speed bias_wrench push stays",
     objects="normal_forces termination jam_free impact",
-    optional=("jam_free", "impact"),
+    optional="jam_free impact",
 )
 _FORCE = fields("segments[].hybrid.normal_forces[]", proved="contact force")
 _TERMINATION = fields("segments[].hybrid.termination", proved="contacts wrench threshold max_travel timeout")
@@ -82,14 +82,12 @@ def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part)
         PlanError: it has another form.
     """
     place.at("kind").text(KINDS)
-    place.only(_SEGMENT)
-    progress = place.at("progress").numbers(2, 0.0, 1.0)
+    progress = place.only(_SEGMENT).at("progress").numbers(2, 0.0, 1.0)
     if not progress[0] < progress[1]:
         raise place.at("progress").fail("must increase")
     basis = []
     for item in place.at("basis").items(most=6):
-        item.only(_BASIS)
-        direction = item.at("direction").numbers(6, -4096.0, 4096.0)
+        direction = item.only(_BASIS).at("direction").numbers(6, -4096.0, 4096.0)
         basis.append((item.at("contact").text(known), direction, item.at("made").flag()))
     claims = place.at("contacts").items()
     separations = place.at("separations").items(most=2 * (len(moving.pieces) + len(moving.balls)) * len(fixed.pieces))
@@ -104,23 +102,21 @@ def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part)
         place.at("margin").number(),
         place.at("binding_contact").label(),
         tuple(basis),
-        _tube(place.at("tube")),
+        _tube(place.at("tube").only(_TUBE)),
         tuple(_separation(item, moving, fixed) for item in separations),
-        tuple(_claim(item, known) for item in claims),
+        tuple(_claim(item.only(_CLAIM), known) for item in claims),
         _hybrid(place.at("hybrid"), known),
         _ids(place.at("leaving"), known) if place.has("leaving") else (),
     )
 
 
 def _tube(place: Reader) -> Tube:
-    place.only(_TUBE)
     box, angles = (place.at(key).numbers(3, 0.0, 1.0) for key in ("offset_box", "angle_box"))
     return Tube(place.at("theta_max").number(0.0, 1.0), box, angles)
 
 
 def _separation(place: Reader, moving: Part, fixed: Part) -> Separation:
-    place.only(_SEPARATION)
-    i = place.at("moving_piece").integer(len(moving.pieces) + len(moving.balls))
+    i = place.only(_SEPARATION).at("moving_piece").integer(len(moving.pieces) + len(moving.balls))
     j = place.at("fixed_piece").integer(len(fixed.pieces))
     witness = place.at("witness").only(_WITNESS)
     kind = witness.at("kind").text(_WITNESSES)
@@ -139,7 +135,6 @@ def _separation(place: Reader, moving: Part, fixed: Part) -> Separation:
 
 
 def _claim(place: Reader, known: Iterable[str]) -> ContactClaim:
-    place.only(_CLAIM)
     return ContactClaim(
         place.at("id").text(known),
         place.at("role").text(("held", "made")),
@@ -151,8 +146,7 @@ def _claim(place: Reader, known: Iterable[str]) -> ContactClaim:
 
 
 def _hybrid(place: Reader, known: Iterable[str]) -> Hybrid:
-    place.only(_HYBRID)
-    end = place.at("termination").only(_TERMINATION)
+    end = place.only(_HYBRID).at("termination").only(_TERMINATION)
     forces = [item.only(_FORCE) for item in place.at("normal_forces").items()]
     return Hybrid(
         place.at("frame").numbers(6),
@@ -169,18 +163,16 @@ def _hybrid(place: Reader, known: Iterable[str]) -> Hybrid:
         end.at("max_travel").number(0.0),
         end.at("timeout").number(0.0, 1e12),
         place.at("stays").text(STAYS),
-        _jam_free(place.at("jam_free")) if place.has("jam_free") else None,
+        _jam_free(place.at("jam_free").only(_JAM_FREE)) if place.has("jam_free") else None,
         _impact(place.at("impact")) if place.has("impact") else None,
     )
 
 
 def _impact(place: Reader) -> tuple[float, float]:
-    place.only(_IMPACT)
-    return place.at("approach").number(0.0), place.at("force").number(0.0)
+    return place.only(_IMPACT).at("approach").number(0.0), place.at("force").number(0.0)
 
 
 def _jam_free(place: Reader) -> JamFree:
-    place.only(_JAM_FREE)
     planes = []
     for item in place.at("planes").items(most=64):
         away, to = item.only(_PLANE).at("angles").numbers(2, 0.0, math.pi)
@@ -199,8 +191,7 @@ def _jam_free(place: Reader) -> JamFree:
 
 def read_recovery(place: Reader) -> Recovery:
     """Backing off and trying again."""
-    place.only(_RECOVERY)
-    lift = place.filled("lift")
+    lift = place.only(_RECOVERY).filled("lift")
     retries = tuple(item.numbers(6, -4.0, 4.0) for item in place.at("retries").items(most=LARGEST_NUMBER_OF_RETRIES))
     return Recovery(
         None if lift is None else _lift(lift),
@@ -213,16 +204,14 @@ def read_recovery(place: Reader) -> Recovery:
 
 
 def _lift(place: Reader) -> Lift:
-    place.only(_LIFT)
-    if place.at("direction").numbers(3) != (0.0, 0.0, 1.0):
+    if place.only(_LIFT).at("direction").numbers(3) != (0.0, 0.0, 1.0):
         raise place.at("direction").fail("must be the z of the hole's frame")
     turn = place.at("turn").number(0.0, 0.5 * math.pi)
     return Lift(place.at("above").number(-4.0, 4.0), place.at("clear").number(-8.0, 8.0), turn)
 
 
 def _move(place: Reader, retries: int) -> MoveRecovery:
-    place.only(_MOVE)
-    order = place.at("order").only(_ORDER)
+    order = place.only(_MOVE).at("order").only(_ORDER)
     early, late = (order.at(key).indices(max(retries, 1)) for key in ("early", "late"))
     for key, found in (("early", early), ("late", late)):
         if len(found) != retries:

@@ -319,17 +319,11 @@ class Fields:
 
 
 def fields(
-    where: str,
-    *,
-    proved: str = "",
-    compared: str = "",
-    commentary: str = "",
-    objects: str = "",
-    optional: Iterable[str] = (),
+    where: str, *, proved: str = "", compared: str = "", commentary: str = "", objects: str = "", optional: str = ""
 ) -> Fields:
     """The keys of an object, by class, separated by spaces, and which of them are optional."""
     told = ((PROVED, proved), (COMPARED, compared), (COMMENTARY, commentary))
     classes = tuple((key, kind) for kind, keys in told for key in keys.split())
     known = [key for key, _ in classes] + objects.split()
-    missing = set(optional)
+    missing = set(optional.split())
     return Fields(where, classes, tuple(key for key in known if key not in missing), frozenset(known))

@@ -206,8 +206,6 @@ def _strategies(document: Document, assembly: Assembly, stages: Sequence[Stage])
     for _ in range(5):
         plan, changed = parse(document), False
         for stage, segment, said in zip(stages, plan.segments, document["segments"], strict=True):
-            if segment.hybrid is None:
-                continue
             notes = Heard(None)
             stage = replace(stage, segment=segment)
             check_strategy(assembly, stage, plan.rho, plan.velocity_error, plan.specification, notes)
