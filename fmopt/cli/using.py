@@ -188,10 +188,9 @@ def execute(
     trials = (256 if hardest else 100) if trials is None else trials
     if hardest and (not trials or beyond or again is not None or method != "plan"):
         raise typer.BadParameter("give it trials, and none of --beyond, --replay, --method", param_hint="--worst")
-    if method not in METHODS:
-        raise typer.BadParameter(f"{method!r} is none of {', '.join(METHODS)}", param_hint="--method")
-    if engine not in ENGINES:
-        raise typer.BadParameter(f"{engine!r} is none of {', '.join(ENGINES)}", param_hint="--engine")
+    for option, given, known in (("--method", method, METHODS), ("--engine", engine, ENGINES)):
+        if given not in known:
+            raise typer.BadParameter(f"{given!r} is none of {', '.join(known)}", param_hint=option)
     if trials + beyond == 0:
         raise typer.BadParameter("no trials, neither inside nor --beyond the set", param_hint="--trials")
     drawn = Trials(trials, beyond, seed=seed or 0, time_step=time_step, friction=friction, engine=engine)

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from fmopt.geometry.mesh.mesh_import import Unit
 
 Size: TypeAlias = str | float
-Part: TypeAlias = str | PathLike[str] | Any
+Named: TypeAlias = str | PathLike[str]
+Part: TypeAlias = Named | Any
 UNITLESS = frozenset(MESHES) - frozenset(STEP)
 _UNITS = ("m", "cm", "mm", "um", "in")
 _BODIES_ADVICE = "say which with --moving NAME and --fixed NAME, or by their numbers"
@@ -152,11 +153,7 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None, u
 
 
 def problem(
-    peg: Part,
-    hole: Part,
-    error: str | tuple[Size, Size],
-    unit: str | None = None,
-    folder: str | PathLike[str] | None = None,
+    peg: Part, hole: Part, error: str | tuple[Size, Size], unit: str | None = None, folder: Named | None = None
 ) -> Problem:
     """The problem of two parts and a start error; all the rest is found, as `explain` says.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from fmopt.errors import InfeasibleError, OverdueError, SearchError
 from fmopt.plan import Contact, Part, line
@@ -24,12 +24,11 @@ if TYPE_CHECKING:
     from fmopt.planning.posed import Posed
 
 Progress = Callable[[str], None]
+NoMotion: TypeAlias = SearchError | InfeasibleError
 _SHORTEST = 1e-12  # m, below which nothing is called short
 
 
-def explained(
-    problem: Problem, error: SearchError | InfeasibleError, begun: float, progress: Progress = lambda _: None
-) -> Failure:
+def explained(problem: Problem, error: NoMotion, begun: float, progress: Progress = lambda _: None) -> Failure:
     """What there is to say of a problem for which no motion was found, which the error has from then on."""
     from fmopt.planning.pipeline import RESERVED
 
@@ -42,7 +41,7 @@ def explained(
     return failure
 
 
-def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: float, progress: Progress) -> Failure:
+def _failure(problem: Problem, error: NoMotion, seconds: float, progress: Progress) -> Failure:
     from fmopt.planning.pipeline import nearest
     from fmopt.planning.posed import Posed
 
@@ -93,7 +92,7 @@ def write(failure: Failure, folder: Path) -> list[Path]:
     return list(files)
 
 
-def _advice(problem: Problem, error: SearchError | InfeasibleError, found: Nearest | None, cut: bool) -> Iterator[str]:
+def _advice(problem: Problem, error: NoMotion, found: Nearest | None, cut: bool) -> Iterator[str]:
     """What to change, each true of what was tried; `cut` says whether time ended a try with smaller errors."""
     if problem.cell.solids and error.advice:
         yield error.advice

@@ -164,7 +164,10 @@ def resized(problem: Problem, asked: str) -> Problem:
     """
     side = "moving" if problem.task.exchanged else "fixed"  # where the file has the hole
     wanted = np.array((problem.declared_clearance or (0.0, 0.0))[: 1 if problem.plane is not None else 2])
-    sizes = _dimensions(problem, side)
+    # The lengths among the parameters of its model, m, as the problem has them.
+    given, _ = overrides_of(problem.source, Reading.of(problem.source.data), (side, "parameters"))
+    values = dict(parameter_values(Base.read(problem.path).models[side])) | {n: o.value for n, o in given.items()}
+    sizes = {name: value.value for name, value in values.items() if value.dimension == LENGTH}
     for _ in range(_STEPS):
         base = _play(problem)
         short = wanted - base
@@ -191,13 +194,6 @@ def _play(problem: Problem) -> Array:
     found = mating_clearance(problem.moving, problem.fixed, -float(problem.goal[2]))
     play = 0.5 * np.array(found.play[: 1 if problem.plane is not None else 2])
     return play if found.per_side > 0.0 else np.full(len(play), found.per_side)
-
-
-def _dimensions(problem: Problem, side: str) -> dict[str, float]:
-    """The lengths among the parameters of a part's model, m, as the problem has them."""
-    given, _ = overrides_of(problem.source, Reading.of(problem.source.data), (side, "parameters"))
-    values = dict(parameter_values(Base.read(problem.path).models[side])) | {n: o.value for n, o in given.items()}
-    return {name: value.value for name, value in values.items() if value.dimension == LENGTH}
 
 
 def _slope(problem: Problem, base: Array, side: str, dimension: tuple[str, float]) -> Array:

@@ -137,9 +137,7 @@ def paint_errors(errors: ErrorSet, sheet: Figure) -> None:
     for axes, pair in zip(sheet.subplots(1, len(_PAIRS)), _PAIRS, strict=True):
         scale = SCALES[list(pair)]
         # A shadow reaches as far along a direction of its plane as the set does in space.
-        rows = np.zeros((len(turn), 6))
-        rows[:, list(pair)] = round_
-        both = _outline(round_, errors.support(rows)) * scale
+        both = _outline(round_, errors.support(round_ @ np.eye(6)[list(pair)])) * scale
         root = errors.shape_root[list(pair)]
         size = np.sqrt(np.einsum("ij,jk,ik->i", round_, root @ root.T, round_))
         axes.plot(*(_outline(round_, size) * scale).T, color=RUST, linestyle="--", label="ellipsoid")

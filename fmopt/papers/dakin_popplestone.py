@@ -73,9 +73,8 @@ def _judged(assembly: Assembly, claim: Claim, errors: ErrorSet, tolerance: Toler
     both = zip(claim.separations, facing(assembly, piece).listed, strict=True)
     separations = tuple((i, j, separation(assembly, pair, one.witness, ends)) for (i, j, one), (*_, pair) in both)
     margin, binding = min((s.margin, f"pieces {i}/{j}") for i, j, s in separations)
-    return replace(
-        claim, advance=replace(step, ends=ends), separations=separations, margin=margin, binding=binding, early=None
-    )
+    moved = replace(step, ends=ends)
+    return replace(claim, advance=moved, separations=separations, margin=margin, binding=binding, early=None)
 
 
 def section(Q: Array, V: Array) -> Array:

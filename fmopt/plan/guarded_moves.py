@@ -224,8 +224,7 @@ def _stop(hybrid: Hybrid, move: Held, V: Array, budget: Budget) -> Stop | None:
     # Without `place`: as if the axis of a turn were known, all of the friction counts, as in an allowance it has to.
     rubbed = budget.friction * abs(float(gain @ _friction(move, V)))
     force = h + rubbed + 3.0 * float(np.sqrt(gain**2 @ noise))
-    gentle = hybrid.stays != "push"
-    return Stop(gain, wrench, force, h, hybrid.max_travel, hybrid.timeout, hybrid.felt, gentle)
+    return Stop(gain, wrench, force, h, hybrid.max_travel, hybrid.timeout, hybrid.felt, hybrid.stays != "push")
 
 
 def _moment(force: float, normal: Array, arm: Array, budget: Budget) -> Array:

@@ -64,9 +64,7 @@ class Decomposition:
     def written(self) -> dict[str, str]:
         """The subspaces as the paper writes their elements, such as C_ap: (0, 0, p_z, 0, 0, q_z)."""
         rows = (("C_np", _POSITION, self.natural), ("C_ap", _POSITION, self.artificial), ("C_af", _FORCE, self.natural))
-        return {
-            name: f"({', '.join(letters[k] if k in kept else '0' for k in range(6))})" for name, letters, kept in rows
-        }
+        return {name: f"({', '.join(terms[k] if k in kept else '0' for k in range(6))})" for name, terms, kept in rows}
 
 
 def gamma(s: Sequence[int], P: ArrayLike) -> Array:
@@ -103,8 +101,7 @@ class Forces(Protocol):
 
 def contact_forces(asked: Forces, rho: float) -> Array:
     """Contact forces fᵢ (6,), N and N·m: the specification's force, its torque about ρ (m) up to the torque limit."""
-    torque = min(asked.contact_force * rho, asked.torque_limit)
-    return frozen([asked.contact_force] * 3 + [torque] * 3)
+    return frozen([asked.contact_force] * 3 + [min(asked.contact_force * rho, asked.torque_limit)] * 3)
 
 
 @dataclass(frozen=True, eq=False)

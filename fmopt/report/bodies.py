@@ -66,8 +66,7 @@ def contact_place(plan: Parts, contact: str, pose: Pose) -> Array:
 
 def creases(body: Polyhedron) -> list[Edge]:
     """The edges that are worth a line."""
-    faces = body.faces
-    return [edge for edge in body.edges if np.dot(*(faces[k].normal for k in edge.faces)) < _CREASE]
+    return [edge for edge in body.edges if np.dot(*(body.faces[k].normal for k in edge.faces)) < _CREASE]
 
 
 def loops_of(shape: MultiPolygon) -> list[Array]:

@@ -54,8 +54,7 @@ def hybrid_table(plan: Plan) -> str:
     """The control strategy of every piece; pieces of a move that share theirs share a row."""
     rows = []
     for move in moves(plan):
-        last = move.segments[-1]
-        cells = [hybrid_cells(piece, piece is last, plan.rho) for piece in move.segments]
+        cells = [hybrid_cells(piece, piece is move.segments[-1], plan.rho) for piece in move.segments]
         for alike, run in groupby(enumerate(cells, start=1), key=lambda item: item[1]):
             first, *more = (number for number, _ in run)
             pieces = f", pieces {first}–{more[-1]}" if more else f", piece {first}"

@@ -31,12 +31,8 @@ def catalogue(plan: Plan) -> dict[str, Drawing]:
     chosen: list[Drawing] = []
     others: tuple[tuple[Callable[[Any], Drawing], Any], ...] = ()
     if plan.press_plan is None:
-        chosen = [
-            cut_view.drawing(plan),
-            *graph_view.drawings(plan),
-            margin_view.drawing(plan),
-            tube_view.drawing(plan),
-        ]
+        chosen = [cut_view.drawing(plan), *graph_view.drawings(plan)]
+        chosen += [margin_view.drawing(plan), tube_view.drawing(plan)]
         others = (
             (budget_view.drawing, budget_view.shares(plan)),
             (planar_view.drawing, planar and planar.sets),

@@ -171,9 +171,7 @@ def _motion_words(plan: Plan, move: Move) -> str:
     gone = f"{1e3 * way:.2f} mm in {spoken_axis(step[:3], always_signed=True)}" if way >= 1e-5 else ""
     if plan.rho * angle > way and turned:
         return f"turn {turned}" + (f", going {gone}" if gone else "")
-    if not gone:
-        return "stay"
-    return f"{verb} {gone}" + (f", turning {turned}" if turned else "")
+    return f"{verb} {gone}" + (f", turning {turned}" if turned else "") if gone else "stay"
 
 
 def summary_rows(plan: Plan) -> list[tuple[str, ...]]:

@@ -101,8 +101,7 @@ def _bounds(body: Body) -> Array:
 
 
 def _moving_words(part: Part, points: Array) -> str:
-    lowest = min(vertex[2] for vertex in part.body.vertices)
-    leading = bool(np.all(points[:, 2] <= lowest + _SAME))
+    leading = bool(np.all(points[:, 2] <= min(vertex[2] for vertex in part.body.vertices) + _SAME))
     kind = {1: "corner", 2: "edge"}.get(len(points), "face")
     if kind == "edge" and np.all(np.abs(points[0, :2] - points[1, :2]) <= _SAME):
         return "side edge"

@@ -58,8 +58,7 @@ def _guarded_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, s
     drawings = "".join(shown[name] for name in shown if name == "states" or name.startswith("states-"))
     states = sections.why(plan) + drawings + sections.contact_table(plan) + sections.critical_table(plan)
     # Where the start errors come from, what becomes of them on the way, and what they take of the clearance.
-    sources = budget_table(plan) + shown.get("budget", "")
-    budget = sources + error_table(plan) + shown.get("tube", "")
+    budget = budget_table(plan) + shown.get("budget", "") + error_table(plan) + shown.get("tube", "")
     tables = control_tables.force_table(plan) + control_tables.motion_table(plan)
     course = shown.get("diagrams", "") + shown.get("trajectory", "") + tables
     planar = possible_contacts(plan)

@@ -98,9 +98,7 @@ def _along(vector: Sequence[float], along: str, about: str) -> str:
     words = []
     for way, unit, half in (("towards", along, vector[:3]), ("about", about, vector[3:])):
         parts = sorted(zip(map(abs, half), half, AXES[:3], strict=True), key=lambda part: -part[0])
-        named = [
-            f"{'−' if v < 0 else '+'}{axis} {size:.3g}{unit}" for size, v, axis in parts if size > 1e-4 * parts[0][0]
-        ]
+        named = [f"{'−' if v < 0 else '+'}{at} {size:.3g}{unit}" for size, v, at in parts if size > 1e-4 * parts[0][0]]
         words += [f"{way} {', '.join(named)}"] if named else []
     return "; ".join(words) or "none"
 

@@ -134,16 +134,10 @@ def scene_data(plan: Plan) -> dict[str, Any]:
         return _press_data(plan)
     run = moves(plan)
     data = _data(plan.moving, plan.fixed, [_leg_of(piece, k) for k, move in enumerate(run) for piece in move.segments])
+    said = [(move_words(plan, m), ", ".join(m.state) or "nothing", margin_claim(plan, m.margin)) for m in run]
     return {
         **data,
-        "moves": [
-            {
-                "words": move_words(plan, m),
-                "held": ", ".join(m.state) or "nothing",
-                "margin": margin_claim(plan, m.margin),
-            }
-            for m in run
-        ],
+        "moves": [dict(zip(("words", "held", "margin"), one, strict=True)) for one in said],
         "contacts": {c.id: _pair(plan, c) for c in plan.contacts},
     }
 
@@ -221,13 +215,8 @@ def _arrows(press: Press, most: float) -> list[dict[str, Any]]:
         ("twist", True, turn, 0.0, math.degrees(1.0), rate),
     )
     return [
-        {
-            "ink": ink,
-            "turn": turns,
-            "v": np.round(v / (whole or size), 4).tolist(),
-            "words": f"{scale * size:.3g}{unit}",
-        }
-        for ink, turns, v, whole, scale, unit in listed
+        {"ink": ink, "turn": turns, "v": np.round(v / (whole or size), 4).tolist(), "words": f"{gain * size:.3g}{unit}"}
+        for ink, turns, v, whole, gain, unit in listed
         if (size := float(np.linalg.norm(v))) > 0.0
     ]
 
@@ -327,8 +316,7 @@ def _covering(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[Array]:
     found = []
     for piece in pieces:
         for face in piece.faces:
-            near = (normals @ face.normal > 1.0 - _SAME) & (np.abs(offsets - face.offset) < _SAME)
-            if np.any(near):
+            if np.any((normals @ face.normal > 1.0 - _SAME) & (np.abs(offsets - face.offset) < _SAME)):
                 found.append(piece.vertices[list(face.loops[0])])
     return found
 
@@ -359,8 +347,7 @@ def _outside(points: Array, x: Array, y: Array) -> list[Array]:
     """The parts of a polygon or line outside the quarter x·p > 0, y·p > 0."""
     # In two, along x·p = 0: a convex polygon without a quarter need not be convex.
     rest = _clipped(points, -x)
-    found = [_clipped(points, x), _clipped(rest, y) if len(rest) else rest]
-    return [part for part in found if len(part)]
+    return [part for part in (_clipped(points, x), _clipped(rest, y) if len(rest) else rest) if len(part)]
 
 
 def _clipped(points: Array, normal: Array) -> Array:

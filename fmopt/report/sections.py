@@ -17,9 +17,8 @@ def asked(plan: Plan) -> str:
     """Parts, clearances, start errors, goal."""
     head = ("part", "name", "extent, mm", "faces", "convex pieces")
     text = table("Parts", head, [_part_row(side, part) for side, part in plan.parts.items()], "...nn")
-    text += bullets(plan.diagnostics.imported, "Of the parts that came as meshes:") + facts(
-        "The task", _task_rows(plan)
-    )
+    text += bullets(plan.diagnostics.imported, "Of the parts that came as meshes:")
+    text += facts("The task", _task_rows(plan))
     notes = "What the plan leaves out, on which its certificate does not rest:"
     return text + bullets(plan.diagnostics.notes, notes)
 
@@ -78,8 +77,7 @@ def _part_row(side: str, part: Part) -> tuple[str, ...]:
     points, radii = np.array(part.body.vertices, dtype=np.float64), np.zeros((len(part.body.vertices), 1))
     for vertex, radius in part.body.balls:
         radii[vertex] = radius
-    widths = (points + radii).max(axis=0) - (points - radii).min(axis=0)
-    extent = " × ".join(millimetres(width) for width in widths)
+    extent = " × ".join(millimetres(width) for width in (points + radii).max(axis=0) - (points - radii).min(axis=0))
     return side, part.name, extent, str(len(part.body.faces)), str(len(part.pieces) + len(part.balls))
 
 

@@ -164,8 +164,7 @@ def _quantity_faults(source: Source, file: files.StudyFile) -> Iterator[Fault]:
         elif name in file.compute[:n]:
             yield place.fault("conflict", f"{name!r} is asked for twice", "remove one")
     for n, axis in enumerate(file.axes):
-        taken = {*_COMMON, *(column for quantity in QUANTITIES.values() for column in quantity.columns)}
-        if axis.name in taken:
+        if axis.name in {*_COMMON, *(column for quantity in QUANTITIES.values() for column in quantity.columns)}:
             advice = "choose another name, such as " + repr(axis.name + "_set")
             place = source.place(("axes", n, "name"))
             yield place.fault("bad-name", f"a column is called {axis.name!r} already", advice)

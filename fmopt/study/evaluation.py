@@ -144,8 +144,7 @@ def evaluate(run: Run, folder: Path) -> Row:
 
 def missing(name: str) -> str:
     """Why a quantity cannot be computed here; nothing when it can."""
-    needs_engine = name in ("execution", "evidence")
-    return "it needs MuJoCo" if needs_engine and find_spec("mujoco") is None else ""
+    return "it needs MuJoCo" if name in ("execution", "evidence") and find_spec("mujoco") is None else ""
 
 
 def _why(error: NoAnswer) -> str:

@@ -55,8 +55,7 @@ def stepped(uniform: Uniform, steps: int) -> list[float]:
     """A number of even steps from the lower bound to the upper one, the ends exactly; one is the lower bound alone."""
     if steps == 1:
         return [uniform.low]
-    inner = [rounded(uniform.at(i / (steps - 1))) for i in range(1, steps - 1)]
-    return [uniform.low, *inner, uniform.high]
+    return [uniform.low, *(rounded(uniform.at(i / (steps - 1))) for i in range(1, steps - 1)), uniform.high]
 
 
 def rounded(value: float) -> float:

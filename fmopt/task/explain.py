@@ -105,8 +105,7 @@ def _parts(problem: Problem) -> Iterator[str]:
 
 
 def _solid(solid: ConvexSolid) -> str:
-    widths = map(mm, np.ptp(np.vstack(solid.pieces), axis=0).tolist())
-    return f"{solid.name}, {' x '.join(widths)} mm"
+    return f"{solid.name}, {' x '.join(map(mm, np.ptp(np.vstack(solid.pieces), axis=0).tolist()))} mm"
 
 
 def _part(side: str, part: Part, feature: Feature) -> str:
@@ -313,8 +312,8 @@ def _step_facts(step: Step) -> dict[str, Any]:
 
 def explain_assembly(assembly: Assembly, steps: Sequence[Step]) -> str:
     """The workcell and what each task comes to, one statement a line, lengths in mm and angles in degrees."""
-    found = {"objects": [", ".join(tree.name for tree in assembly.workcell.objects)]}
-    rows = listed({**found, **{step.name: _statements(step) for step in steps}})
+    objects = ", ".join(tree.name for tree in assembly.workcell.objects)
+    rows = listed({"objects": [objects], **{step.name: _statements(step) for step in steps}})
     return aligned(assembly.title, str(assembly.source.path), *rows)
 
 

@@ -22,17 +22,7 @@ from fmopt.task.model import Bare, Model, load_model, overrides_of
 from fmopt.task.pairing import Mated, paired, without_hollows
 from fmopt.task.problem import Attributes, Problem, RobotProperties, Settings, Specification, VelocityError
 from fmopt.task.solid_tree import build_part, build_tree, shape_part
-from fmopt.task.sources import (
-    OF_ALL,
-    Contribution,
-    allowance,
-    as_stated,
-    body_width,
-    budget,
-    framing,
-    tessellation,
-    total,
-)
+from fmopt.task.sources import OF_ALL, Contribution, allowance, as_stated, body_width, budget, faceting, framing, total
 from fmopt.task.task_command import attributes, is_round
 from fmopt.task.toml import problem_file as files
 from fmopt.task.toml.source import NAME_PROBLEM, Key, Source, canonical_digest, dotted, read_bytes
@@ -247,7 +237,7 @@ def _problem(
     widths = body_width(parts["moving"].polyhedron.vertices), body_width(parts["fixed"].polyhedron.vertices)
     sources = file.uncertainty.sources
     shares = (stated,) if sources is None else _budget(file, sources, widths, moving, height)
-    shares = (*shares, *tessellation(models, parts))
+    shares = (*shares, *faceting(models, parts))
     shares = (*shares, *allowance(file.uncertainty.velocity, shares))
     plane = _plane(file, models)
     if plane is not None:

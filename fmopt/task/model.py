@@ -70,9 +70,8 @@ class Bare:
 
     def misplaced(self, name: str, cited: Place, message: str, advice: str) -> list[Fault]:
         """The fault of the unit or the body, where one is stated for a file that takes none."""
-        if getattr(self, name) is None:
-            return []
-        return [self.places.get(name, cited).fault("conflict", message, advice)]
+        place = self.places.get(name, cited)
+        return [] if getattr(self, name) is None else [place.fault("conflict", message, advice)]
 
 
 def load_model(
@@ -86,7 +85,7 @@ def load_model(
         InputError: the file cannot be read or is not TOML.
     """
     if path.suffix.lower() in MESHES:
-        return _bare_model(path, cited, said, overrides)
+        return _bare(path, cited, said, overrides)
     source = read(path, cited)
     if {"moving", "fixed"} <= set(source.data):
         advice = "name a model file, which describes one part by [solids], [mesh] or [profile] and its [features]"
@@ -106,9 +105,7 @@ def load_model(
     return (Model(source, file) if file is not None and not faults else None), faults
 
 
-def _bare_model(
-    path: Path, cited: Place, said: Bare, overrides: Mapping[str, Override]
-) -> tuple[Model | None, list[Fault]]:
+def _bare(path: Path, cited: Place, said: Bare, overrides: Mapping[str, Override]) -> tuple[Model | None, list[Fault]]:
     """The model that a mesh or STEP file is by itself."""
     read_bytes(path, cited, MAX_MESH_BYTES)
     advice = "name a model file, or leave it out"

@@ -141,8 +141,7 @@ def without_hollows(
 
 def _tables(file: ProblemFile, model: Model, side: Side) -> dict[str, MatingFeature]:
     """The features of a side that may mate, by name, as its model states them."""
-    name = file.operand(side).feature
-    return {own: table for own, table in model.file.features.items() if name in (None, own)}
+    return {own: table for own, table in model.file.features.items() if file.operand(side).feature in (None, own)}
 
 
 def _named(file: ProblemFile, names: Mapping[Side, str]) -> ProblemFile:

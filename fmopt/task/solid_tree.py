@@ -215,9 +215,8 @@ def _solid(source: Source, file: files.ModelFile, name: str, hollow: bool = Fals
     table = file.solids[name]
     with source.place(("solids", name), of_key=True).solid():
         solid = _shape(source, file, table, hollow)
-    if any(table.at) or any(table.turn):
-        return csg.Placed(solid, Pose.from_vector([*table.at, *table.turn]))
-    return solid
+    frame = (*table.at, *table.turn)
+    return csg.Placed(solid, Pose.from_vector(frame)) if any(frame) else solid
 
 
 def _extruded(file: files.ModelFile, profile: files.Profile) -> csg.Solid:

@@ -128,8 +128,7 @@ def _fixed_shares(sources: files.Sources, width: float) -> list[Share]:
     if sources.measurement is not None:
         return [Share("fixed part, measured", "ε_m", sources.measurement, frame="hole")]
     placed = configuration_shares(sources.configuration, width, (0.0, 0.0, 0.0))
-    shape = Share("fixed part, shape", "ε_v", sources.shape, frame="hole")
-    return [shape, *_named("fixed part, ", placed, "hole")]
+    return [Share("fixed part, shape", "ε_v", sources.shape, frame="hole"), *_named("fixed part, ", placed, "hole")]
 
 
 def _held_shares(sources: files.Sources, width: float) -> list[Share]:
@@ -253,7 +252,7 @@ def allowance(velocity: files.Velocity, shares: Sequence[Contribution]) -> Itera
         yield Contribution("allowance for rounding", "", lacking)
 
 
-def tessellation(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tuple[Contribution, ...]:
+def faceting(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tuple[Contribution, ...]:
     """What the facets of imported parts add to the position errors: how far the true surfaces lie from them, as ε_v."""
     boxes = {side: np.repeat([part.chord_error, 0.0], 3) for side, part in parts.items()}
     own = [side for side, model in models.items() if model.file.mesh is not None and parts[side].chord_error > 0.0]

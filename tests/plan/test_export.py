@@ -448,11 +448,9 @@ def test_the_yaml_has_the_keys_of_controller_and_request(square_peg_plan: dict[s
 @pytest.mark.parametrize("to", ["urscript", "ros2", "csv", "json"])
 def test_the_command_writes_each_format(square_peg_plan_file: Path, tmp_path: Path, to: str) -> None:
     base = ["--base", "0.4", "-0.1", "0.2", "0", "3.1", "0"]
-    done = CliRunner().invoke(
-        app, ["export", str(square_peg_plan_file), "--to", to, "--out", str(tmp_path / to), *base]
-    )
-    assert done.exit_code == 0, done.output
-    assert all(Path(line).exists() for line in done.stdout.splitlines())
+    ran = CliRunner().invoke(app, ["export", str(square_peg_plan_file), "--to", to, "--out", str(tmp_path / to), *base])
+    assert ran.exit_code == 0, ran.output
+    assert all(Path(line).exists() for line in ran.stdout.splitlines())
 
 
 @pytest.mark.parametrize("to", ["csv", "json", "urscript"])

@@ -1,7 +1,6 @@
 """What the sets of possible contact say of a plan in the plane: gross and fine parts, and whether S(t) agrees.
 
-In the plane of x and z the orientation φ runs counter-clockwise as drawn, x to the right and z up: a turn by ry about y
-is φ = −ry.
+In the plane of x and z, φ runs counter-clockwise as drawn, x to the right and z up: a turn by ry about y is φ = −ry.
 """
 
 import math
@@ -13,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.errors import InfeasibleError
-from fmopt.geometry.plane.curve import Arc, Segment
+from fmopt.geometry.plane.curve import Arc
 from fmopt.papers.basanez_suarez import motion
-from fmopt.papers.basanez_suarez.boundary import Loop
+from fmopt.papers.basanez_suarez.boundary import Piece
 from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
 from fmopt.papers.basanez_suarez.contact import CU, Kind
 from fmopt.papers.basanez_suarez.edge import TurnedEdge, edge_position
@@ -168,8 +167,7 @@ def _shown(possible: PossibleContacts, run: Sequence[Stretch]) -> list[tuple[CU,
         spans = possible_spans(possible, stretch.path, 100.0 * _TOLERANCE)
         for index in sorted(spans, key=lambda i: (spans[i][0][0], i)):
             cu, t = possible.sets[index], spans[index][0][0]
-            pose = stretch.path[0] + t * (stretch.path[1] - stretch.path[0])
-            found.setdefault(_sort(cu), (cu, pose))
+            found.setdefault(_sort(cu), (cu, stretch.path[0] + t * (stretch.path[1] - stretch.path[0])))
     return [found[key] for key in sorted(found, key=str)]
 
 
@@ -191,20 +189,16 @@ def reach_of(half_widths: ArrayLike) -> tuple[float, float]:
 
 def boundary(found: PlanarSet, name: str, nominal: ArrayLike = ()) -> Boundary:
     """A set with its name, its boundary, and the polyline (k, 2), m, that it shrinks to without deviations, if any."""
-    return Boundary(name, tuple(_loop(loop) for loop in found.boundary()), polyline(nominal))
+    return Boundary(name, tuple(tuple(map(_curve, loop)) for loop in found.boundary()), polyline(nominal))
 
 
-def _loop(loop: Loop) -> tuple[Curve, ...]:
-    pieces = list[Curve]()
-    for piece in loop:
-        curve = piece.curve
-        if isinstance(curve, Segment):
-            (x, y), (u, v) = polyline([curve.start, curve.end])
-            pieces.append(Curve(str(piece.on), line=(x, y, u, v)))
-        elif isinstance(curve, Arc):
-            x, y = numbers(curve.centre)
-            pieces.append(Curve(str(piece.on), arc=(x, y, curve.radius, curve.start, curve.sweep)))
-    return tuple(pieces)
+def _curve(piece: Piece) -> Curve:
+    curve = piece.curve
+    if isinstance(curve, Arc):
+        x, y = numbers(curve.centre)
+        return Curve(str(piece.on), arc=(x, y, curve.radius, curve.start, curve.sweep))
+    (x, y), (u, v) = polyline([curve.start, curve.end])
+    return Curve(str(piece.on), line=(x, y, u, v))
 
 
 def contact_sets(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[Boundary]:
@@ -244,7 +238,6 @@ def surface(cu: CU, count: int = 25) -> Surface:
     low, high = cu.range.low - turns, min(cu.range.high, cu.range.low + 2.0 * math.pi) - turns
     slices = []
     for phi in np.linspace(low, high, count).tolist():
-        inside = cu.nominal is not None and bool(cu.nominal.contains(phi))
-        nominal = _core(cu, phi) if inside else ()
+        nominal = _core(cu, phi) if cu.nominal is not None and cu.nominal.contains(phi) else ()
         slices.append(Slice(phi, boundary(cu.at(phi), "CUl", nominal)))
     return Surface(cu.name, str(cu.kind), tuple(slices))

@@ -31,8 +31,7 @@ class Carrier(StrEnum):
     """The circle or line that a part of a boundary lies on, by the names of [BasanezSuarez].
 
     FAR and NEAR are Cr_M and Cr_m (CCr_M, CCr_m), about the centre of rotation; PLUS and MINUS are Cg_M and Cg_m
-    (CCg_M, CCg_m), about a vertex turned by +ε_φ or −ε_φ; FOOT is the additional arc, eqs. (36) and (41); LINE a
-    tangent line.
+    (CCg_M, CCg_m), about a vertex turned by ±ε_φ; FOOT is the additional arc, eqs. (36) and (41); LINE a tangent line.
     """
 
     FAR = "r_M"

@@ -64,8 +64,7 @@ class PossibleContacts(Value):
 
     def possible(self, pose: ArrayLike) -> tuple[CU, ...]:
         """The basic contacts that are possible at a pose (3,)."""
-        inside = self.gaps(pose)[0] <= 1e-9 * self.size
-        return tuple(cu for cu, yes in zip(self.sets, inside, strict=True) if yes)
+        return tuple(cu for cu, yes in zip(self.sets, self.gaps(pose)[0] <= 1e-9 * self.size, strict=True) if yes)
 
     def polygons(self, phi: ArrayLike, tolerance: float) -> list[MultiPolygon]:
         """For each φ (k,), rad, a polygon that contains Cc there and is nowhere farther from it than `tolerance`, m.

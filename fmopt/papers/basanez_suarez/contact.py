@@ -83,8 +83,7 @@ class CU(Value, edge=(2, 2), vertex=(2,)):
         if self.kind is Kind.TYPE_1:
             polar = Reach.of(self.vertex)
             return ArcSum(self.edge[0], self.edge[1], polar.h, phi + polar.gamma + math.pi, self.spread, self.radius)
-        # The edge is the grasped object's here, seen from the vertex it touches: hence turned, and with its sign
-        # changed.
+        # The edge is the grasped object's, seen from the vertex it touches: hence turned, and with its sign changed.
         c, s = math.cos(phi), math.sin(phi)
         start, end = -self.edge @ np.array([[c, -s], [s, c]]).T
         return TurnedEdge(self.vertex, start, end, self.spread, self.radius)
@@ -189,15 +188,13 @@ def _contacts(kind: Kind, moving: Profile, static: Profile, deviations: Deviatio
                 ranges = _ranges(low, low + turn, above, below)
             i, j = (vertex, edge) if first else (edge, vertex)
             ends, point = edged.vertices[[edge, edged.after[edge]]], pointed.vertices[vertex]
-            radius = deviations.position + float(epsilon_a[j])
-            yield CU(kind, i, j, ends, point, *ranges, deviations.angle, radius)
+            yield CU(kind, i, j, ends, point, *ranges, deviations.angle, deviations.position + float(epsilon_a[j]))
 
 
 def _corners(profile: Profile, edge_turns: Array) -> list[int]:
     """Vertices that are convex or may be made so."""
     # Reflex by less than deviations may make up for: then it may be convex in truth.
-    possible = profile.turns + edge_turns + edge_turns[profile.before] >= 0.0
-    return [int(i) for i in np.flatnonzero(possible)]
+    return [int(i) for i in np.flatnonzero(profile.turns + edge_turns + edge_turns[profile.before] >= 0.0)]
 
 
 def _ranges(low: float, high: float, below: float, above: float) -> tuple[Range, Range | None]:

@@ -111,7 +111,12 @@ class TurnedEdge(PlanarSet, pivot=(2,), start=(2,), end=(2,)):
         near, far = sorted((self.start, self.end), key=lambda v: float(v @ v))
         # An edge that begins at the pivot has no direction of its own there: the other end gives it.
         ahead = _angle(near) if near.any() else _angle(far - near)
-        return self._half(near, far) + self._inner(near, ahead, Carrier.NEAR) + self._near_tips(near, far, ahead)
+        found = self._half(near, far) + self._inner(near, ahead, Carrier.NEAR)
+        # The rounded tips of the near end in both extreme positions.
+        s, along = self.spread, _angle(far - near)
+        for side, on in ((1.0, Carrier.PLUS), (-1.0, Carrier.MINUS)):
+            found += self._tip(near, side, along + side * (s + 0.5 * math.pi), ahead + side * (s + math.pi), on)
+        return found
 
     def _foot(self) -> Array | None:
         """Foot (2,) of the perpendicular from the pivot, when it lies between the ends."""
@@ -150,19 +155,10 @@ class TurnedEdge(PlanarSet, pivot=(2,), start=(2,), end=(2,)):
             found += self._tip(far, side, ahead + side * s, normal, on)
         return found
 
-    def _near_tips(self, near: Array, far: Array, ahead: float) -> list[Piece]:
-        """The rounded tips of an edge's near end in both extreme positions."""
-        s, along = self.spread, _angle(far - near)
-        found = []
-        for side, on in ((1.0, Carrier.PLUS), (-1.0, Carrier.MINUS)):
-            found += self._tip(near, side, along + side * (s + 0.5 * math.pi), ahead + side * (s + math.pi), on)
-        return found
-
     def _tip(self, vertex: Array, side: float, one: float, other: float, on: Carrier) -> list[Piece]:
         """The arc about a vertex turned to side × ε_φ, from one outward normal to the other, at most half a turn."""
         quarter = 0.5 * math.pi
-        # The turn around the tip is at least none and at most half of one; `remainder` is centred so that both are
-        # kept.
+        # The turn around the tip is at least none and at most half of one; `remainder` is centred to keep both.
         turn = min(max(math.remainder(side * (other - one) - quarter, TURN) + quarter, 0.0), math.pi)
         first, last = (one, one + turn) if side > 0.0 else (one - turn, one)
         return [directed_arc(self.pivot + _turned(vertex, side * self.spread), self.radius, first, last, on)]
@@ -171,9 +167,7 @@ class TurnedEdge(PlanarSet, pivot=(2,), start=(2,), end=(2,)):
         """The arc that the nearest point sweeps, moved in by the radius; none when that passes the pivot."""
         # The hole is filled up by the disc.
         inner, s = math.hypot(*nearest) - self.radius, self.spread
-        if inner <= 0.0:
-            return []
-        return [directed_arc(self.pivot, -inner, ahead + math.pi - s, ahead + math.pi + s, on)]
+        return [directed_arc(self.pivot, -inner, ahead + math.pi - s, ahead + math.pi + s, on)] if inner > 0.0 else []
 
 
 def edge_position(

@@ -48,8 +48,7 @@ def segment_arc_gap(start: Array, end: Array, h: Any, angle: Any, spread: Any) -
 def point_arc_gap(point: Array, h: Any, angle: Any, spread: Any) -> Array:
     """Distance (…) in m from points to the arc {h (cos θ, sin θ), |θ − angle| ≤ spread} about the origin.
 
-    Points are (…, 2), m; `angle` is the middle of the arc, `spread` half its opening, rad, as h a number or one for
-    each.
+    Points are (…, 2), m; `angle` is the arc's middle, `spread` half its opening, rad, as h a number or one for each.
     """
     x, y = point[..., 0], point[..., 1]
     radius = np.hypot(x, y)

@@ -93,8 +93,7 @@ def possible_spans(
 
     The distance from a CU changes by at most |Δp| + reach |Δφ| along a part of the path. A span that this proves free
     is dropped, one that it proves inside is kept, any other is halved until the change over it is below the tolerance.
-    The path is straight from row to row, x and y in m, φ in rad; what is nearer to a CU than the tolerance, m, counts
-    as on it.
+    The path is straight from row to row, x and y in m, φ in rad; nearer to a CU than the tolerance, m, counts as on it.
     """
     points = _waypoints(path, tolerance)
     spans, found = _starting_spans(possible, points), []
@@ -134,8 +133,7 @@ def clearance_for_gross(
     Moving a path by c changes its clearance by at most c, so that a path with clearance m may be moved back by m. At
     the answer either c = 0, or the clearance is below twice the tolerance, or c is the farthest.
 
-    Path, objects and tolerance are those of `classify`; the farthest displacement (2,), m, leads away from the static
-    object.
+    Path, objects and tolerance are those of `classify`; the farthest displacement (2,), m, is away from the static one.
 
     Raises:
         InfeasibleError: the motion is not gross at the farthest.

@@ -85,8 +85,7 @@ class PlanarSet(Value, ABC):
         """A polygon that contains the set, or lies in it, each arc replaced within `tolerance`, m.
 
         No point of the outer one is farther from the set than that. Where the set, or a gap in it, is thinner, the
-        polygon is cut off or closed. A set without interior is first widened by half the tolerance when it is to be
-        contained.
+        polygon is cut off or closed. A set without interior is first widened by half the tolerance to be contained.
 
         Raises:
             GeometryError: the tolerance is not positive.
@@ -105,12 +104,10 @@ def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon
     """The polygon of loops that have their set on the left, within a tolerance (m); see `PlanarSet.polygon`.
 
     Chords where an arc bulges away from the chosen side, tangents where it bulges to it. Each arc is moved within the
-    set, or within its complement, so that every point that a thin place lets the polygon run round wrongly has winding
-    number zero.
+    set, or its complement, so that points that a thin place lets the polygon run round wrongly have winding number 0.
     """
     rings = [np.vstack([piece.curve.polyline(tolerance, SIDES[side])[:-1] for piece in loop]) for loop in loops]
     closed = [np.vstack([points, points[:1]]) for points in rings if len(points) > 2]
     # Polylines may cross where curves do not: what they bound is told by winding numbers, face by face.
-    return MultiPolygon(
-        [part for part in get_parts(enclosed(closed, rounded=False)) if part.area > 0.0] if closed else []
-    )
+    parts = get_parts(enclosed(closed, rounded=False)) if closed else ()
+    return MultiPolygon([part for part in parts if part.area > 0.0])

@@ -108,8 +108,7 @@ class ArcSum(PlanarSet, start=(2,), end=(2,), labels={"start": "start of the edg
             base = self.end if unit(0.5 * (one + other)) @ e > 0.0 else self.start
             if other > one:
                 found.append(directed_arc(base + centre, radius, one, other, on))
-        # Between the arcs of both ends runs the edge itself, moved out; an inner arc of negative radius has no such
-        # side.
+        # Between the arcs of both ends runs the edge itself, moved out; an inner arc of negative radius has none.
         if radius >= 0.0:
             for turn in turns:
                 n = unit(turn)

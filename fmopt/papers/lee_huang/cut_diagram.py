@@ -157,8 +157,7 @@ def slant(profile: Profile, pose: Pose) -> Slant:
     radius = (profile.a + profile.b * z0, profile.b * z1)
     low, high = (radius[0] - d0, radius[1] - d1), (radius[0] + d0, radius[1] + d1)
     middle = float(base[:2] @ across)
-    # Within the height of the instance, and where its circle reaches the plane: intervals of s, as all bounds are
-    # linear.
+    # Within the height of the instance, and where its circle reaches the plane: intervals of s, as bounds are linear.
     span = _positive([(z0, z1), (profile.height - z0, -z1), low, high])
     return Slant(low, high, span, middle * across, along, across)
 

@@ -28,12 +28,10 @@ from fmopt.spatial.values import Array
 from fmopt.task.object_model.command import Answer, grasped_pose
 
 
-def position_force(
-    path: NominalTrajectory, freedom: Sequence[Interval], forces: ArrayLike
-) -> tuple[PositionForce, ...]:
+def position_force(path: NominalTrajectory, freedom: Sequence[Interval], f: ArrayLike) -> tuple[PositionForce, ...]:
     """C-PF: P(t) × S(t) → Pₐ(t) × Fₐ(t), one row for each stretch on which P is straight and S constant.
 
-    S(t) is known on [0, T]; forces fᵢ (6,) are in N and N·m.
+    S(t) is known on [0, T]; forces f (6,) are in N and N·m.
     """
     rows = []
     for interval in freedom:
@@ -41,8 +39,7 @@ def position_force(
         inner = [float(t) for t in path.times if interval.start < t < interval.end]
         for a, b in pairwise([interval.start, *inner, interval.end]):
             pa, pn = ([split(interval.s, path.at(t)) for t in (a, b)] for split in (gamma, natural_constraints))
-            found = (numbers(x) for x in (*pa, *pn, omega(interval.s, forces)))
-            rows.append(PositionForce(a, b, interval.s, *found))
+            rows.append(PositionForce(a, b, interval.s, *(numbers(x) for x in (*pa, *pn, omega(interval.s, f)))))
     return tuple(rows)
 
 
@@ -79,8 +76,7 @@ def _held(found: Answer, X: Array) -> Pose:
 
 def world_pose(found: Answer, X: ArrayLike) -> Pose:
     """Pose of the grasped feature in the global reference frame, for an X (6,) in m and rad."""
-    base = found.moving.frame if found.exchanged else found.fixed.frame
-    return base.compose(grasped_pose(found, X))
+    return (found.moving.frame if found.exchanged else found.fixed.frame).compose(grasped_pose(found, X))
 
 
 def hand_pose(found: Answer, X: ArrayLike) -> Pose:

@@ -87,8 +87,7 @@ class Lines(Value):
     def spans(self, leg: Leg) -> tuple[Indices, Array]:
         """When contact is possible on a leg.
 
-        The answer is which pair (k,), and the first, the last and the middle one (k, 3) of the shares on which it can
-        touch.
+        The answer is which pair (k,), and the first, last and middle (k, 3) of the shares on which it can touch.
         """
         near = np.flatnonzero(self._near(leg))
         cuts = self._rows(near)._crossings(leg)
@@ -130,8 +129,7 @@ class Lines(Value):
         wide, turning = r * np.abs(n).sum(axis=1)[:, None], self.turning
         across = self.force[:, ::-1] * (-1.0, 1.0)
         P = self._ends(self.turns)
-        sides = P[:, :, 1] - P[:, :, 0]
-        normals = sides[..., ::-1] * (-1.0, 1.0)
+        normals = (P[:, :, 1] - P[:, :, 0])[..., ::-1] * (-1.0, 1.0)
         supports = r * np.abs(normals).sum(axis=2)[..., None] * _BOTH
         shares = [
             # The corners of the ball's square about the corner of a section: circles of its own arm, their extremes.

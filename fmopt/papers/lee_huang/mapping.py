@@ -89,8 +89,7 @@ def answered(found: Answer, box: ArrayLike, rho: float) -> Mapping:
     """The T-C mapping of a task as the knowledge base answers it, everything else of the workcell in place.
 
     What is linked to an operand moves or stands with it; obstacles stand, or where the operands were exchanged move.
-    The box is half-widths (6,) of the pose error of operand 1 in the B-frame, m and rad, and ρ the characteristic
-    length, m.
+    The box is half-widths (6,) of operand 1's pose error in the B-frame, m and rad, ρ the characteristic length, m.
 
     Raises:
         GeometryError, InterferenceError: as `task_mapping`.

@@ -67,8 +67,7 @@ def insertion(start: ArrayLike, goal: ArrayLike, speed: float, rho: float, turne
     """The paper's three nodes: N₁ above the mouth, N₂ on the axis in the mouth's plane, N_T seated.
 
     The orientation of the goal is reached at N₂, or before it. Each leg is as long as ‖ΔP‖ = √(|Δp|² + ρ²|Δr|²) and
-    takes that over the speed, so that no point within ρ of the reference point's axis of turning outruns the
-    specification.
+    takes that over the speed, so that no point within ρ of the axis of turning outruns the specification.
 
     Poses are (6,) in the B-frame, m and rad, the start not below the mouth's plane z = 0, the goal below it; the speed
     is in m/s. `turned` is the share of the way from N₁ to N₂ after which the goal's orientation is reached, above 0, at
@@ -97,8 +96,7 @@ def through(
 ) -> NominalTrajectory:
     """P(t) through position nodes N₁ … N_T, its orientation nodes M, and its times.
 
-    The part turns on one leg, evenly, from its start up to a share of it; before it has the start's orientation, after
-    it the goal's.
+    The part turns evenly on one leg, from its start up to a share of it, from the start's orientation to the goal's.
 
     Nodes are (3,) in m, M are rotation vectors (3,), rad, the speed is in m/s, and ρ, m, as for `insertion`. `turned`
     is the leg on which the part turns, from 0, and the share of it, above 0, at most 1.
@@ -152,8 +150,7 @@ def together(parts: Sequence[Stops]) -> Stops:
 def intervals(stops: Stops, duration: float, blur: float) -> tuple[Interval, ...]:
     """S on the cells between all ends, equal neighbours joined; at T also what touches there only.
 
-    The duration is T, s. Ends nearer than `blur`, s, cannot be told apart: starts among them move to the first, ends to
-    the last.
+    The duration is T, s. Ends nearer than `blur`, s, cannot be told apart: starts move to the first, ends to the last.
     """
     # Cells are between all ends; ends that rounding alone tells apart are one.
     ends = np.unique(np.concatenate([[0.0, duration], stops.start, stops.end]))
@@ -224,8 +221,7 @@ def _leg_events(
         a, b = _heights(turned, own), _heights(fixed, wall)
         entry = 1 if travel < 0.0 else 0
         passes = [(b[j] - a[i], j == entry) for i in (0, 1) for j in (0, 1)]
-        inside = [z for z, _ in passes if min(p[2], q[2]) < z < max(p[2], q[2])]
-        stops = sorted([*inside, p[2], q[2]])
+        stops = sorted([*(z for z, _ in passes if min(p[2], q[2]) < z < max(p[2], q[2])), p[2], q[2]])
         probes = (p + (z - p[2]) / travel * (q - p) for z in [*stops, *(0.5 * (u + v) for u, v in pairwise(stops))])
         # Walls that stay farther apart than `reach` all the way touch at no error either.
         if all(abs(_gap(turned, own, fixed, wall, probe)) > reach for probe in probes):

@@ -77,8 +77,7 @@ def freedom_on_planes(views: Sequence[View], path: NominalTrajectory, free_until
     for k in range(len(path.times) - 1):
         end = float(path.times[k + 1])
         if np.abs(path.nodes[k : k + 2, 3:] - path.nodes[-1, 3:]).max() > _SAME:
-            # While it turns, sections are not those of the goal: no contact is said of it, so that it has to be clear
-            # then.
+            # While it turns, sections are not those of the goal: no contact is said of it, which has to be clear then.
             if end > free_until + _BLUR * path.duration:
                 message = f"operand 1 turns until {end:.6g} s and is known to be clear of operand 2 until"
                 advice = "let it reach the goal's orientation before the mouth, or start higher above it"

@@ -226,8 +226,7 @@ class _Stretch(Value):
         travel = travel / (np.linalg.norm(travel) or 1.0)
         along = np.vstack([*(directions(self.piece) @ R for R in turned), travel])
         # Minkowski's theorem: faces of the sum of two polytopes are faces of either, or spanned by an edge of each.
-        axes = axes_across(along, np.vstack([directions(other), travel]))
-        return min(least, overlap(points, still, axes, round_))
+        return min(least, overlap(points, still, axes_across(along, np.vstack([directions(other), travel])), round_))
 
     def halves(self) -> "tuple[_Stretch, _Stretch]":
         middle = 0.5 * (self.span[0] + self.span[1])

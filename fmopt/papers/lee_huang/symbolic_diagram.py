@@ -155,10 +155,8 @@ def _caps(height: Expression) -> tuple[tuple[Expression, ...], tuple[Expression,
 
 def _polygon(rows: Sequence[Sequence[Expression]], R: sympy.Matrix, p: sympy.Matrix) -> tuple[SymbolicCurve, ...]:
     """One segment for each face: what the others leave of the line n·q = o, run along n turned left."""
-    planes = []
-    for *n, o in rows:
-        normal = R * sympy.Matrix(n)
-        planes.append((normal[0], normal[1], o + normal.dot(p)))
+    turned = [(R * sympy.Matrix(n), o) for *n, o in rows]
+    planes = [(n[0], n[1], o + n.dot(p)) for n, o in turned]
     curves = []
     for k, (x, y, o) in enumerate(planes):
         square = x**2 + y**2

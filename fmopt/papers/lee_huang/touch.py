@@ -58,8 +58,7 @@ class Body(Value):
         spokes = [leaving if len(leaving) else np.zeros((1, 3)) for leaving in spokes]
         convex = np.array([edge.convex for edge in polyhedron.edges])
         n = polyhedron.normals[np.array([edge.faces for edge in polyhedron.edges])[convex]]
-        # In each face the direction at right angles to the edge: the other face's normal less its part along this
-        # one's.
+        # In each face the direction square to the edge: the other face's normal less its part along this one's.
         tangents = _unit(np.sum(n[:, :1] * n[:, 1:], axis=2, keepdims=True) * n - n[:, ::-1])
         plates = [(face.normal, plate) for face in polyhedron.faces for plate in _plates(polyhedron, face)]
         sides = [_unit(cross(normal, np.roll(plate, -1, axis=0) - plate)) for normal, plate in plates]

@@ -10,17 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from fmopt.plan import Plan
-from fmopt.plan.export.urscript import (
-    Settings,
-    heading,
-    in_axes_of,
-    list_of,
-    number,
-    of_tcp,
-    pose_of,
-    tcp_of,
-    templates,
-)
+from fmopt.plan.export.urscript import Settings, heading, in_axes_of, list_of, number, of_tcp, pose_of, templates
 from fmopt.plan.press import Force, Level, Next, Press, PressPlan, Standstill, Time, Travel
 from fmopt.runtime.escape import one_line
 from fmopt.spatial.se3 import Pose, exp, log
@@ -46,7 +36,7 @@ def program(plan: Plan, presses: PressPlan, base: Pose, caution: str = "nothing 
     corners = np.array(body.vertices)[fans]
     volumes = np.linalg.det(corners) / 6.0
     centroid = volumes @ corners.sum(axis=1) / (4.0 * volumes.sum())
-    tcp, attempts, tries = tcp_of(plan), list[str](), list[str]()
+    tcp, attempts, tries = Pose.from_vector(plan.description.tcp), list[str](), list[str]()
     first = base.compose(Pose.from_vector(presses.attempts[0].start)).compose(tcp)
     for k, one in enumerate(presses.attempts):
         calls = "\n".join(f"  {line}" for press in one.presses for line in _press(press, base))

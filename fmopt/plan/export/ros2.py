@@ -184,8 +184,7 @@ def yaml_text(value: Mapping[str, Any], notes: tuple[str, ...]) -> str:
     try:
         plain = json.loads(json.dumps(value, allow_nan=False))
     except ValueError as error:
-        raise PlanFormatError(
-            "a number of the motion is not finite", "give a plan.json that fmopt solve wrote"
-        ) from error
+        message = "a number of the motion is not finite"
+        raise PlanFormatError(message, "give a plan.json that fmopt solve wrote") from error
     comments = "".join(f"# {one_line(note)}\n" for note in notes)
     return comments + str(yaml.safe_dump(plain, sort_keys=False, width=_LINE))

@@ -37,8 +37,7 @@ def drawing(sets: Sequence[Boundary]) -> Drawing:
 
 def _said(found: Boundary) -> str:
     pieces = [piece for loop in found.loops for piece in loop]
-    points = np.vstack([piece_points(piece) for piece in pieces] or [np.zeros((1, 2))])
-    x, y = 1e3 * np.ptp(points, axis=0)
+    x, y = 1e3 * np.ptp(np.vstack([piece_points(piece) for piece in pieces] or [np.zeros((1, 2))]), axis=0)
     arcs = sum(piece.arc is not None for piece in pieces)
     lines = sum(piece.line is not None for piece in pieces)
     return f"{found.name}, {x:.4g} by {y:.4g} mm, {arcs} arcs, {lines} lines"

@@ -70,8 +70,7 @@ class _Cut:
 
     def least(self, low: Array, high: Array) -> float:
         """Its least value in a box."""
-        ends = np.minimum(self.slope * (low - self.at), self.slope * (high - self.at))
-        return self.value + float(ends.sum())
+        return self.value + float(np.minimum(self.slope * (low - self.at), self.slope * (high - self.at)).sum())
 
     def says_more(self, than: list[_Cut]) -> bool:
         """Whether those of its name promise more at its point than there is."""

@@ -208,14 +208,13 @@ def _verdicts(view: View, grid: _Grid, figure: Figure) -> None:
     # The number of a kind is in the middle of its colour's range.
     number, colours, most = grid.of([*map(kinds.index, view.kinds)]), ListedColormap(shades), len(kinds) - 0.5
     axes.pcolormesh(*grid.borders, number, cmap=colours, vmin=-0.5, vmax=most, edgecolors="white")
-    _lettered(view, axes, grid, (view.kinds, kinds), color="white", weight="bold")
+    _lettered(view, axes, grid, view.kinds, kinds, color="white", weight="bold")
 
 
 def _lettered(
-    view: View, axes: Axes, grid: _Grid, named: tuple[Sequence[str | None], Sequence[str]], **style: Any
+    view: View, axes: Axes, grid: _Grid, names: Sequence[str | None], listed: Sequence[str], **style: Any
 ) -> None:
     """Writes a letter into every cell for its run's name, as far as that is listed, and says which is whose."""
-    names, listed = named
     letters = dict(zip(listed, string.ascii_uppercase, strict=False))
     for (row, column), run in np.ndenumerate(grid.run):
         name = names[run]
@@ -249,7 +248,7 @@ def _binding(view: View, grid: _Grid, figure: Figure) -> None:
     x, y = grid.borders
     axes.pcolormesh(x, y, np.zeros(grid.run.shape), cmap="Greys", vmin=0, vmax=1, edgecolors=PALE, linewidth=0.5)
     _border(axes, x, y, grid.of(view.good), grid.of(view.done))
-    _lettered(view, axes, grid, (view.bindings, [*binding(view)][:_MOST_BINDING]))
+    _lettered(view, axes, grid, view.bindings, [*binding(view)][:_MOST_BINDING])
 
 
 def changes(tolerances: Sequence[Mapping[str, Any]]) -> str:

@@ -61,10 +61,7 @@ def _bins(view: View, axis: Varied, runs: NDArray[np.intp], good: Array, total: 
         middles = np.cumsum(counts) - 0.5 * counts
         group = np.minimum(middles / len(x) * _BINS, _BINS - 1).astype(int)[place]
     chosen = [group == number for number in np.unique(group)]
-    return [
-        Bin(float(x[c].min()), float(x[c].max()), round(float(good[c].sum())), round(float(total[c].sum())))
-        for c in chosen
-    ]
+    return [Bin(float(x[c].min()), float(x[c].max()), round(good[c].sum()), round(total[c].sum())) for c in chosen]
 
 
 @dataclass(frozen=True)
@@ -110,8 +107,7 @@ def rank_correlation(x: Array, y: Array) -> Estimate | None:
     rho = float(spearmanr(x, y).statistic)
     n = float(len(x))
     # Two neighbours exchanged make Σd² = 2 in ρ = 1 − 6 Σd²/(n (n² − 1)); at ρ = 1 the arctanh is infinite.
-    most = 1.0 - 12.0 / (n * (n**2 - 1.0))
-    near = math.copysign(min(abs(rho), most), rho)
+    near = math.copysign(min(abs(rho), 1.0 - 12.0 / (n * (n**2 - 1.0))), rho)
     z, spread = math.atanh(near), _NORMAL_95 * math.sqrt((1.0 + 0.5 * near**2) / (n - 3.0))
     # A perfect order is outside of the interval about its neighbour, which is widened to hold it.
     return Estimate(rho, min(math.tanh(z - spread), rho), max(math.tanh(z + spread), rho))

@@ -60,6 +60,9 @@ class Tally:
         return (self.asked - self.fresh) / self.rate if self.rate > 0.0 else math.inf
 
 
+Progress = Callable[[Tally], None]
+
+
 @dataclass(frozen=True)
 class Options:
     """How to run.
@@ -79,7 +82,7 @@ def run(
     folder: Path,
     evaluate: Evaluate,
     options: Options,
-    progress: Callable[[Tally], None] = lambda _: None,
+    progress: Progress = lambda _: None,
     store_of: Callable[[Path], Store] = Store,
 ) -> Tally:
     """Does all runs that have no row yet, and writes their rows.
@@ -135,13 +138,7 @@ class _Desk:
     """Where batches go out and rows come in; the only writer of the store."""
 
     def __init__(
-        self,
-        listed: Sequence[Run],
-        store: Store,
-        form: Batch,
-        jobs: int,
-        options: Options,
-        progress: Callable[[Tally], None],
+        self, listed: Sequence[Run], store: Store, form: Batch, jobs: int, options: Options, progress: Progress
     ) -> None:
         self._store, self._form, self._jobs, self._progress = store, form, jobs, progress
         runs = {run.key: run for run in listed}

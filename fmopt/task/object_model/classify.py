@@ -69,8 +69,7 @@ def _named(left: Sequence[Term], names: Sequence[str], feature: str, sign: Sign)
         owned += found
     owned = [term for term in left if term in owned]
     # Nothing of the other sign may stand between them, so that they can be taken together.
-    between = left[left.index(owned[0]) : left.index(owned[-1])]
-    if strange := [term for term in between if term.sign != sign]:
+    if strange := [term for term in left[left.index(owned[0]) : left.index(owned[-1])] if term.sign != sign]:
         message = f"feature {feature!r} is made of terms with {strange[0].name!r}, of the other sign, between them"
         raise TaskError(message, feature, MADE, "name them one after the other in the model, or make two features")
     return owned
@@ -114,8 +113,7 @@ def _bulk(term: Term, used: set[str]) -> tuple[str, Feature]:
     leaves = instances(term.body)
     kinds = {leaf.key for leaf in leaves}
     kind = kinds.pop() if len(kinds) == 1 else "body"
-    numbered = (f"{term.name}-{i}" for i in count(2))
-    name = next(name for name in chain([term.name], numbered) if name not in used)
+    name = next(name for name in chain([term.name], (f"{term.name}-{i}" for i in count(2))) if name not in used)
     used.add(name)
     group = _PLURALS.get(kind, f"{kind}s")
     return (group if term.sign == "+" else f"cut {group}"), Feature(name, term.sign, leaves[0].pose, term.body)

@@ -208,11 +208,9 @@ def _goal(task: Task, one: Feature, other: Feature, start: Pose, exchanged: bool
     return Pose.from_vector(values), settled
 
 
-def _check_ends(
-    workcell: Workcell, found: Answer, sides: tuple[str, ...], operands: Sequence[Sequence[Polyhedron]]
-) -> None:
+def _check_ends(workcell: Workcell, found: Answer, sides: Sequence[str], both: Sequence[Sequence[Polyhedron]]) -> None:
     """At the start and at the goal what is grasped and carried overlaps nothing of what stands."""
-    body, standing = reversed(operands) if found.exchanged else operands
+    body, standing = reversed(both) if found.exchanged else both
     obstacles = [(other.name, pieces(other.solid)) for other in found.obstacles]
     for P, at_goal in ((found.P0, False), (found.PT, True)):
         pose = grasped_pose(found, P)

@@ -171,8 +171,7 @@ class Operand(Value):
 def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose) -> Operand:
     """The operand of a feature, whose frame is given in the global reference frame."""
     feature = workcell.object(ref.object).feature(ref.feature)
-    others = frozenset(tree.name for tree in workcell.objects) - set(group)
-    around = members = workcell.operand(ref, others)
+    around = members = workcell.operand(ref, frozenset(tree.name for tree in workcell.objects) - set(group))
     if not feature.hollow:
         # The moving operand keeps its solid neighbours only, [LeeHuang1985] appendix B: its operators are all +.
         members = tuple(r for r in members if not workcell.object(r.object).feature(r.feature).hollow)

@@ -10,20 +10,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field, StringConstraints
 
 from fmopt.task.toml.problem_file import Angle, FrameTable, Pair, Units
-from fmopt.task.toml.tables import (
-    File,
-    Force,
-    Measured,
-    Name,
-    Parameter,
-    ParameterName,
-    Rotation,
-    Speed,
-    Table,
-    Title,
-    Torque,
-    Vector,
-)
+from fmopt.task.toml.tables import File, Force, Measured, Name, Rotation, Speed, Table, Title, Torque, Values, Vector
 from fmopt.task.toml.units import LENGTH
 
 _PART = r"[A-Za-z][A-Za-z0-9_-]{0,63}"
@@ -37,7 +24,7 @@ class Object(Table):
 
     model: File
     """Model file, relative to this file."""
-    parameters: Annotated[dict[ParameterName, Parameter], Field(max_length=256)] = Field(default_factory=dict)
+    parameters: Values = Field(default_factory=dict)
     """Values that replace the model's; plain numbers are lengths."""
     at: Vector = (0.0, 0.0, 0.0)
     """Where the model's frame is in the global reference frame."""

@@ -18,11 +18,10 @@ from fmopt.task.toml.tables import (
     File,
     Length,
     Name,
-    Parameter,
-    ParameterName,
     Rotation,
     Table,
     Title,
+    Values,
     Vector,
     fault,
 )
@@ -234,7 +233,7 @@ class ModelFile(Table):
     """What the part is called; as its file if not given."""
     description: Title = "a part"
     units: ModelUnits = Field(default_factory=ModelUnits)
-    parameters: Annotated[dict[ParameterName, Parameter], Field(max_length=256)] = Field(default_factory=dict)
+    parameters: Values = Field(default_factory=dict)
     """Named quantities for use in expressions; plain numbers are lengths. Later ones may use earlier ones."""
     part: Name | None = None
     """The solid that the part is."""

@@ -31,8 +31,6 @@ from fmopt.task.toml.tables import (
     Mass,
     Measured,
     Name,
-    Parameter,
-    ParameterName,
     Ratio,
     Rotation,
     Shift,
@@ -43,6 +41,7 @@ from fmopt.task.toml.tables import (
     Tilt,
     Title,
     Torque,
+    Values,
     Vector,
     Way,
     fault,
@@ -76,7 +75,7 @@ class OfFile(Table):
     body: Annotated[str, Field(min_length=1, max_length=200)] | Annotated[int, Field(ge=1, le=10_000)] | None = None
     """Which body of a STEP or mesh file that is named itself, by name or number, where it holds several. Two bodies of
     one file stand there as the goal has them."""
-    parameters: Annotated[dict[ParameterName, Parameter], Field(max_length=256)] = Field(default_factory=dict)
+    parameters: Values = Field(default_factory=dict)
     """Values that replace the model's; plain numbers are lengths."""
 
 

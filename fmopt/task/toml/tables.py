@@ -27,6 +27,7 @@ _NANOMETRE, _KILOMETRE, _TURN = 1e-9, 1e3, 2.0 * math.pi
 
 Parameter: TypeAlias = Annotated[Any, pydantic.WithJsonSchema({"anyOf": [{"type": "number"}, _TEXT]})]
 ParameterName: TypeAlias = Annotated[str, StringConstraints(pattern=PARAMETER)]
+Values: TypeAlias = Annotated[dict[ParameterName, Parameter], pydantic.Field(max_length=256)]
 Name: TypeAlias = Annotated[str, StringConstraints(pattern=NAME)]
 Title: TypeAlias = Annotated[str, StringConstraints(pattern=TITLE)]
 File: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=1000)]

@@ -145,17 +145,15 @@ def sampled_range(cu: CU, moving: Profile, static: Profile, angle: float) -> tup
     )
 
 
-def printed_range(
-    cu: CU, moving: Profile, static: Profile, epsilon_a: float, angles: tuple[float, float]
-) -> list[Range]:
+def printed_range(cu: CU, moving: Profile, static: Profile, epsilon_a: float, both: tuple[float, float]) -> list[Range]:
     """Eqs. (31)-(34) or (42)-(45), as printed, and with the minimum at the lower end."""
     if cu.kind is Kind.TYPE_1:
         lengths = static.lengths[cu.static], moving.lengths[moving.before[cu.moving]], moving.lengths[cu.moving]
-        below = above = 2.0 * epsilon_a / lengths[0] + sum(angles)
+        below = above = 2.0 * epsilon_a / lengths[0] + sum(both)
         below, above = below + 2.0 * epsilon_a / lengths[1], above + 2.0 * epsilon_a / lengths[2]
     else:
         lengths = static.lengths[static.before[cu.static]], static.lengths[cu.static], moving.lengths[cu.moving]
-        below = above = sum(2.0 * epsilon_a / length for length in lengths) + angles[1]
+        below = above = sum(2.0 * epsilon_a / length for length in lengths) + both[1]
     low, high = cu.nominal.low, cu.nominal.high
     return [Range(high - below, high + above), Range(low - below, high + above)]
 

@@ -17,7 +17,7 @@ from fmopt.papers.lee_huang.line_contact import Leg
 from fmopt.papers.lee_huang.nominal_trajectory import insertion
 from fmopt.papers.lee_huang.plane_freedom import Slice, View, freedom_on_planes, spans
 from fmopt.papers.lee_huang.uncertainty_zone import PLANES, zones
-from tests.shared.parts.figure2 import at, steps
+from tests.shared.parts.figure2 import agree, at, steps
 from tests.shared.parts.random_sections import loop, polygon, random_case
 
 FREE = (0,) * 6
@@ -53,12 +53,6 @@ def views(box, walls=(BLIND,), round_peg=False):
 
 
 MOUTH = polygon(square(0.03), square(HOLE)[::-1])
-
-
-def agree(found, expected):
-    assert [s for s, _, _ in found] == [s for s, _, _ in expected]
-    heights = np.array([one[1:] for one in found]) - np.array([one[1:] for one in expected])
-    assert np.abs(heights).max() < 1e-9 * 0.035
 
 
 def test_without_error_only_the_goal_touches():

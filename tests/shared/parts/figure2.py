@@ -44,3 +44,9 @@ def hexagon(radius, height):
 def steps(intervals, path):
     """S with the heights of the tip at both ends."""
     return [(one.s, path.at(one.start)[2], path.at(one.end)[2]) for one in intervals]
+
+
+def agree(found, expected):
+    assert [s for s, _, _ in found] == [s for s, _, _ in expected]
+    heights = np.array([one[1:] for one in found]) - np.array([one[1:] for one in expected])
+    assert np.abs(heights).max() < 1e-9 * 0.035
