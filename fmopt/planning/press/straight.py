@@ -1,4 +1,4 @@
-"""Chamfers wider than the errors: straight down, all axes giving way."""
+"""Chamfers wider than the errors: straight down, the attitude held until the part stands, then all axes giving way."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import Attempt
 from fmopt.planning.press.entry import lowest_height, support
-from fmopt.planning.press.library import come_down, direction, to_the_goal
+from fmopt.planning.press.library import AXIAL, XYZ_YAW, come_down, direction, press_on, to_the_goal
 from fmopt.planning.press.task import PressTask
 from fmopt.spatial.se3 import Pose
 
@@ -27,6 +27,8 @@ def straight_presses(task: PressTask) -> Iterator[Attempt]:
         return
     height = lowest_height(task, task.goal.R, task.tip[0])
     pose = Pose(np.append(task.goal.p[:2], height - float(task.tip[0, 2])), task.goal.R)
-    down = come_down(height)
+    # A funnel turns a part whose attitude gives way, the more the longer it is.
+    held = () if task.keeps_attitude or task.round else (press_on(task, XYZ_YAW, (0.0, 0.0, -AXIAL, 0.0, 0.0, 0.0)),)
     for end in (0.0, 0.05):
-        yield Attempt(numbers(pose.vector()), (down, *to_the_goal(task, direction(0.0), end, task.round)), "straight")
+        presses = come_down(height), *held, *to_the_goal(task, direction(0.0), end, task.round)
+        yield Attempt(numbers(pose.vector()), presses, "straight")
