@@ -86,7 +86,7 @@ class InfeasibleError(FmoptError):
 
     That no other way leads to the goal is not proven, as it is where parts overlap, `InterferenceError`.
 
-    `attempt` is how far a motion came, `fmopt.planning.motion.Attempt`, where one was looked for, and `failure` what
+    `attempt` is how far a motion came, `fmopt.planning.motion.Failed`, where one was looked for, and `failure` what
     there is to say of it, `fmopt.report.attempt.Failure`, where that was worked out. `share` is what a sequence takes
     of all errors, about; 0 where that is not known.
     """
@@ -117,7 +117,7 @@ class SearchError(FmoptError):
 
     Args:
         late: whether a time limit ended it, so that how far it came depends on the machine.
-        attempt: how far it came, `fmopt.planning.motion.Attempt`; None where no motion could begin.
+        attempt: how far it came, `fmopt.planning.motion.Failed`; None where no motion could begin.
 
     `failure` is what there is to say of that, `fmopt.report.attempt.Failure`, where it was worked out.
     """

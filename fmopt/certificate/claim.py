@@ -8,9 +8,9 @@ from fmopt.certificate.assembly import Assembly, contact_forms, made_form, made_
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.facet_margin import Bounds, bounds
 from fmopt.certificate.form import made_lever
-from fmopt.certificate.piece_pairs import Facing, facing
+from fmopt.certificate.piece_pairs import FacingPairs, facing
 from fmopt.certificate.propagation import Advance, advance
-from fmopt.certificate.remainder import AtEnd, Course, Ends
+from fmopt.certificate.remainder import AtEnd, Ends, EndsBatch
 from fmopt.certificate.segment_linearisation import Piece, Tolerance
 from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import PrimitiveContact
@@ -18,7 +18,7 @@ from fmopt.errors import InfeasibleError
 from fmopt.runtime.clock import heed
 from fmopt.spatial.values import Array
 
-Chooser = Callable[[Assembly, Facing, Course], Sequence[Sequence[Separation | None]]]
+Chooser = Callable[[Assembly, FacingPairs, EndsBatch], Sequence[Sequence[Separation | None]]]
 """Finds separating planes for all pairs over pieces of motion, None where there is none."""
 
 Stepped = tuple[Piece, Advance]
@@ -94,7 +94,7 @@ def claimed(
         heed()
         alike = list(group)
         listed = facing(assembly, alike[0][0])
-        course = Course.of([step.ends for _, step in alike])
+        course = EndsBatch.of([step.ends for _, step in alike])
         # Contacts say how the margin of a plan comes about; a search that only compares margins of planes leaves them
         # out.
         contacts = _contacts(assembly, alike, course) if thorough else [()] * len(alike)
@@ -119,7 +119,7 @@ def _contacts_of(piece: Piece) -> tuple[object, ...]:
     return piece.held, piece.goal_contacts, piece.made, piece.left, tuple(c.contact for c in piece.basis)
 
 
-def _separated(listed: Facing, planes: Sequence[Separation | None]) -> tuple[tuple[int, int, Separation], ...]:
+def _separated(listed: FacingPairs, planes: Sequence[Separation | None]) -> tuple[tuple[int, int, Separation], ...]:
     """The planes chosen for all pairs, by the numbers of both pieces."""
     found = []
     for (i, j, _), plane in zip(listed.listed, planes, strict=True):
@@ -129,7 +129,7 @@ def _separated(listed: Facing, planes: Sequence[Separation | None]) -> tuple[tup
     return tuple(found)
 
 
-def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> list[tuple[ContactClaim, ...]]:
+def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: EndsBatch) -> list[tuple[ContactClaim, ...]]:
     """What is claimed of the contacts of pieces of motion that hold the same ones."""
     held, making = alike[0][0].held, alike[0][0].making
     table = bounds(assembly, held, held, _own(assembly, alike[0][0]))
@@ -164,7 +164,7 @@ class FacetRows:
 
 def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
     """What bounds the contacts of a piece of motion at both ends, for placements that want to move them."""
-    piece, course = claim.piece, Course.of((claim.advance.ends,))
+    piece, course = claim.piece, EndsBatch.of((claim.advance.ends,))
     table = bounds(assembly, piece.held, piece.held, _own(assembly, piece))
     rows = course.over(table.forms)
     # Both ends: the bound is the lesser of the two, and a displacement of either pose moves its own.
@@ -174,7 +174,7 @@ def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
         yield _made(assembly, piece, course)
 
 
-def _made(assembly: Assembly, piece: Piece, course: Course) -> FacetRows:
+def _made(assembly: Assembly, piece: Piece, course: EndsBatch) -> FacetRows:
     """What bounds the contacts made at the end of a piece."""
     # Only the goal counts: before it these contacts are not there, and nothing has to bound them.
     table = bounds(assembly, piece.making, piece.goal_contacts, _own(assembly, piece))
@@ -188,7 +188,7 @@ def _own(assembly: Assembly, piece: Piece) -> frozenset[PrimitiveContact]:
     return frozenset((*(c.contact for c in piece.basis), *made)) if assembly.form else frozenset()
 
 
-def _before(assembly: Assembly, piece: Piece, ends: Ends, course: Course, rho: float) -> float:
+def _before(assembly: Assembly, piece: Piece, ends: Ends, course: EndsBatch, rho: float) -> float:
     """How far from touching the contact to be made still is when the move starts.
 
     Where its row measures an angle (see `made_form`), this is the way on an arm of ρ. Parts that are off their form

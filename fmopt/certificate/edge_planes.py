@@ -12,7 +12,7 @@ import numpy as np
 from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
 from fmopt.certificate.contact_implications import Facts, rising
 from fmopt.certificate.level_rims import LevelRim, beside, level_rims
-from fmopt.certificate.piece_pairs import Pair, Witness
+from fmopt.certificate.piece_pairs import Pair, PlaneWitness
 from fmopt.certificate.remainder import Extent
 from fmopt.certificate.rows import Forms, Mask, directions_along, edges_apart, points_above, stacked
 from fmopt.contact.primitive import Kind, PrimitiveContact
@@ -102,7 +102,7 @@ def _meet(contact: PrimitiveContact, moving: _Edge, fixed: _Edge) -> bool:
     return of_edges and moving.points.issuperset(contact.moving) and fixed.points.issuperset(contact.fixed)
 
 
-def edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -> Counted:
+def edge_rows(assembly: Assembly, pair: Pair, witness: PlaneWitness, known: Facts) -> Counted:
     """The rows of a plane along an edge of each of two pieces that contacts do not settle, m."""
     M, F = pair.moving.vertices, pair.fixed.vertices
     moving = _edge(pair.moving, assembly.moving.polyhedron, witness.moving)

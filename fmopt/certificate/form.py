@@ -29,7 +29,7 @@ import numpy as np
 from fmopt.certificate.assembly import Assembly, contact_forms, hinge, level
 from fmopt.certificate.contact_implications import facts, held_on
 from fmopt.certificate.contact_implications import level as still
-from fmopt.certificate.remainder import Course, Curvature, Ends
+from fmopt.certificate.remainder import Curvature, Ends, EndsBatch
 from fmopt.certificate.rows import Forms, Rows, directions_along, points_above
 from fmopt.certificate.segment_linearisation import Linearisation, Piece
 from fmopt.contact.primitive import Kind, PrimitiveContact
@@ -143,7 +143,7 @@ class _Edges:
             nominal = rows.over(self._piece.start, self._piece.goal)
             return min(float(row.f[0]) for row in nominal) - self._assembly.form
         begun = replace(ends, slack=np.zeros((6, 0)), core=None)
-        before, along = (Course.of((each,)).over(rows) for each in (begun, ends))
+        before, along = (EndsBatch.of((each,)).over(rows) for each in (begun, ends))
         return min(float(before.bounds[0, 0, 0]), float(along.lower[0, 0]))
 
 

@@ -20,7 +20,7 @@ _MEMORY = 2048
 
 
 @dataclass(frozen=True)
-class Witness:
+class PlaneWitness:
     """A plane between two pieces: along a face or edges, as vertex indices of pieces, or any plane of the B-frame."""
 
     kind: Literal["fixed-face", "moving-face", "edges", "plane"]
@@ -54,7 +54,7 @@ class Pair(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Facing:
+class FacingPairs:
     """All pairs of a moving piece and a fixed one under the same contacts, by the numbers of both pieces.
 
     One for each contact state and what opens or closes: what is worked out of it once can be kept by its identity.
@@ -72,7 +72,7 @@ class Facing:
         return tuple((piece, tuple(places)) for piece, places in found.items())
 
 
-def facing(assembly: Assembly, piece: Piece) -> Facing:
+def facing(assembly: Assembly, piece: Piece) -> FacingPairs:
     """All pairs of convex pieces, moving and fixed, in order, with the contacts of a piece of motion."""
     return _facing(assembly, piece.held, (*piece.making, *piece.left), piece.left, piece.opening)
 
@@ -84,7 +84,7 @@ def _facing(
     opening: tuple[PrimitiveContact, ...],
     left: tuple[PrimitiveContact, ...],
     shown: tuple[PrimitiveContact, ...],
-) -> Facing:
+) -> FacingPairs:
     found = []
     for i, M in enumerate(assembly.moving.bodies):
         for j, F in enumerate(assembly.fixed.pieces):
@@ -92,7 +92,7 @@ def _facing(
             told = bool(own or new) or (assembly.several and _in_walls(assembly, M, F, held, left, shown))
             known = (held, left, shown) if told else ((), (), ())
             found.append((i, j, Pair(M, F, own, new, *known)))
-    return Facing(tuple(found))
+    return FacingPairs(tuple(found))
 
 
 def _in_walls(
@@ -131,6 +131,6 @@ def touching(
     return tuple(c for c, (one, two) in kinds if (one, c.moving_feature) in own and (two, c.fixed_feature) in other)
 
 
-def free_plane(normal: Sequence[float], offset: float) -> Witness:
+def free_plane(normal: Sequence[float], offset: float) -> PlaneWitness:
     """The plane of a unit normal (3), out of a fixed piece, just in front of its farthest point, at an offset in m."""
-    return Witness("plane", (), (), (normal[0], normal[1], normal[2], offset + BEHIND))
+    return PlaneWitness("plane", (), (), (normal[0], normal[1], normal[2], offset + BEHIND))

@@ -26,7 +26,7 @@ from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.form import under_form
 from fmopt.certificate.remainder import Ends, Extent
 from fmopt.certificate.segment_linearisation import Compliance, Growth, Linearisation, Piece, Tolerance
-from fmopt.certificate.tube import LARGE, PAST, SETTLED, THICK, Errors, Numbers, carried, coupled
+from fmopt.certificate.tube import LARGE, PAST, SETTLED, THICK, Numbers, StartRoots, carried, coupled
 from fmopt.errors import InfeasibleError
 from fmopt.spatial import ellipsoid
 from fmopt.spatial.se3 import exp, length
@@ -108,7 +108,7 @@ def _carried(
     leaning = length(way.seen[3:])
     numbers = Numbers(way.length, way.turn, way.rate, leaning, piece.share, rates, way.seen, way.projector)
     drifts = errors.slide_root, errors.swing_root
-    roots = Errors(core, *drifts, errors.shape_root, moved, shape_moved, links)
+    roots = StartRoots(core, *drifts, errors.shape_root, moved, shape_moved, links)
 
     def carry(form: Array) -> tuple[Ends, float]:
         found = carried(layers._replace(form=form), numbers, roots, tolerance.rho)

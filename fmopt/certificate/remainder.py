@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from fmopt.certificate.error_set import UNCOUPLED, ErrorSet
 from fmopt.certificate.kernels_rows import Bending, Turned, differing, products
-from fmopt.certificate.row_bounds import Motion, over
+from fmopt.certificate.row_bounds import PieceMotions, over
 from fmopt.certificate.rows import Forms, Mask, Rows
 from fmopt.certificate.tube import powers, varied
 from fmopt.runtime.compiled import compiled
@@ -189,13 +189,13 @@ class Ends:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class EndsBatch:
     """Several pieces of motion (n), of which the same is asked: what `Ends` has of one, at once."""
 
-    motion: Motion
+    motion: PieceMotions
 
     @staticmethod
-    def of(listed: Sequence[Ends]) -> Course:
+    def of(listed: Sequence[Ends]) -> EndsBatch:
         """Pieces of motion together."""
         at, to = zip(*(ends.columns for ends in listed), strict=True)
         columns, cuts = _columns((*at, *to))
@@ -205,23 +205,25 @@ class Course:
         half = np.array([ends.extent.half for ends in listed])
         n, coupling = len(listed), np.array([ends.extent.coupling for ends in listed])
         shapes = p.reshape(2, n, 3), R.reshape(2, n, 3, 3), columns.reshape(2, n, *columns.shape[1:])
-        return Course(Motion(*shapes, cuts, twist, half, coupling, listed[0].form))
+        return EndsBatch(PieceMotions(*shapes, cuts, twist, half, coupling, listed[0].form))
 
-    def piece(self, n: int) -> Course:
+    def piece(self, n: int) -> EndsBatch:
         """One of the pieces."""
         p, R, columns, cuts, twist, half, coupling, form = self.motion
         if len(twist) == 1:
             return self
         only = np.array([n])
         ends = p[:, only], R[:, only], columns[:, only]
-        return Course(Motion(*ends, cuts, twist[only], half[only], coupling[only], form))
+        return EndsBatch(PieceMotions(*ends, cuts, twist[only], half[only], coupling[only], form))
 
-    def ended(self) -> Course:
+    def ended(self) -> EndsBatch:
         """The same pieces when they have ended, without the motion."""
         p, R, columns, cuts, twist, half, coupling, form = self.motion
         goal = np.array([1, 1])
         # Both ends at the goal: what counts is one pose, and a piece of no motion has the rest of the errors alone.
-        return Course(Motion(p[goal], R[goal], columns[goal], cuts, np.zeros_like(twist), half, coupling, form))
+        return EndsBatch(
+            PieceMotions(p[goal], R[goal], columns[goal], cuts, np.zeros_like(twist), half, coupling, form)
+        )
 
     def spread(self, end: int, N: Array) -> Mask:
         """Whether generators and drifts, not the ellipsoid of everything, bound the errors along rows (m, 6): (m,)."""

@@ -18,7 +18,7 @@ Mask = NDArray[np.bool_]
 Places = NDArray[np.intp]
 
 
-class Motion(NamedTuple):
+class PieceMotions(NamedTuple):
     """Pieces of motion (n) with their errors."""
 
     p: Array  # positions (2, n, 3) at both ends, m
@@ -59,13 +59,13 @@ class Witnesses(NamedTuple):
 
 
 @part
-def _value(row: Row, motion: Motion, n: int, e: int) -> tuple[float, Vector, Vector, End]:
+def _value(row: Row, motion: PieceMotions, n: int, e: int) -> tuple[float, Vector, Vector, End]:
     """A row at an end of a piece; see `kernels_rows.value`."""
     return value(row, vector(motion.p[e, n]), motion.R[e, n])
 
 
 @part
-def _reach(moving: Vector, turning: Vector, motion: Motion, n: int, e: int) -> float:
+def _reach(moving: Vector, turning: Vector, motion: PieceMotions, n: int, e: int) -> float:
     """How far errors reach along a gradient at an end of a piece."""
     columns, cuts = motion.columns, motion.cuts
     spread, slide, swing, shape, slack = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -87,7 +87,7 @@ def _reach(moving: Vector, turning: Vector, motion: Motion, n: int, e: int) -> f
 
 
 @part
-def _left(row: Row, start: End, goal: End, motion: Motion, n: int) -> float:
+def _left(row: Row, start: End, goal: End, motion: PieceMotions, n: int) -> float:
     """The remainder of a row over a piece of motion, and what tolerances of form take of it.
 
     A row that measures how far apart two points are along a direction loses those of two places.
@@ -100,7 +100,7 @@ def _left(row: Row, start: End, goal: End, motion: Motion, n: int) -> float:
 
 
 @compiled
-def over(table: Table, motion: Motion) -> tuple[Array, Array, Array, Array]:
+def over(table: Table, motion: PieceMotions) -> tuple[Array, Array, Array, Array]:
     """Rows (k) of a table over pieces of motion (n).
 
     Returns:
@@ -121,7 +121,7 @@ def over(table: Table, motion: Motion) -> tuple[Array, Array, Array, Array]:
 
 
 @part
-def _bounds(row: Row, motion: Motion, n: int) -> tuple[float, float]:
+def _bounds(row: Row, motion: PieceMotions, n: int) -> tuple[float, float]:
     """The least value of a row without errors, and with them."""
     start, moving, turning, begun = _value(row, motion, n, 0)
     goal, moved, turned_by, ended = _value(row, motion, n, 1)
@@ -130,7 +130,7 @@ def _bounds(row: Row, motion: Motion, n: int) -> tuple[float, float]:
 
 
 @part
-def _scales(edges: Array, motion: Motion, n: int, found: Array) -> None:
+def _scales(edges: Array, motion: PieceMotions, n: int, found: Array) -> None:
     """What all margins are divided by: upper bounds, at most 1, of the lengths of the witnesses' normals."""
     # Errors and motion turn the normal of two edges by this much: divided by an upper bound, a margin stays a lower
     # one.
@@ -144,7 +144,7 @@ def _scales(edges: Array, motion: Motion, n: int, found: Array) -> None:
 
 
 @part
-def _room(table: Table, witnesses: Witnesses, w: int, motion: Motion, n: int, least: float) -> float:
+def _room(table: Table, witnesses: Witnesses, w: int, motion: PieceMotions, n: int, least: float) -> float:
     """The least value without errors among rows of a witness that surely count, or some value below `least`."""
     found = np.inf
     for k in range(witnesses.begins[w], witnesses.begins[w + 1]):
@@ -157,7 +157,7 @@ def _room(table: Table, witnesses: Witnesses, w: int, motion: Motion, n: int, le
 
 
 @part
-def _count(w: int, table: Table, witnesses: Witnesses, motion: Motion, n: int, which: Mask) -> None:
+def _count(w: int, table: Table, witnesses: Witnesses, motion: PieceMotions, n: int, which: Mask) -> None:
     """Which rows of a witness count, given their lower bounds."""
     first, count = witnesses.begins[w], witnesses.begins[w + 1] - witnesses.begins[w]
     for k in range(count):
@@ -172,7 +172,7 @@ def _count(w: int, table: Table, witnesses: Witnesses, motion: Motion, n: int, w
 
 @part
 def _margin(
-    which: Mask, first: int, table: Table, motion: Motion, n: int, asked: tuple[float, float]
+    which: Mask, first: int, table: Table, motion: PieceMotions, n: int, asked: tuple[float, float]
 ) -> tuple[float, float]:
     """Margin and clearance of a witness; of one that cannot have the margin asked for, some margin below that.
 
@@ -201,7 +201,7 @@ def _widest(rooms: Array) -> int:
 
 @compiled
 def best(
-    table: Table, witnesses: Witnesses, motion: Motion, least: Array, grazing: float
+    table: Table, witnesses: Witnesses, motion: PieceMotions, least: Array, grazing: float
 ) -> tuple[Places, Array, Array]:
     """The first witness of each pair (m) with the largest margin, from `least` (n, m) on, over pieces of motion (n).
 
@@ -272,7 +272,7 @@ def _at_corner(sides: Sides, i: int, v: int, scratch: Table) -> Row:
 
 @compiled
 def best_sides(
-    sides: Sides, scratch: Table, motion: Motion, least: Array, grazing: float
+    sides: Sides, scratch: Table, motion: PieceMotions, least: Array, grazing: float
 ) -> tuple[Places, Array, Array]:
     """The first face that keeps each pair (m) apart with the largest margin over pieces of motion (n).
 

@@ -15,7 +15,7 @@ from fmopt.certificate.contact_implications import coming_off
 from fmopt.certificate.error_set import Linkage
 from fmopt.certificate.remainder import Curvature, Extent
 from fmopt.certificate.rows import Forms, Rows, points_above
-from fmopt.certificate.tube import Layers
+from fmopt.certificate.tube import ThicknessLayers
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.spatial import ellipsoid
@@ -69,14 +69,14 @@ class Linearisation:
         return Curvature.joined(self.held_curvature, Curvature.of(*self.made, self.twist))
 
     @cached_property
-    def on_the_way(self) -> Layers:
+    def on_the_way(self) -> ThicknessLayers:
         """The thickness of contact surfaces on pieces that do not end the move."""
         first, second = self.held
         none = np.zeros(len(first.f))
         return self._layers(self.held_curvature, np.abs(second.f), np.zeros(2), self.goal_dual, none)
 
     @cached_property
-    def closing(self) -> Layers:
+    def closing(self) -> ThicknessLayers:
         """The same where the contact being made is."""
         assert self.made is not None
         (_, second), end = self.held, self.made[1]
@@ -89,9 +89,13 @@ class Linearisation:
         off, shares = np.abs(np.append(second.f, end.f)), np.append(-end.N[0] @ self.goal_dual, 1.0)
         return self._layers(self.joined_curvature, off, residue, C @ inverse, shares)
 
-    def _layers(self, curvature: Curvature, off: Array, residue: Array, goal_dual: Array, shares: Array) -> Layers:
+    def _layers(
+        self, curvature: Curvature, off: Array, residue: Array, goal_dual: Array, shares: Array
+    ) -> ThicknessLayers:
         start, form = self.held[0], np.zeros(len(off))
-        return Layers(curvature.bending, start.f, start.N, off, residue, self.start_dual, goal_dual, shares, form)
+        return ThicknessLayers(
+            curvature.bending, start.f, start.N, off, residue, self.start_dual, goal_dual, shares, form
+        )
 
 
 def linearisation_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Linearisation:

@@ -20,8 +20,8 @@ from fmopt.certificate.contact_implications import Wall, coming_off, facts
 from fmopt.certificate.edge_planes import Counted, contacts_of, edge_rows
 from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.level_rims import faced, level_rims
-from fmopt.certificate.piece_pairs import Pair, Witness
-from fmopt.certificate.remainder import AtEnd, Course, Ends
+from fmopt.certificate.piece_pairs import Pair, PlaneWitness
+from fmopt.certificate.remainder import AtEnd, Ends, EndsBatch
 from fmopt.certificate.row_bounds import Places, Witnesses, best
 from fmopt.certificate.rows import Forms, Mask, balls_above, faces_above, points_above, stacked
 from fmopt.contact.primitive import Kind
@@ -36,7 +36,7 @@ _MEMORY = 4096
 class Separation:
     """A witness with its certified margin and its nominal clearance (m) over a piece of motion."""
 
-    witness: Witness
+    witness: PlaneWitness
     margin: float
     clearance: float
 
@@ -51,17 +51,17 @@ class RowBounds:
     scale: float
 
 
-def row_bounds(assembly: Assembly, pair: Pair, witness: Witness, ends: Ends) -> RowBounds:
+def row_bounds(assembly: Assembly, pair: Pair, witness: PlaneWitness, ends: Ends) -> RowBounds:
     """All rows of one witness over a piece of motion, for placements that want to move them."""
     counted = counted_rows(assembly, pair, witness)
-    rows = Course.of((ends,)).over(counted.forms)
+    rows = EndsBatch.of((ends,)).over(counted.forms)
     lower = rows.lower[0]
     which = counted.counts(lower)
     start, goal = (AtEnd(rows.f[end, 0, which], rows.N[end, 0, which]) for end in (0, 1))
     return RowBounds(start, goal, lower[which], counted.scale(ends.start, ends.goal, ends.extent))
 
 
-def separation(assembly: Assembly, pair: Pair, witness: Witness, ends: Ends) -> Separation:
+def separation(assembly: Assembly, pair: Pair, witness: PlaneWitness, ends: Ends) -> Separation:
     """Margin and clearance of one witness over a piece of motion."""
     rows = row_bounds(assembly, pair, witness, ends)
     clearance = float(np.minimum(rows.start.f, rows.goal.f).min()) / rows.scale
@@ -72,11 +72,11 @@ def separation(assembly: Assembly, pair: Pair, witness: Witness, ends: Ends) -> 
 class Block:
     """Witnesses of one pair with their counted rows; one whose rows are all settled is not listed."""
 
-    witnesses: tuple[Witness, ...]
+    witnesses: tuple[PlaneWitness, ...]
     counted: tuple[Counted, ...]
 
     @staticmethod
-    def of(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -> "Block":
+    def of(assembly: Assembly, pair: Pair, witnesses: tuple[PlaneWitness, ...]) -> "Block":
         """Those of a pair's witnesses that say something."""
         rows = rows_along(assembly, pair, witnesses)
         said = [(witness, own) for witness, own in zip(witnesses, rows, strict=True) if len(own.forms)]
@@ -87,7 +87,7 @@ class Block:
 class Candidates:
     """The witnesses of several pairs (m), one after the other, and their rows."""
 
-    witnesses: tuple[Witness, ...]
+    witnesses: tuple[PlaneWitness, ...]
     rows: Table
     listed: Witnesses
 
@@ -116,7 +116,7 @@ class Candidates:
         witnesses = tuple(witness for block in blocks for witness in block.witnesses)
         return Candidates(witnesses, forms.table, listed)
 
-    def best(self, course: Course, least: Array, grazing: float) -> tuple[Places, Array, Array]:
+    def best(self, course: EndsBatch, least: Array, grazing: float) -> tuple[Places, Array, Array]:
         """The witness of each pair with the largest margin, at least `least` (n, m), m, whose plane holds nominally.
 
         Nominal distances may be `grazing` below zero, m.
@@ -127,7 +127,7 @@ class Candidates:
         return best(self.rows, self.listed, course.motion, np.ascontiguousarray(least), grazing)
 
 
-def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
+def counted_rows(assembly: Assembly, pair: Pair, witness: PlaneWitness) -> Counted:
     """The rows of a witness that contacts do not settle."""
     if witness.plane is not None:
         return _all(_bodies_above(pair.moving, np.array(witness.plane[:3]), witness.plane[3]))
@@ -135,7 +135,7 @@ def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
 
 
 @remembered(_MEMORY)
-def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -> tuple[Counted, ...]:
+def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[PlaneWitness, ...]) -> tuple[Counted, ...]:
     """The counted rows of several witnesses along faces or edges of a pair."""
     known, found = facts(assembly, pair.state), []
     for witness in witnesses:

@@ -26,7 +26,7 @@ SETTLED, PAST, LARGE, THICK = range(4)
 contact surfaces are too thick."""
 
 
-class Layers(NamedTuple):
+class ThicknessLayers(NamedTuple):
     """What the thickness of contact surfaces at both ends of a piece is made up of, whatever the errors."""
 
     # Rows of the held basis (h), and on the last piece that of the contact being made, along the piece (r)
@@ -54,7 +54,7 @@ class Numbers(NamedTuple):
     projector: Array  # Π (6, 6)
 
 
-class Errors(NamedTuple):
+class StartRoots(NamedTuple):
     """A start set without its old thickness, in the roots of its parts."""
 
     core: Array  # generators (k, 6)
@@ -132,7 +132,7 @@ def coupled(links: Array, half: Array, turn: float) -> Array:
 
 @part
 def _grown(
-    half: Array, layers: Layers, rest: Array, way: Numbers, late: tuple[float, float], links: Array
+    half: Array, layers: ThicknessLayers, rest: Array, way: Numbers, late: tuple[float, float], links: Array
 ) -> tuple[int, Array, float, tuple[float, float], Array]:
     """What follows from half-widths (6,) of all errors.
 
@@ -201,7 +201,7 @@ def _boxes(core: Array, image: Array, slide: Array, swing: Array) -> Array:
 
 @part
 def _widths(
-    final: Array, radii: tuple[float, float], boxes: Array, drifts: Array, layers: Layers, coupling: Array
+    final: Array, radii: tuple[float, float], boxes: Array, drifts: Array, layers: ThicknessLayers, coupling: Array
 ) -> Array:
     """Half-widths (6,) of the box around the errors at both ends."""
     held, start_dual, goal_dual = len(layers.f), layers.start_dual, layers.goal_dual
@@ -232,7 +232,7 @@ def _raised(half: Array, wider: Array) -> tuple[bool, bool]:
 
 @compiled
 def carried(
-    layers: Layers, way: Numbers, errors: Errors, rho: float
+    layers: ThicknessLayers, way: Numbers, errors: StartRoots, rho: float
 ) -> tuple[int, Array, Array, float, Array, Array, Array, Array]:
     """Carries an error set through a piece of motion; see `segment`.
 

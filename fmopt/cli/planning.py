@@ -150,7 +150,7 @@ def _findings(verdict: "Verdict") -> dict[str, Any]:
     }
 
 
-def _margins(plan: "proof.Plan") -> dict[str, Any]:
+def _margins(plan: "proof.StatedPlan") -> dict[str, Any]:
     """What each segment states, in m; stated, not proved, unless the verdict is CERTIFIED."""
     keys = {"move": "move", "margin": "margin", "clearance": "clearance", "binding_contact": "binding"}
     return {"segment_margins": [{key: getattr(s, name) for key, name in keys.items()} for s in plan.segments]}

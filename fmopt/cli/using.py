@@ -177,7 +177,7 @@ def execute(
     """Carry a certified or tested plan out in a physics engine, under sampled errors (MuJoCo, or extra drake)."""
     from fmopt.cli.console import trials as shown
     from fmopt.execution.engines.catalogue import ENGINES
-    from fmopt.execution.execute import Settled
+    from fmopt.execution.execute import TrialSettings
     from fmopt.execution.execute import execute as run
     from fmopt.execution.summary import lines
     from fmopt.execution.trials import METHODS, Trials
@@ -206,7 +206,7 @@ def execute(
         _replay(plan, wanted, again, folder)
         return
     with shown(trials + beyond, quiet or as_json) as advance:
-        found = (worst if hardest else run)(plan, wanted, Settled(folder, workers, advance), caution)
+        found = (worst if hardest else run)(plan, wanted, TrialSettings(folder, workers, advance), caution)
     answer(found, "\n".join((worst_lines if hardest else lines)(found)), as_json, quiet)
 
 
@@ -236,7 +236,7 @@ def compare(
     """Carry certified plans out beside what people do without one, as push, spiral, search, tilt."""
     from fmopt.cli.console import print_compared
     from fmopt.cli.console import trials as shown
-    from fmopt.execution.execute import Settled
+    from fmopt.execution.execute import TrialSettings
     from fmopt.execution.execute import compare as run
     from fmopt.execution.trials import METHODS
 
@@ -244,7 +244,7 @@ def compare(
     # All of them before the first is carried out: one that is refused costs no trials.
     plans = [_admitted(file, unverified)[0] for file in files]
     with shown(len(files) * len(METHODS) * trials, quiet or as_json) as advance:
-        rows = run(plans, trials, seed, Settled(folder, workers, advance))
+        rows = run(plans, trials, seed, TrialSettings(folder, workers, advance))
     if as_json:
         typer.echo(json.dumps(rows))
     elif not quiet:

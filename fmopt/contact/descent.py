@@ -54,7 +54,7 @@ class Functions(NamedTuple):
     T: Array
 
 
-class _Work(NamedTuple):
+class _Shortfall(NamedTuple):
     """What is short at a pose: values f of all surfaces, which of them are asked to be elsewhere and how, x, beyond.
 
     `asked` has a row for each that is: the surface, the sign and the shortage. `beyond` is how far the pose is beyond
@@ -75,7 +75,7 @@ def descended(at: Functions, on: Bits, T: Array, room: float) -> tuple[Array, Ar
     """
     n, k = on.shape
     found, size, final = np.zeros((n, 3, 4)), np.zeros(n), np.zeros(n, np.bool_)
-    work = _Work(np.zeros(number_of(at.tables)), np.zeros((2 * k, 3)), np.zeros(6), np.zeros(at.limits.shape[1]))
+    work = _Shortfall(np.zeros(number_of(at.tables)), np.zeros((2 * k, 3)), np.zeros(6), np.zeros(at.limits.shape[1]))
     slope, square, step, L, trial = np.zeros(6), np.zeros((6, 6)), np.zeros(6), np.zeros((6, 6)), np.zeros((3, 4))
     for i in range(n):
         damping, now, then = _DAMPING, np.inf, np.inf
@@ -140,7 +140,7 @@ def heights(at: Functions, T: Array) -> Array:
 
 
 @part
-def _short(at: Functions, on: Bits, T: Array, room: float, work: _Work) -> tuple[float, int]:
+def _short(at: Functions, on: Bits, T: Array, room: float, work: _Shortfall) -> tuple[float, int]:
     """How much is short at a pose for a state with contacts `on` (k,), and how many surfaces are asked to be elsewhere.
 
     These, and all else that `_pull` needs, are left in `work`.
@@ -213,7 +213,7 @@ def _exceed(limits: Array, scale: Array, T0: Array, T: Array, x: Array, beyond: 
 
 
 @part
-def _pull(at: Functions, T: Array, count: int, work: _Work, slope: Array, square: Array) -> None:
+def _pull(at: Functions, T: Array, count: int, work: _Shortfall, slope: Array, square: Array) -> None:
     """Jᵀr (6,) into `slope` and the lower half of JᵀJ (6, 6) into `square`, scaled, of what `_short` found."""
     scale, asked, beyond, row = at.scale, work.asked, work.beyond, work.x
     slope[:], square[:] = 0.0, 0.0

@@ -31,7 +31,7 @@ class Corners(NamedTuple):
     arcs: Array  # normals (n, k, 2, 3) of the faces beside these; zero where there are fewer
 
 
-class Walls(NamedTuple):
+class PartWalls(NamedTuple):
     """The m faces of a part, their normals (m, 3) and offsets (m,), m."""
 
     normals: Array
@@ -53,7 +53,7 @@ class Ridges(NamedTuple):
 
 
 @compiled
-def vertices_at_faces(corners: Corners, walls: Walls, T: Array, reach: float, angle: float, lever: bool) -> Bits:
+def vertices_at_faces(corners: Corners, walls: PartWalls, T: Array, reach: float, angle: float, lever: bool) -> Bits:
     """Which vertices (n) of one part can meet which faces (m) of another: (n, m).
 
     T (3, 4), m, carries the vertices into the frame of the faces, `reach` is the largest shift, m, `angle` the largest
@@ -115,7 +115,7 @@ def edges_at_edges(own: Ridges, other: Ridges, T: Array, reach: float, angle: fl
 
 
 @part
-def face_distance(walls: Walls, face: int, x: Vector) -> float:
+def face_distance(walls: PartWalls, face: int, x: Vector) -> float:
     """Distance from a point, in the frame of the part, to a face as a region of its plane, m."""
     normal = row(walls.normals, face)
     height = dot(normal, x) - walls.offsets[face]
@@ -154,7 +154,7 @@ class Solid(NamedTuple):
 
     vertices: Array
     radii: Array
-    walls: Walls
+    walls: PartWalls
 
 
 @compiled

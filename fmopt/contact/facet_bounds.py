@@ -24,14 +24,14 @@ INSIDE = 1e-9  # m; a pose no further than this inside a bound is on it
 
 
 @dataclass(frozen=True)
-class Bound:
+class BoundingFunction:
     """A bounding function g = sign × f of a neighbouring contact; g < 0 inside the facet."""
 
     contact: PrimitiveContact
     sign: int
 
 
-Clause: TypeAlias = tuple[tuple[Bound, ...], ...]
+Clause: TypeAlias = tuple[tuple[BoundingFunction, ...], ...]
 """Alternatives, each a set of bounds that hold together; one of them must."""
 
 
@@ -56,7 +56,7 @@ class BoundTable(Value):
     """
 
     clauses: tuple[tuple[Clause, ...], ...]
-    listed: tuple[Bound, ...]
+    listed: tuple[BoundingFunction, ...]
     surfaces: Surfaces
     places: Indices
 
@@ -117,7 +117,7 @@ def touching(
 
 def cell(
     contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose, within: float
-) -> tuple[tuple[PrimitiveContact, ...], tuple[Bound, ...]]:
+) -> tuple[tuple[PrimitiveContact, ...], tuple[BoundingFunction, ...]]:
     """The contacts that are within their bounds at a pose, and the bounds that have to stay as they are there.
 
     Where parts are open, as at the mouth of a hole, free space is no intersection of half-spaces. In the cell around a
@@ -129,10 +129,10 @@ def cell(
     g = dict(zip((bound.contact.id for bound in table.listed), table.surfaces.values(pose), strict=True))
     unviolated = Surfaces.of(contacts, moving, fixed).values(pose) >= -INSIDE
 
-    def depth(bound: Bound) -> float:
+    def depth(bound: BoundingFunction) -> float:
         return -bound.sign * float(g[bound.contact.id])
 
-    kept, limits = [], dict[Bound, None]()
+    kept, limits = [], dict[BoundingFunction, None]()
     for contact, clauses, may_be in zip(contacts, table.clauses, unviolated, strict=True):
         # Of alternatives the one that the pose is deepest in is kept: the cell is convex.
         groups = [max(clause, key=lambda group: min(map(depth, group))) for clause in clauses]
@@ -146,9 +146,9 @@ def cell(
             # robust.
             outside = clauses[int(np.argmin(insides))]
             worst = (min(group, key=depth) for group in outside)
-            limits.update(dict.fromkeys(Bound(bound.contact, -bound.sign) for bound in worst))
+            limits.update(dict.fromkeys(BoundingFunction(bound.contact, -bound.sign) for bound in worst))
     # A bound that is the contact itself, seen from the other side, says nothing new.
-    held = {Bound(contact, -1) for contact in kept}
+    held = {BoundingFunction(contact, -1) for contact in kept}
     return tuple(kept), tuple(bound for bound in limits if depth(bound) <= within and bound not in held)
 
 
@@ -201,7 +201,9 @@ def _face_bounds(body: Polyhedron, face: int, vertex: int, moving: bool) -> tupl
         return face_vertex(body, side, vertex) if moving else vertex_face(body, vertex, side)
 
     clauses = face_clauses(body, face)
-    return tuple(tuple(tuple(Bound(contact(side), 1) for side in group) for group in clause) for clause in clauses)
+    return tuple(
+        tuple(tuple(BoundingFunction(contact(side), 1) for side in group) for group in clause) for clause in clauses
+    )
 
 
 def _edge_clauses(
@@ -212,12 +214,12 @@ def _edge_clauses(
     # Face and way are packed in one number of a byte, so that the key of what is remembered is short.
     (passed, slope), (passing, turned) = (divmod(side, 3) for side in sides)
     found = [
-        Bound(vertex_face(fixed, vertex, other.faces[passed]), 1 if away * (slope - 1) < 0 else -1)
+        BoundingFunction(vertex_face(fixed, vertex, other.faces[passed]), 1 if away * (slope - 1) < 0 else -1)
         for vertex, away in zip(contact.moving, (-1, 1), strict=True)
         if vertex in convex_vertices(moving)
     ]
     found += [
-        Bound(face_vertex(moving, one.faces[passing], vertex), 1 if away * (turned - 1) < 0 else -1)
+        BoundingFunction(face_vertex(moving, one.faces[passing], vertex), 1 if away * (turned - 1) < 0 else -1)
         for vertex, away in zip(contact.fixed, (-1, 1), strict=True)
         if vertex in convex_vertices(fixed)
     ]

@@ -18,7 +18,7 @@ _MERGE_REACHES = (0.0, INCIDENCE, 10.0 * INCIDENCE, 100.0 * INCIDENCE)  # within
 
 
 @dataclass(frozen=True, eq=False)
-class Faces(Value):
+class PolytopeFaces(Value):
     """All faces of {x: normals·x ≥ offsets}, each with a point (n, 6) inside, largest dimension first."""
 
     active: Bits  # (n, k), the half-spaces whose planes hold the face
@@ -36,7 +36,7 @@ class Faces(Value):
         return {int(d): int(n) for d, n in zip(values, counts, strict=True)}
 
 
-def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
+def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> PolytopeFaces:
     """All faces of {x: normals·x ≥ offsets}, also when it is unbounded, flat, degenerate or holds lines.
 
     The rows (k, n), none of them zero, with offsets (k,) are cut down to a pointed, full-dimensional polyhedron, whose
@@ -54,7 +54,7 @@ def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
         # The polyhedron itself is its one largest face.
         if len(dimensions) and dimensions[0] <= cut.rows.shape[1] and not (dimensions[1:] == dimensions[0]).any():
             points = _means(close, held[:, -1], members)
-            return Faces(cut.planes(active), dimensions + cut.lineality, points, cut.lineality)
+            return PolytopeFaces(cut.planes(active), dimensions + cut.lineality, points, cut.lineality)
     raise SolverError(f"the {len(corners)} corners of {len(cut.rows)} half-spaces cannot be told apart")
 
 

@@ -16,9 +16,9 @@ from fmopt.contact.detection import (
     FACE_AT_VERTEX,
     VERTEX_AT_FACE,
     Corners,
+    PartWalls,
     Ridges,
     Solid,
-    Walls,
     distances,
     edges_at_edges,
     vertices_at_faces,
@@ -126,7 +126,7 @@ class _Features:
     solid: Solid
 
     @property
-    def walls(self) -> Walls:
+    def walls(self) -> PartWalls:
         """The faces."""
         return self.solid.walls
 
@@ -155,13 +155,13 @@ def _features(polyhedron: Polyhedron) -> _Features:
     return _Features(vertices, edges, directions, beside.sum(axis=1), corners, ridges, solid)
 
 
-def _walls(polyhedron: Polyhedron) -> Walls:
+def _walls(polyhedron: Polyhedron) -> PartWalls:
     loops = [[np.array(loop) for loop in face.loops] for face in polyhedron.faces]
     tails = np.concatenate([loop for of_face in loops for loop in of_face])
     heads = np.concatenate([np.roll(loop, -1) for of_face in loops for loop in of_face])
     begun = np.cumsum([0, *(sum(map(len, of_face)) for of_face in loops)])
     normals, offsets = np.array(polyhedron.normals), np.array(polyhedron.offsets)
-    return Walls(normals, offsets, polyhedron.vertices[tails], polyhedron.vertices[heads], begun)
+    return PartWalls(normals, offsets, polyhedron.vertices[tails], polyhedron.vertices[heads], begun)
 
 
 def near_contacts(

@@ -14,8 +14,8 @@ import numpy as np
 
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.face_lattice import covers
-from fmopt.contact.facet_bounds import Bound
-from fmopt.contact.polytope import Faces, enumerate_faces, first_equal
+from fmopt.contact.facet_bounds import BoundingFunction
+from fmopt.contact.polytope import PolytopeFaces, enumerate_faces, first_equal
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron
@@ -57,7 +57,7 @@ class ContactGraph(Value):
         return {d: dimensions.count(d) for d in sorted(set(dimensions))}
 
 
-def contact_graph(space: "LocalSpace", faces: Faces) -> ContactGraph:
+def contact_graph(space: "LocalSpace", faces: PolytopeFaces) -> ContactGraph:
     """The contact-state graph of a local space and its faces."""
     names = [contact.id for contact in space.contacts]
     # Points are made in scaled units, of clearances, in which the program is well conditioned.
@@ -120,7 +120,7 @@ class Scale:
 
 
 @dataclass(frozen=True, eq=False)
-class Cell:
+class ContactCell:
     """Where contacts make up a local space.
 
     Attributes:
@@ -128,12 +128,12 @@ class Cell:
         reach: m; |dx|, |dy| and |dz| stay below it, where the linear picture is to be trusted.
     """
 
-    limits: Sequence[Bound] = ()
+    limits: Sequence[BoundingFunction] = ()
     reach: float = np.inf
     angle: float = np.inf
 
 
-_EVERYWHERE = Cell()
+_EVERYWHERE = ContactCell()
 
 
 def local_space(
@@ -142,7 +142,7 @@ def local_space(
     fixed: Polyhedron,
     pose: Pose,
     scale: Scale,
-    within: Cell = _EVERYWHERE,
+    within: ContactCell = _EVERYWHERE,
 ) -> LocalSpace:
     """The contacts' half-spaces N·X ≥ D around a pose, X = 0, in scaled units with unit rows."""
     units = scale.units
@@ -164,7 +164,7 @@ def local_space(
     return LocalSpace(pose, tuple(contacts), planes[:k, :6], planes[:k, 6], units, cut)
 
 
-def faces(space: LocalSpace) -> Faces:
+def faces(space: LocalSpace) -> PolytopeFaces:
     """All faces of the local contact space in scaled units: free space included, faces on a limit left out.
 
     Raises:
@@ -181,4 +181,4 @@ def faces(space: LocalSpace) -> Faces:
             f"the local contact space at {space.pose.vector()} has no extent between its limits",
             advice="linearise at a pose that is not on the end of a face or an edge",
         )
-    return Faces(found.active[open_, :k], found.dimensions[open_], found.points[open_], found.lineality)
+    return PolytopeFaces(found.active[open_, :k], found.dimensions[open_], found.points[open_], found.lineality)

@@ -14,7 +14,7 @@ from fmopt.execution.recovery import EARLY, LATE, Recovery, WayBack
 from fmopt.execution.rig import Event, Rig
 from fmopt.execution.summary import Fit, Log, Retry, note, rest, watch
 from fmopt.plan.contact_geometry import Contact
-from fmopt.plan.guarded_moves import Move
+from fmopt.plan.guarded_moves import PlanMove
 from fmopt.spatial.values import Array
 
 _QUIET = 0.15  # s after the end of a program, before the pose at rest is judged
@@ -24,11 +24,11 @@ MakeRig = Callable[[tuple[Array, Array], Sequence[int], int], Rig]
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class ReferenceCourse:
     """What bodies are held against on their way."""
 
     recovery: Recovery | None
-    moves: Sequence[Move]
+    moves: Sequence[PlanMove]
     known: Mapping[str, Contact]
     fit: Fit
     look: Callable[[Rig], None] | None = None
@@ -46,7 +46,7 @@ class _Broken:
     time: float
 
 
-def carried_out(course: Course, rig_of: MakeRig, starts: tuple[Array, Array]) -> list[Log]:
+def carried_out(course: ReferenceCourse, rig_of: MakeRig, starts: tuple[Array, Array]) -> list[Log]:
     """Runs bodies from starts, positions (n, 3), m, and quaternions (n, 4), until each has seated or given up."""
     begun = np.hstack(starts)  # of the first attempt for all of them: shifts of retries count from there
     logs = [Log() for _ in begun]
@@ -68,7 +68,9 @@ def carried_out(course: Course, rig_of: MakeRig, starts: tuple[Array, Array]) ->
     return logs
 
 
-def _attempt(course: Course, rig: Rig, logs: Sequence[Log], bodies: Sequence[int], begun: Array) -> list[_Broken]:
+def _attempt(
+    course: ReferenceCourse, rig: Rig, logs: Sequence[Log], bodies: Sequence[int], begun: Array
+) -> list[_Broken]:
     """Runs a rig until each of its bodies has an outcome or is to try again; returns those that are."""
     own = [logs[body] for body in bodies]
     broken: dict[int, _Broken] = {}
@@ -99,7 +101,7 @@ def _attempt(course: Course, rig: Rig, logs: Sequence[Log], bodies: Sequence[int
     return list(broken.values())
 
 
-def _again(course: Course, rig: Rig, event: Event, log: Log, begun: Array) -> bool:
+def _again(course: ReferenceCourse, rig: Rig, event: Event, log: Log, begun: Array) -> bool:
     """Whether a body whose step ended tries again; if so, its log says how."""
     recovery, k = course.recovery, event.body
     if recovery is None or rig.state.step[k] != FAILED or not recovery.liftable(np.array(rig.qpos[k]), begun):

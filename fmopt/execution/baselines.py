@@ -38,7 +38,7 @@ _UPRIGHT = Pose(np.array([0.0, 0.0, HEIGHT]), np.eye(3))
 
 
 @dataclass(frozen=True)
-class Task:
+class BaselineTask:
     """What a method may know: the fit, half the leading face (2,), m, and how far the part may be off, m."""
 
     fit: Fit
@@ -47,7 +47,7 @@ class Task:
     limits: tuple[float, float]
 
     @staticmethod
-    def of(plan: Plan) -> Task:
+    def of(plan: Plan) -> BaselineTask:
         """Of a plan; its moves are not looked at."""
         body, vertices = plan.moving.body, np.array(plan.moving.body.vertices)
         leading = vertices[vertices[:, 2] < vertices[:, 2].min() + 1e-6]
@@ -56,7 +56,7 @@ class Task:
         for vertex, radius in body.balls:  # whose vertices are no corners, but centres
             half = np.maximum(half, np.abs(vertices[vertex, :2]) + radius)
         reach = float(np.hypot(plan.start_box[0], plan.start_box[1]))
-        return Task(Fit.of(plan), (float(half[0]), float(half[1])), reach, limits)
+        return BaselineTask(Fit.of(plan), (float(half[0]), float(half[1])), reach, limits)
 
     def program(self, name: str, start: Pose, steps: tuple[Step, ...]) -> Program:
         """A program without friction to make up for."""
@@ -84,7 +84,7 @@ def _held(x: float, y: float, z: float) -> Array:
     return np.tile(np.array([x, y, z, 0.0, 0.0, 0.0]), (2, 1))
 
 
-def _down(move: int, task: Task, servoed: str, soft: float, hold: Array) -> Step:
+def _down(move: int, task: BaselineTask, servoed: str, soft: float, hold: Array) -> Step:
     """The last push."""
     twist, follow = np.array([0.0, 0.0, -SPEED, 0.0, 0.0, 0.0]), (DONE, FAILED, FAILED)
     limits = {"travel": _INFINITE, "timeout": 2.0 * task.fit.depth / SPEED}
@@ -93,7 +93,7 @@ def _down(move: int, task: Task, servoed: str, soft: float, hold: Array) -> Step
 
 def push(plan: Plan, robot: Robot) -> Program:
     """Straight down on soft springs."""
-    task = Task.of(plan)
+    task = BaselineTask.of(plan)
     return task.program("push", _UPRIGHT, (_down(0, task, "xyzabc", SOFT, _held(0.0, 0.0, 0.0)),))
 
 
@@ -102,7 +102,7 @@ def spiral(plan: Plan, robot: Robot) -> Program:
 
     Pressing lays its face flat on the mouth, so that the tilt is gone; yaw is held.
     """
-    task = Task.of(plan)
+    task = BaselineTask.of(plan)
     pitch, turns = PITCH * task.fit.clearance, 1.2 * task.reach / (PITCH * task.fit.clearance)
     # With the root of the share the steps are about equally long, as the spiral's length grows with angle².
     angle = 2.0 * np.pi * np.sqrt(np.linspace(0.0, 1.0, max(int(24 * turns), 8))) * turns
@@ -113,13 +113,13 @@ def spiral(plan: Plan, robot: Robot) -> Program:
 def dither(plan: Plan, robot: Robot) -> Program:
     """As the spiral, but to random places in the disc that the start error spans."""
     # A seed of its own: every chunk of trials, in whichever process, has the same places.
-    task, random = Task.of(plan), np.random.default_rng(0)
+    task, random = BaselineTask.of(plan), np.random.default_rng(0)
     # With the root they are uniform in the area of the disc, not along its radius.
     angle, radius = random.uniform(0.0, 2.0 * np.pi, DITHERS), 1.2 * task.reach * np.sqrt(random.uniform(size=DITHERS))
     return _search("dither", task, radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
-def _search(name: str, task: Task, points: Array) -> Program:
+def _search(name: str, task: BaselineTask, points: Array) -> Program:
     ways = np.diff(np.vstack([np.zeros((1, 2)), points]), axis=0)
     ways = ways[np.linalg.norm(ways, axis=1) > 1e-7]  # a spiral begins where the part is: no direction leads there
     last = len(ways) + 1
@@ -145,7 +145,7 @@ def tilt(plan: Plan, robot: Robot) -> Program:
 
     Yaw is left free from the walls on, and the last of the tilt too.
     """
-    task = Task.of(plan)
+    task = BaselineTask.of(plan)
     turn = TILT * np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
     corner = exp(turn) @ np.array([-task.half[0], -task.half[1], 0.0])
     inside = 2.0 * task.reach + task.fit.clearance  # m of the corner from either wall: more than the part may be off

@@ -29,7 +29,7 @@ _SHARE = 20.0  # times that the pause is longer than what writing takes
 
 
 @dataclass(frozen=True)
-class Settled:
+class TrialSettings:
     """Where and how trials run; workers are processes, None for one a core."""
 
     folder: Path
@@ -37,7 +37,7 @@ class Settled:
     advance: Callable[[int], None] = lambda _: None
 
 
-def execute(what: Plan, trials: Trials, settled: Settled, caution: str = "") -> dict[str, Any]:
+def execute(what: Plan, trials: Trials, settled: TrialSettings, caution: str = "") -> dict[str, Any]:
     """Runs trials of a plan, writes `trials.jsonl` and `summary.json`, and gives the summary.
 
     Raises:
@@ -52,7 +52,7 @@ def execute(what: Plan, trials: Trials, settled: Settled, caution: str = "") -> 
     return found
 
 
-def compare(plans: Sequence[Plan], trials: int, seed: int, settled: Settled) -> list[dict[str, Any]]:
+def compare(plans: Sequence[Plan], trials: int, seed: int, settled: TrialSettings) -> list[dict[str, Any]]:
     """Run plans and the baselines with the same errors, and write `comparison.json`: for each plan a row of successes.
 
     Raises:
@@ -77,7 +77,7 @@ def compare(plans: Sequence[Plan], trials: int, seed: int, settled: Settled) -> 
     return rows
 
 
-def _summed(read: Plan, trials: Trials, file: Path, settled: Settled) -> dict[str, Any]:
+def _summed(read: Plan, trials: Trials, file: Path, settled: TrialSettings) -> dict[str, Any]:
     # Cores that this process may use, which may be fewer than the machine has.
     records = run_all(read, trials, file, settled.workers or cores(), settled.advance)
     asked = read.specification.contact_force

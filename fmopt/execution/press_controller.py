@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.execution import press_servo
-from fmopt.execution.press_servo import BACKING, DONE, HOLDING, NEXT, RUNNING, SAMPLE, Bodies, Ints, Sensors
+from fmopt.execution.press_servo import BACKING, DONE, HOLDING, NEXT, RUNNING, SAMPLE, Ints, Sensors, States
 from fmopt.execution.rotation import between, product, quaternions
 from fmopt.execution.summary import Fit, reasons_at_rest
 from fmopt.plan.press import PressPlan, first_presses
@@ -131,7 +131,7 @@ class Controller:
         def six() -> Array:
             return np.zeros((n, 6))
 
-        self.state = Bodies(
+        self.state = States(
             mode=np.full(n, RUNNING), step=step, time=zero, due=zero.copy(), p=q[:, :3].copy(), q=q[:, 3:].copy(),
             begun=q.copy(), before=six(), filtered=six(), peak=zero.copy(), lowest=q[:, 2].copy(), gives=six() > 0.0,
             twist=six(), wrench=six(), ramp=np.ones(n), reference=np.zeros((n, 3)), resist=six(), resisted=six(),

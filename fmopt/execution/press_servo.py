@@ -27,7 +27,7 @@ Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
 
 
-class Bodies(NamedTuple):
+class States(NamedTuple):
     """What is kept of n bodies, a row each; changed in place."""
 
     mode: Ints  # (n,)
@@ -56,7 +56,7 @@ class Bodies(NamedTuple):
     above: Array  # (n,), m, by which the start is above its nominal height
 
 
-class Ends(NamedTuple):
+class PressEnds(NamedTuple):
     """Ends of all presses of a plan, a row each; those that a press does not have are infinite."""
 
     still: Array  # a column for each number of a standstill
@@ -79,7 +79,7 @@ class Sensors(NamedTuple):
     measured: Array
 
 
-def ends_of(presses: Sequence[Press]) -> Ends:
+def ends_of(presses: Sequence[Press]) -> PressEnds:
     """Ends of presses as rows."""
     count = len(presses)
     still, still_then = np.full((count, 4), np.inf), np.zeros((count, 2), np.int64)
@@ -104,12 +104,12 @@ def ends_of(presses: Sequence[Press]) -> Ends:
                 case Time():
                     at[k, TIME], thens[k, TIME] = end.seconds, _THEN[end.then]
     turning = np.array([np.linalg.norm(press.twist[3:]) for press in presses])
-    return Ends(still, still_then, at, thens, turning, np.array([press.reach for press in presses]))
+    return PressEnds(still, still_then, at, thens, turning, np.array([press.reach for press in presses]))
 
 
 @compiled
 def servo(
-    bodies: Bodies, active: Ints, qpos: Array, qvel: Array, period: float, limits: tuple[float, float], wrench: Array
+    bodies: States, active: Ints, qpos: Array, qvel: Array, period: float, limits: tuple[float, float], wrench: Array
 ) -> None:
     """Applied wrenches (n, 6) about the body origins, axes of B, into `wrench`; moves the references on."""
     spin, lever = np.zeros((1, 3)), np.zeros((1, 3))
@@ -159,7 +159,7 @@ def _length(v: Array) -> float:
 
 @compiled
 def sensed(
-    bodies: Bodies, sensors: Sensors, active: Ints, qpos: Array, reaction: Array, noise: Array, tick: int,
+    bodies: States, sensors: Sensors, active: Ints, qpos: Array, reaction: Array, noise: Array, tick: int,
     period: float, cut_off: float,
 ) -> None:  # fmt: skip
     """Filters what the bodies feel, and measures them, late and with noise (n, 12)."""
@@ -184,7 +184,7 @@ def sensed(
 
 @compiled
 def ended(
-    bodies: Bodies, ends: Ends, sensors: Sensors, active: Ints, arm: float, sample: int, follows: Ints
+    bodies: States, ends: PressEnds, sensors: Sensors, active: Ints, arm: float, sample: int, follows: Ints
 ) -> bool:  # fmt: skip
     """Whether a press, rest or way back has ended; what follows for each such body goes into `follows`, else −1.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmopt.execution.robot import Robot
 from fmopt.plan import Plan
-from fmopt.plan.guarded_moves import Move, moves, to_frame
+from fmopt.plan.guarded_moves import PlanMove, moves, to_frame
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value
 
@@ -90,7 +90,7 @@ def planned(plan: Plan, robot: Robot) -> Program:
     return Program("plan", rows[0].start, plan.rho, asked.speed, tuple(steps), asked.friction, limits)
 
 
-def _step(rows: Sequence[Move], index: int, rho: float, push: float, spent: float, robot: Robot) -> Step:
+def _step(rows: Sequence[PlanMove], index: int, rho: float, push: float, spent: float, robot: Robot) -> Step:
     """A segment's step; `spent` is the time that the pieces of its move before it have, s."""
     move, following = rows[index], index + 1 if index + 1 < len(rows) else DONE
     beyond = next((k for k in range(index, len(rows)) if rows[k].number != move.number), DONE)
@@ -129,7 +129,7 @@ def _step(rows: Sequence[Move], index: int, rho: float, push: float, spent: floa
 
 
 @dataclass(frozen=True, eq=False)
-class Table(Value):
+class StepTable(Value):
     """The steps of a program as arrays, one row a step, to be gathered for many bodies at once."""
 
     rotation: Array
@@ -143,12 +143,12 @@ class Table(Value):
     numbers: Array
 
     @staticmethod
-    def of(program: Program) -> Table:
+    def of(program: Program) -> StepTable:
         """Speeds are in the metric of ρ, columns of `numbers` as `COLUMNS` has them."""
         steps, rho = program.steps, program.rho
         scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
         names = ("position", "twist", "hold", "rubbing", "gain")
-        return Table(
+        return StepTable(
             rotation=np.stack([s.frame.R for s in steps]),
             origin=np.stack([s.frame.p for s in steps]),
             speed=np.array([float(np.linalg.norm(s.twist * scale)) for s in steps]),

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.execution.engines.engine import Engine
-from fmopt.execution.program import FAILED, Program, Table
+from fmopt.execution.program import FAILED, Program, StepTable
 from fmopt.execution.recovery import WayBack
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, hats, product, quaternions
@@ -30,7 +30,7 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass
-class State:
+class RigState:
     """Where n bodies are in their programs; the only thing here that changes in place."""
 
     step: Ints
@@ -71,7 +71,7 @@ class Rig:
 
     def __init__(self, engine: Engine, program: Program, robot: Robot, drift: Array, noise: Any) -> None:
         self.engine, self.program, self.robot, self.drift, self.noise = engine, program, robot, drift, noise
-        self.table, self.scale = Table.of(program), np.repeat([1.0, program.rho], 3)  # twists to lengths
+        self.table, self.scale = StepTable.of(program), np.repeat([1.0, program.rho], 3)  # twists to lengths
         self.qpos, self.qvel, self.depth = engine.qpos, engine.qvel, engine.depth
         self.n = n = len(self.qpos)
         self.time = 0.0
@@ -81,7 +81,7 @@ class Rig:
         self.back: WayBack | None = None  # on which the bodies are led before they begin
         zero, p, q = np.zeros, np.array(self.qpos[:, :3]), np.array(self.qpos[:, 3:])
         whole, six = zero(n, np.int64), zero((n, 6))  # copied for all but the first: fields change in place
-        self.state = State(
+        self.state = RigState(
             *(whole, whole.copy(), zero(n), zero(n), p, q, six, six.copy(), zero(n), zero(n)),
             *(whole.copy(), whole.copy(), np.ones(n), zero(n), np.ones(n), np.ones(n)),
         )

@@ -20,7 +20,7 @@ from fmopt.execution.rotation import between, from_quaternions, quaternions
 from fmopt.geometry.polyhedron import from_faces
 from fmopt.plan import Body, Plan
 from fmopt.plan.contact_geometry import Contact
-from fmopt.plan.guarded_moves import Move
+from fmopt.plan.guarded_moves import PlanMove
 from fmopt.plan.press import Seat
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -208,7 +208,7 @@ class Log:
     retries: list[Retry] = field(default_factory=list)
 
 
-def note(log: Log, event: Event, rig: Rig, moves: Sequence[Move], known: Mapping[str, Contact], fit: Fit) -> None:
+def note(log: Log, event: Event, rig: Rig, moves: Sequence[PlanMove], known: Mapping[str, Contact], fit: Fit) -> None:
     """Holds the contacts at the end of a move against the plan's; without moves nothing is planned."""
     program = rig.program
     # The rig has gone on already: this is the step after that of the event.
@@ -233,7 +233,7 @@ def _spoken(number: int) -> str:
     return f"move {number + 1}"
 
 
-def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fit: Fit) -> list[str]:
+def departures(rig: Rig, body: int, move: PlanMove, known: Mapping[str, Contact], fit: Fit) -> list[str]:
     """Planned contacts that gape, and forces where none is planned, in words.
 
     Edges that have turned parallel cross nowhere; what they hold, the vertices at their ends hold on the faces. Where

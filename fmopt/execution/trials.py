@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fmopt.errors import PlanFormatError, SettingsError
-from fmopt.execution.attempt import Course, carried_out
+from fmopt.execution.attempt import ReferenceCourse, carried_out
 from fmopt.execution.baselines import BASELINES
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.engine import Bodies, Setup
@@ -193,7 +193,7 @@ def run(
         one = draws[body]
         return {"trial": numbers[body], "size": one.size, "error": one.start.tolist(), **(log.outcome or {})}
 
-    course = Course(recovery, rows, known, fit, look, lambda ended: told([record(*one) for one in ended]))
+    course = ReferenceCourse(recovery, rows, known, fit, look, lambda ended: told([record(*one) for one in ended]))
 
     def rig(starts: tuple[Array, Array], which: Sequence[int], attempt: int) -> Rig:
         # Every attempt has the errors of its trial; only the noise is new.

@@ -19,7 +19,7 @@ from scipy.stats import truncnorm
 from fmopt.errors import PlanFormatError
 from fmopt.execution.engines.catalogue import ENGINES
 from fmopt.execution.engines.engine import Bodies
-from fmopt.execution.execute import Settled
+from fmopt.execution.execute import TrialSettings
 from fmopt.execution.press_controller import MAX_SECONDS
 from fmopt.execution.press_trials import carried, count_presses, drawn_shares, errors_at, stated
 from fmopt.execution.trials import Trials, grown
@@ -49,7 +49,7 @@ _SEARCH = 0x776F7273  # sets the streams of the search apart from those of evide
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class ShareRegion:
     """Shares of the intervals of all unknowns, from `low` (n,) to `high` (n,); -1 to 1 is the whole interval."""
 
     low: Array
@@ -71,7 +71,7 @@ class Region:
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class TrialSearch:
     """Trials of a search: `shares` (m, n) of the intervals, which of them have `failed` (m,), and their `kinds` (m,).
 
     A trial is "uniform", "fitted" (drawn from the distribution), or uniform in the "region" that those before came to,
@@ -81,14 +81,16 @@ class Search:
     shares: Array
     failed: NDArray[np.bool_]
     kinds: NDArray[np.str_]
-    region: Region | None
+    region: ShareRegion | None
 
     def failures(self, kind: str) -> tuple[int, int]:
         """How many trials of a kind fail, and how many there are."""
         return int(self.failed[self.kinds == kind].sum()), int((self.kinds == kind).sum())
 
 
-def cross_entropy(score: Callable[[Array, range], Array], free: NDArray[np.bool_], budget: int, seed: int) -> Search:
+def cross_entropy(
+    score: Callable[[Array, range], Array], free: NDArray[np.bool_], budget: int, seed: int
+) -> TrialSearch:
     """Search the unknowns that are free (n,) for trials that fail; the others stay in the middle of their intervals.
 
     Args:
@@ -116,12 +118,12 @@ def cross_entropy(score: Callable[[Array, range], Array], free: NDArray[np.bool_
         elite = shares[scores >= np.sort(scores)[-fewest]]
         mean = mean + _SMOOTHING * (elite.mean(axis=0) - mean)
         deviation = deviation + _SMOOTHING * (np.maximum(elite.std(axis=0), _MIN_DEVIATION) - deviation)
-    return Search(shares, scores >= 1.0, kinds, region)
+    return TrialSearch(shares, scores >= 1.0, kinds, region)
 
 
 def _region(
     shares: Array, failed: NDArray[np.bool_], free: NDArray[np.bool_], fits: Sequence[tuple[int, Any]]
-) -> Region | None:
+) -> ShareRegion | None:
     """The unknowns that failing trials leave narrow; a trial counts the less, the more are drawn beside it."""
     if failed.sum() < _MIN_FAILED:
         return None
@@ -131,7 +133,7 @@ def _region(
     widths = np.where(free, np.ptp(ends, axis=0), 2.0)
     wide = np.argsort(widths, kind="stable")[_MAX_NAMED:]
     ends[:, (widths > _NARROW * 2.0 * (_HELD[1] - _HELD[0])) | np.isin(range(len(free)), wide)] = [[-1.0], [1.0]]
-    return Region(*ends) if (ends != [[-1.0], [1.0]]).any() else None
+    return ShareRegion(*ends) if (ends != [[-1.0], [1.0]]).any() else None
 
 
 def severity(one: TrialOutcome, presses: PressPlan) -> float:
@@ -151,7 +153,7 @@ def values_at(conditions: Conditions, shares: Array) -> Array:
     return np.column_stack([found.start, found.friction, found.stiffness, found.admittance, found.offset])
 
 
-def worst(plan: Plan, trials: Trials, settled: Settled, caution: str = "") -> dict[str, Any]:
+def worst(plan: Plan, trials: Trials, settled: TrialSettings, caution: str = "") -> dict[str, Any]:
     """Search a plan of presses for failures with as many trials as there are inside; writes and gives the summary.
 
     Drift and noise are drawn anew for each trial.
@@ -185,7 +187,7 @@ def worst(plan: Plan, trials: Trials, settled: Settled, caution: str = "") -> di
     return found
 
 
-def _summary(search: Search, outcomes: Sequence[TrialOutcome], conditions: Conditions) -> dict[str, Any]:
+def _summary(search: TrialSearch, outcomes: Sequence[TrialOutcome], conditions: Conditions) -> dict[str, Any]:
     """Counts, the region, and each trial that fails."""
     failed, region = np.flatnonzero(search.failed).tolist(), search.region
     values, rows = values_at(conditions, search.shares), list[dict[str, Any]]()
@@ -210,7 +212,7 @@ def _summary(search: Search, outcomes: Sequence[TrialOutcome], conditions: Condi
     }
 
 
-def _without_failure(search: Search, k: int) -> tuple[float, float]:
+def _without_failure(search: TrialSearch, k: int) -> tuple[float, float]:
     """The longest interval of an unknown, in shares, in which no trial of the search fails.
 
     Start errors and offsets are narrowed from both sides, friction and factors from one.

@@ -115,7 +115,7 @@ class Interference:
 
 
 @dataclass(frozen=True)
-class Slice:
+class PartSlice:
     """A section of a part, just above its height, m, where `side` is 1, else just below."""
 
     height: float
@@ -151,7 +151,7 @@ def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
     )
 
 
-def facing(moving: Part, fixed: Part, depth: float) -> list[tuple[Slice, Slice]]:
+def facing(moving: Part, fixed: Part, depth: float) -> list[tuple[PartSlice, PartSlice]]:
     """Sections of the peg with those of the hole that they pass.
 
     Raises:
@@ -226,7 +226,7 @@ def _untold(moving: Part, fixed: Part, measured: Clearance, short: float) -> Geo
     return GeometryError(told, f"give {f'about {count} facets around' if count else 'finer facets'}, or a STEP file")
 
 
-def _slices(part: Part, low: float, high: float) -> list[Slice]:
+def _slices(part: Part, low: float, high: float) -> list[PartSlice]:
     """Sections of the part between two heights: limits at both ends and the middle of each stretch without vertices."""
     heights = np.unique(np.clip([low, high, *(z for body in part.bodies for z in body.vertices[:, 2])], low, high))
     # Levels that only rounding tells apart have no room for a section between them, nor at the wrong one of them.
@@ -236,7 +236,7 @@ def _slices(part: Part, low: float, high: float) -> list[Slice]:
         for height, side in ((bottom, 1), (0.5 * (bottom + top), 1), (top, -1)):
             shape = section_limit(part.bodies, Pose(np.array([0.0, 0.0, height]), np.eye(3)), 1 if side > 0 else -1)
             if not shape.is_empty:
-                made.append(Slice(float(height), side, shape))
+                made.append(PartSlice(float(height), side, shape))
     if not made:
         raise GeometryError(
             f"part {part.name!r} has no material between z = {1e3 * low:g} and {1e3 * high:g} mm of its mating frame",
@@ -245,7 +245,7 @@ def _slices(part: Part, low: float, high: float) -> list[Slice]:
     return made
 
 
-def _meet(peg: Slice, hole: Slice, depth: float) -> bool:
+def _meet(peg: PartSlice, hole: PartSlice, depth: float) -> bool:
     """Whether the peg's section passes the hole's section on the way to `depth`."""
     ahead = hole.height - (peg.height - depth)
     # Sections at one level meet at the goal, but for the peg's just above it and the hole's just below.

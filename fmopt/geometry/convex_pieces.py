@@ -20,7 +20,7 @@ from fmopt.geometry.csg import (
     Cylinder,
     Difference,
     Hull,
-    Placed,
+    Moved,
     Prism,
     Ring,
     Solid,
@@ -131,7 +131,7 @@ def polyhedron(solid: Solid) -> Polyhedron:
     require_few(len(body.faces))
     order = np.lexsort(body.vertices.T)
     if len(double := np.flatnonzero(np.all(np.diff(body.vertices[order], axis=0) == 0.0, axis=1))):
-        if isinstance(solid, Placed):  # in its own frame many coordinates are one, and rounding makes none meet
+        if isinstance(solid, Moved):  # in its own frame many coordinates are one, and rounding makes none meet
             return bounded(solid, placed(polyhedron(solid.solid), exact_pose(solid.pose)))
         raise GeometryError(
             f"the solid touches itself at {place(body.vertices[order[double[0]]])}",
@@ -150,7 +150,7 @@ def bounded(solid: Solid, body: Polyhedron) -> Polyhedron:
 def volume(solid: Solid) -> float:
     """The volume of a CSG tree, m³."""
     match solid:
-        case Placed(inner, _):
+        case Moved(inner, _):
             return volume(inner)
         case Difference(Hull() as base, tools) if all(isinstance(tool, Hull) for tool in tools):
             return _volume_less(pieces(base), [body for tool in tools for body in pieces(tool)])
@@ -197,7 +197,7 @@ def _pieces(solid: Solid, pose: Pose) -> tuple[Polyhedron, ...]:
     match solid:
         case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
             return (convex_polyhedron(solid, pose),)
-        case Placed(inner, move):
+        case Moved(inner, move):
             return _pieces(inner, exact_pose(pose).compose(exact_pose(move)))
         # A Stack is a Union, but its parts are few as they are made: none is measured to be dropped.
         case Stack(parts):
@@ -226,7 +226,7 @@ def _minus(stock: tuple[Polyhedron, ...], tool: Solid, pose: Pose) -> tuple[Poly
             # What the tool leaves whole is needed still: of the others there is less than before.
             intact = {id(piece) for piece in stock}
             return _irredundant(slabs, whole, [i for i, slab in enumerate(slabs) if id(slab) in intact])
-        case Placed(inner, move):
+        case Moved(inner, move):
             return _minus(stock, inner, exact_pose(pose).compose(exact_pose(move)))
         case Union(parts):
             for part in parts:
@@ -434,7 +434,7 @@ def _manifold(solid: Solid, pose: Pose, stock: list[Array]) -> Manifold:
             body = convex_polyhedron(solid, pose)
             stock.append(body.vertices)
             return convex_manifold(body)
-        case Placed(inner, move):
+        case Moved(inner, move):
             return _manifold(inner, exact_pose(pose).compose(exact_pose(move)), stock)
         case Stack(_, lofts):
             return Manifold.batch_boolean([_loft(below, above, pose, stock) for below, above in lofts], OpType.Add)

@@ -117,7 +117,7 @@ class Hull:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed(Value):
+class Moved(Value):
     """A solid moved by a pose: points p of `solid` appear at pose.apply(p)."""
 
     solid: Solid
@@ -163,7 +163,7 @@ class Difference:
 
 
 Primitive: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Wedge | Hull
-Solid: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Wedge | Hull | Placed | Union | Difference
+Solid: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Wedge | Hull | Moved | Union | Difference
 
 
 def chamfered_box(size: tuple[float, float, float], chamfer: float) -> Prism:
@@ -244,7 +244,7 @@ def operands(solid: Solid, pose: Pose, taken: int = 0) -> Iterator[Operand]:
     match solid:
         case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
             yield Operand(solid, exact_pose(pose), taken)
-        case Placed(inner, move):
+        case Moved(inner, move):
             yield from operands(inner, exact_pose(pose).compose(exact_pose(move)), taken)
         case Union(parts):
             for part in parts:
@@ -262,9 +262,9 @@ def changed(solid: Solid, change: Callable[[Primitive, int], Primitive], taken: 
     match solid:
         case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
             return change(solid, taken)
-        case Placed(inner, pose):
+        case Moved(inner, pose):
             body = changed(inner, change, taken)
-            return solid if body is inner else Placed(body, pose)
+            return solid if body is inner else Moved(body, pose)
         case Union(parts):
             bodies = [changed(part, change, taken) for part in parts]
             return solid if all(map(operator.is_, bodies, parts)) else Union(tuple(bodies))

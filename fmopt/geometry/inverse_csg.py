@@ -14,7 +14,7 @@ from manifold3d import Manifold
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.convex_pieces import bounded, clip, convex_manifold, snapped
-from fmopt.geometry.csg import Difference, Hull, Placed, Solid, exact_pose
+from fmopt.geometry.csg import Difference, Hull, Moved, Solid, exact_pose
 from fmopt.geometry.facets import fan, merged_vertices
 from fmopt.geometry.polyhedron import (
     Face,
@@ -63,7 +63,7 @@ def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
             return solid, bounded(solid, from_faces(ideal, loops))
         back = Pose(np.zeros(3), turn)
         solid, ideal = _upright(placed(body, Pose(np.zeros(3), turn.T)), tol)
-        whole = Placed(solid, back)
+        whole = Moved(solid, back)
         return whole, bounded(whole, placed(from_faces(ideal, loops), exact_pose(back)))
     except GeometryError as error:  # of what was cut off, which nobody who reads this has made
         raise GeometryError("it does not come apart into convex bodies") from error

@@ -10,7 +10,7 @@ import numpy as np
 from shapely import Polygon
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.csg import Hull, Placed, Prism, Ring, Solid, Stack
+from fmopt.geometry.csg import Hull, Moved, Prism, Ring, Solid, Stack
 from fmopt.geometry.facets import place
 from fmopt.geometry.plane.convex_polygons import Convex, Outline, convex_pieces, simple
 from fmopt.geometry.section import united
@@ -153,7 +153,7 @@ def _is_one(rings: Sequence[_Ring]) -> bool:
     return hull(rings) <= (1.0 + _NOISE) * sum(map(hull, pairwise(rings)))
 
 
-def _part(rings: tuple[_Ring, ...]) -> Prism | Hull | Placed:
+def _part(rings: tuple[_Ring, ...]) -> Prism | Hull | Moved:
     (low, lower), (high, upper) = rings[0], rings[-1]
     if len(rings) == 2 and lower == upper:
         prism = Prism(lower, high - low)
@@ -162,5 +162,5 @@ def _part(rings: tuple[_Ring, ...]) -> Prism | Hull | Placed:
         if low == 0.0:
             return prism
         if exact:
-            return Placed(prism, Pose(np.array([0.0, 0.0, low]), np.eye(3)))
+            return Moved(prism, Pose(np.array([0.0, 0.0, low]), np.eye(3)))
     return Hull(_corners(*rings))

@@ -28,5 +28,5 @@ HTML: Mapping[str, Callable[[Any], str]] = {
     **{name: _drawn for name in VIEWS if not name.startswith(("fmopt.notebook", "fmopt.task"))},
     "fmopt.spatial.se3.Pose": pose_sheet,
     "fmopt.verify.findings.Verdict": verdict_sheet,
-    "fmopt.planning.plan_record.Nominal": lambda nominal: freedom_sheet(nominal.freedoms),
+    "fmopt.planning.plan_record.NominalMotion": lambda nominal: freedom_sheet(nominal.freedoms),
 }

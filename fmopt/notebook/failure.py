@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from fmopt.errors import InfeasibleError, OverdueError, SearchError
-from fmopt.plan import Contact, Part, line
-from fmopt.report.attempt import Failure, Lack, Nearest, Step, failure_page
+from fmopt.plan import StatedContact, StatedPart, line
+from fmopt.report.attempt import AttemptStep, Failure, Lack, Nearest, failure_page
 from fmopt.report.bodies import stated_part
 from fmopt.report.naming import quantity
 from fmopt.runtime import output
@@ -19,7 +19,7 @@ from fmopt.task.sizes import short_of_height
 
 if TYPE_CHECKING:
     from fmopt.geometry.part import Part as Solid
-    from fmopt.planning.motion import Attempt
+    from fmopt.planning.motion import Failed
     from fmopt.planning.moves.moves import Move
     from fmopt.planning.posed import Posed
 
@@ -46,7 +46,7 @@ def _failure(problem: Problem, error: NoMotion, seconds: float, progress: Progre
     from fmopt.planning.posed import Posed
 
     begun, posed = clock(), Posed.of(problem)
-    attempt: Attempt | None = error.attempt
+    attempt: Failed | None = error.attempt
     steps, lack = ((), None) if attempt is None else _followed(posed, attempt)
     late = isinstance(error, SearchError) and error.late
     found, cut = None, False
@@ -75,7 +75,7 @@ def _failure(problem: Problem, error: NoMotion, seconds: float, progress: Progre
         advice=tuple(_advice(problem, error, found, cut)),
         moving=_part(problem.moving, problem, posed),
         fixed=_part(problem.fixed, problem, posed),
-        contacts=tuple(Contact(c.id, str(c.kind), c.moving, c.fixed) for c in contacts.values()),
+        contacts=tuple(StatedContact(c.id, str(c.kind), c.moving, c.fixed) for c in contacts.values()),
     )
 
 
@@ -117,7 +117,7 @@ def _advice(problem: Problem, error: NoMotion, found: Nearest | None, cut: bool)
         yield error.advice
 
 
-def _followed(posed: Posed, attempt: Attempt) -> tuple[tuple[Step, ...], Lack | None]:
+def _followed(posed: Posed, attempt: Failed) -> tuple[tuple[AttemptStep, ...], Lack | None]:
     """The moves of an attempt with what is certified of them, and what is missing first."""
     from fmopt.planning.moves.moves import Reached, unroll
     from fmopt.planning.posed import FINE
@@ -128,7 +128,7 @@ def _followed(posed: Posed, attempt: Attempt) -> tuple[tuple[Step, ...], Lack | 
         worst = min(there.claims[len(reached.claims) :], key=lambda claim: claim.margin)
         return there, worst.margin, worst.binding
 
-    reached, steps, lack = posed.start, list[Step](), None
+    reached, steps, lack = posed.start, list[AttemptStep](), None
     for number, (name, move) in enumerate(zip(attempt.names, attempt.moves, strict=False), start=1):
         margin: float | None = None
         # A move short of margin ends somewhere all the same; after one that is impossible no errors are known.
@@ -142,7 +142,7 @@ def _followed(posed: Posed, attempt: Attempt) -> tuple[tuple[Step, ...], Lack | 
             except OverdueError:
                 lack = lack or Lack(number, name, "the time limit is used up", "", "", None)
         start, goal = (tuple(map(float, pose.vector())) for pose in (move.start, move.goal))
-        steps.append(Step(name, start, goal, tuple(contact.id for contact in move.making), margin))
+        steps.append(AttemptStep(name, start, goal, tuple(contact.id for contact in move.making), margin))
     if lack is None and attempt.seated:  # all of it can be followed: what was missing is time to place it
         lack = Lack(max(1, len(steps)), attempt.names[-1], "the time limit is used up", "", "", None)
     if lack is not None:
@@ -178,7 +178,7 @@ def _contact(move: Move, binding: str) -> str:
     return own or next((c.id for c in move.making), "")
 
 
-def _part(solid: Solid, problem: Problem, posed: Posed) -> Part:
+def _part(solid: Solid, problem: Problem, posed: Posed) -> StatedPart:
     declared, measured = problem.declared_clearance, posed.clearance.per_side
     part, name = stated_part(solid), line(solid.name)
     return replace(part, name=name, declared_clearance=declared, measured_clearance=measured)

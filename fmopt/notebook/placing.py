@@ -9,7 +9,7 @@ import numpy as np
 from fmopt.contact.primitive import Kind, PrimitiveContact, ball_face, crossed, face_vertex, vertex_face
 from fmopt.errors import ResourceError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.plan import Contact, Plan
+from fmopt.plan import Plan, StatedContact
 from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.optimise.cone_program import as_cvxpy
 from fmopt.planning.placement.sequence_program import Aim, certified, displaced, sequence_program
@@ -102,7 +102,7 @@ def _moves(plan: Plan, moving: Polyhedron, fixed: Polyhedron) -> Iterator[Move]:
         yield Move(start, goal, tuple(held), tuple(made), tuple(left))
 
 
-def _contact(contact: Contact, moving: Polyhedron, fixed: Polyhedron) -> PrimitiveContact:
+def _contact(contact: StatedContact, moving: Polyhedron, fixed: Polyhedron) -> PrimitiveContact:
     """A contact of a plan as one of the parts that the plan was made for, whose features have the same numbers."""
     one, other = (int(name[1:]) for name in contact.id.split("-"))
     match Kind(contact.kind):

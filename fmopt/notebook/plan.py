@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fmopt import plan as files
 from fmopt.errors import ChoiceError, InfeasibleError, PlanFormatError, ResourceError, SearchError
 from fmopt.planning.same_problem import REMARK, differences
-from fmopt.report.moves import Move, moves, smallest_margin
+from fmopt.report.moves import MoveWords, moves, smallest_margin
 from fmopt.report.moves import verdict as spoken
 from fmopt.report.presses import timing_words
 from fmopt.runtime import output
@@ -141,7 +141,7 @@ class Plan:
         )
 
     @cached_property
-    def moves(self) -> tuple[Move, ...]:
+    def moves(self) -> tuple[MoveWords, ...]:
         """The moves, in order; a move that turns far has several segments."""
         return moves(self.stated)
 
@@ -222,7 +222,7 @@ class Plan:
             ResourceError: the engine of the extra `drake` is not installed, or results cannot be written.
         """
         from fmopt.execution.engines.catalogue import ENGINES
-        from fmopt.execution.execute import Settled, execute
+        from fmopt.execution.execute import TrialSettings, execute
         from fmopt.execution.trials import METHODS
         from fmopt.execution.trials import Trials as Wanted
         from fmopt.notebook.checking import admitted
@@ -237,7 +237,7 @@ class Plan:
         plan = files.parsed(self.document)
         caution = admitted(plan, unverified)
         files.write(self.document, there / "plan.json")
-        return Trials(execute(plan, wanted, Settled(there, workers), caution), there)
+        return Trials(execute(plan, wanted, TrialSettings(there, workers), caution), there)
 
     def export(
         self,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from fmopt.certificate.error_set import ErrorSet
     from fmopt.contact.primitive import PrimitiveContact
     from fmopt.contact.state_graph import ContactGraph
-    from fmopt.planning.plan_record import Nominal
+    from fmopt.planning.plan_record import NominalMotion
     from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 
 Progress = Callable[[str], None]
@@ -50,7 +50,7 @@ def start_errors(problem: Problem) -> ErrorSet:
     return ErrorSet.of(problem.start_box, problem.framing)
 
 
-def nominal(problem: Problem) -> Nominal:
+def nominal(problem: Problem) -> NominalMotion:
     """The T-C mapping, [LeeHuang1985] section 4.1: diagrams, P(t) (m, rad), S(t), and the critical poses on the way.
 
     Raises:

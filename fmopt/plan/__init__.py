@@ -18,7 +18,16 @@ from typing import TYPE_CHECKING, Any
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.runtime import output
 from fmopt.verify.reading import document as proof
-from fmopt.verify.reading.document import Body, Contact, Hybrid, JamFree, MoveRecovery, Part, Recovery, Segment
+from fmopt.verify.reading.document import (
+    Body,
+    Hybrid,
+    JamFree,
+    MoveRecovery,
+    Segment,
+    StatedContact,
+    StatedPart,
+    StatedRecovery,
+)
 from fmopt.verify.reading.parse import parse
 from fmopt.verify.reading.reader import (
     FORMAT,
@@ -38,14 +47,14 @@ from fmopt.verify.reading.reader import (
 if TYPE_CHECKING:
     from fmopt.plan.description import Description
     from fmopt.plan.diagnostics import Diagnostics
-    from fmopt.plan.error_sets import ErrorSet
+    from fmopt.plan.error_sets import PlanErrorSet
     from fmopt.plan.evidence import Evidence
     from fmopt.plan.press import PressPlan
 
 __all__ = [
     "FORMAT", "FRAMES", "NOT_COVERED", "NOT_COVERED_OFF_FORM", "NOT_COVERED_PRESSES", "STDIO", "UNITS", "Body",
-    "Contact", "Hybrid", "JamFree", "MoveRecovery", "Numbers", "Part", "Plan", "Recovery", "Segment",
-    "canonical", "clean", "digest", "line", "parsed", "read", "read_document", "rounded_down",
+    "Hybrid", "JamFree", "MoveRecovery", "Numbers", "Plan", "Segment", "StatedContact", "StatedPart",
+    "StatedRecovery", "canonical", "clean", "digest", "line", "parsed", "read", "read_document", "rounded_down",
     "sealed", "write",
 ]  # fmt: skip
 
@@ -54,7 +63,7 @@ _ROUNDING = 1e-13  # m: what floating point may leave of a margin
 
 
 @dataclass(frozen=True)
-class Plan(proof.Plan):
+class Plan(proof.StatedPlan):
     """A plan: the part that the check judges, and the description.
 
     The description says how the motion was found, and what surrounds it; presses come with their evidence in full.
@@ -65,7 +74,7 @@ class Plan(proof.Plan):
     trials: Evidence | None = field(default=None, kw_only=True)
 
     @cached_property
-    def error_sets(self) -> tuple[ErrorSet, ...]:
+    def error_sets(self) -> tuple[PlanErrorSet, ...]:
         """The error set at the start and at the end of each segment, as far as the check can derive them."""
         from fmopt.plan.error_sets import error_sets
 

@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from fmopt.errors import PlanFormatError
-from fmopt.plan import Body, Part
-from fmopt.plan import Contact as Row
+from fmopt.plan import Body, StatedPart
+from fmopt.plan import StatedContact as Row
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, Value
 
@@ -104,11 +104,11 @@ class Parts(Protocol):
     """Two parts and contacts between them, as a plan has them."""
 
     @property
-    def moving(self) -> Part:
+    def moving(self) -> StatedPart:
         """The moving part."""
 
     @property
-    def fixed(self) -> Part:
+    def fixed(self) -> StatedPart:
         """The fixed part."""
 
     @property

@@ -155,7 +155,7 @@ class Hand:
 
 
 @dataclass(frozen=True, config=FORM)
-class Contribution:
+class SourceContribution:
     """What a source adds to the half-widths (6,) of the start errors, m and rad, and where that is fixed."""
 
     source: Line
@@ -369,7 +369,7 @@ class Diagnostics:
     sequence: Many[Visit]
     diagrams: Annotated[tuple[Diagram, ...], Field(max_length=3)]
     freedom_on_planes: Many[Interval]
-    budget: Annotated[tuple[Contribution, ...], Field(max_length=256)]
+    budget: Annotated[tuple[SourceContribution, ...], Field(max_length=256)]
     measured_clearance: tuple[Number | None, Number | None]
     imported: Many[Line] = ()
     notes: Many[Line] = ()

@@ -9,12 +9,12 @@ from fmopt.verify.arithmetic.rational import ArithmeticRefusal, Row, fixed, numb
 from fmopt.verify.certificate import error_set
 from fmopt.verify.certificate.chain import Broken, Chain
 from fmopt.verify.findings import Notes
-from fmopt.verify.parts.assembly import Assembly
-from fmopt.verify.reading.document import Plan
+from fmopt.verify.parts.assembly import PartPair
+from fmopt.verify.reading.document import StatedPlan
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorSet(Value, generators=(None, 6), shape=(6, 6), slide=(6, 6), swing=(6, 6), growth=(6, 6)):
+class PlanErrorSet(Value, generators=(None, 6), shape=(6, 6), slide=(6, 6), swing=(6, 6), growth=(6, 6)):
     """A set of errors: inside zonotope ⊕ slide ⊕ swing, and inside an outer ellipsoid.
 
     Args:
@@ -36,12 +36,12 @@ class ErrorSet(Value, generators=(None, 6), shape=(6, 6), slide=(6, 6), swing=(6
         return np.asarray(np.minimum(sum_, np.sqrt(np.maximum(np.diag(self.shape), 0.0))))
 
 
-def error_sets(plan: Plan) -> tuple[ErrorSet, ...]:
+def error_sets(plan: StatedPlan) -> tuple[PlanErrorSet, ...]:
     """The set at the start and at the end of each segment; none after a segment at which the chain breaks."""
     weights = error_set.metric(fixed(plan.rho))
     found = [_in_floats(error_set.start_errors(plan), weights)]
     try:
-        chain = Chain(plan, Assembly(plan))
+        chain = Chain(plan, PartPair(plan))
         for segment in plan.segments:
             chain.follow(segment, Notes(None))
             found.append(_in_floats(chain.link.errors, weights))
@@ -50,7 +50,7 @@ def error_sets(plan: Plan) -> tuple[ErrorSet, ...]:
     return tuple(found)
 
 
-def _in_floats(errors: error_set.ErrorSet, weights: Row) -> ErrorSet:
+def _in_floats(errors: error_set.ErrorShape, weights: Row) -> PlanErrorSet:
     growth = error_set.outer_sum(errors.slide, errors.swing, weights)
     matrices = (errors.generators, errors.shape, errors.slide, errors.swing, growth)
-    return ErrorSet(*(np.reshape([[number(x) for x in row] for row in rows], (-1, 6)) for rows in matrices))
+    return PlanErrorSet(*(np.reshape([[number(x) for x in row] for row in rows], (-1, 6)) for rows in matrices))

@@ -54,7 +54,9 @@ class Stop(Value, gain=(6,), wrench=(6,)):
 
 
 @dataclass(frozen=True, eq=False)
-class Move(Value, twist=(6,), position_axes=(None, 6), force_axes=(None, 6), hold=(6,), hold_start=(6,), rubbing=(6,)):
+class PlanMove(
+    Value, twist=(6,), position_axes=(None, 6), force_axes=(None, 6), hold=(6,), hold_start=(6,), rubbing=(6,)
+):
     """One segment of a plan.
 
     Args:
@@ -110,13 +112,13 @@ def length(start: Pose, goal: Pose, rho: float) -> float:
     return float(np.linalg.norm(start.local(goal) * [1.0, 1.0, 1.0, rho, rho, rho]))
 
 
-def moves(plan: Plan) -> tuple[Move, ...]:
+def moves(plan: Plan) -> tuple[PlanMove, ...]:
     """The segments of a plan in their order.
 
     Raises:
         PlanFormatError: a segment cannot be run: it goes nowhere, or a bias presses where nothing is held.
     """
-    found: list[Move] = []
+    found: list[PlanMove] = []
     known, rows = contacts(plan), plan.segments
     budget = Budget(NOISE, max(plan.start_box[:3]), plan.specification.friction)
     for i, row in enumerate(rows):
@@ -145,7 +147,7 @@ def _point(contact: Contact, pose: Pose) -> tuple[Array, Array]:
     return normal, point - pose.p
 
 
-def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, Contact], budget: Budget) -> Move:
+def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, Contact], budget: Budget) -> PlanMove:
     start, goal = Pose.from_vector(row.start), Pose.from_vector(row.goal)
     hybrid = row.hybrid
     frame = Pose.from_vector(hybrid.frame)
@@ -173,7 +175,7 @@ def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, 
     change = _pressing(_shifted(forces, start), start) - _pressing(forces, goal)
     far = length(start, goal, rho)
     points = [(force, _point(contact, goal)) for contact, force in forces]
-    return Move(
+    return PlanMove(
         index,
         row.move,
         last,

@@ -13,8 +13,8 @@ from fmopt.planning.placement.sequence_program import Placed, certified
 from fmopt.planning.posed import GRACE, STEADY, Posed, Stages, by_method, placed_by_growing, placement
 from fmopt.planning.search.best_first import MoveSequence, best_sequences, farther, search
 from fmopt.planning.search.entry import (
+    Approach,
     Entry,
-    Shape,
     hovering_entries,
     planar_entries,
     start_spread,
@@ -22,9 +22,9 @@ from fmopt.planning.search.entry import (
     tilted_entry,
 )
 from fmopt.planning.search.entry_room import room
-from fmopt.planning.search.entry_sampling import Drawing, beginnings
-from fmopt.planning.search.entry_tuning import Limits, tuned
-from fmopt.planning.search.successors import ASKEW, Costs, Task
+from fmopt.planning.search.entry_sampling import EntryDraws, beginnings
+from fmopt.planning.search.entry_tuning import TuningLimits, tuned
+from fmopt.planning.search.successors import ASKEW, Costs, SearchTask
 from fmopt.planning.search.symmetry import Image, Searched, images
 from fmopt.runtime.clock import clock, until
 from fmopt.spatial.se3 import Pose
@@ -45,7 +45,7 @@ _SMALLER = "allow a larger tilt, lower the start errors"
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt:
+class Failed:
     """How far a motion came that was not found."""
 
     stage: str
@@ -72,11 +72,11 @@ class _Tried:
         return (False, -1, -math.inf) if closest is None else closest.order
 
     @property
-    def attempt(self) -> Attempt | None:
+    def attempt(self) -> Failed | None:
         """How far it came, in the parts' own axes."""
         if self.moves is not None:
             searched = self.image.own_search(self.moves.searched)
-            return Attempt("placement", self.image.own_moves(self.moves.moves), searched.names, seated=True)
+            return Failed("placement", self.image.own_moves(self.moves.moves), searched.names, seated=True)
         closest = getattr(self.error, "attempt", None)
         if closest is None:
             return None
@@ -84,7 +84,7 @@ class _Tried:
         named = image.own_names(name.rstrip(ASKEW) for name, _ in onward)
         ways = tuple(zip(named, image.own_moves(move for _, move in onward), strict=True))
         names = image.own_names(name.rstrip(ASKEW) for name in closest.node.names)
-        return Attempt("search", image.own_moves(closest.node.moves), names, ways, closest.order[0])
+        return Failed("search", image.own_moves(closest.node.moves), names, ways, closest.order[0])
 
 
 def motion(posed: Posed, stages: Stages) -> tuple[Searched, Placed]:
@@ -185,8 +185,8 @@ class _Stood:
 
     image: Image
     posed: Posed
-    task: Task
-    entry_of: Callable[[Shape], Entry]
+    task: SearchTask
+    entry_of: Callable[[Approach], Entry]
     rounds: Iterator[Sequence[Entry]]
     found: MoveSequence | None = None
 
@@ -199,7 +199,7 @@ class _Stood:
         # Moves have to reach as far as ways to begin leave room, also where errors are next to nothing.
         costs = Costs.of(start_spread(parts.moving, roomy), clearance.per_side)
         turn = 1.3 * problem.settings.max_tilt
-        task = Task(parts, Pose.from_vector(problem.goal), posed.errors, posed.tolerance, costs, turn)
+        task = SearchTask(parts, Pose.from_vector(problem.goal), posed.errors, posed.tolerance, costs, turn)
         entry_of = partial(tilted_entry, parts.moving, clearance.play, problem.approach)
         return _Stood(image, posed, task, entry_of, _rounds(posed, task, roomy, entry_of))
 
@@ -222,7 +222,7 @@ class _Stood:
         def steady(found: MoveSequence) -> bool:
             return assembly.planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
 
-        limits = Limits(deadline, TRIES, per_side)
+        limits = TuningLimits(deadline, TRIES, per_side)
         while best is None or (best[1].margin < _AMPLE * per_side and more > 0 and clock() < deadline):
             # Beside sequences without a margin any number of others is looked at, as long as there are some.
             more -= best is not None and best[1].margin > 0.0
@@ -323,15 +323,17 @@ class _Stood:
         return beginnings(task, drawing(self.posed, share).shapes(seed), self.entry_of, _DRAWN)
 
 
-def drawing(posed: Posed, share: float = 1.0) -> Drawing:
+def drawing(posed: Posed, share: float = 1.0) -> EntryDraws:
     """What ways to begin are drawn for under a share of all errors, widened where these are next to nothing."""
     problem, clearance, tilt = posed.problem, posed.clearance, posed.problem.settings.max_tilt
     rate = share * (problem.velocity_error.translation + problem.velocity_error.rotation)
     box = room(posed.assembly, clearance.per_side, share * problem.start_box, share * drift(problem, clearance))
-    return Drawing(problem.moving, problem.fixed, clearance.play, box, rate, tilt)
+    return EntryDraws(problem.moving, problem.fixed, clearance.play, box, rate, tilt)
 
 
-def _rounds(posed: Posed, task: Task, roomy: Array, entry_of: Callable[[Shape], Entry]) -> Iterator[Sequence[Entry]]:
+def _rounds(
+    posed: Posed, task: SearchTask, roomy: Array, entry_of: Callable[[Approach], Entry]
+) -> Iterator[Sequence[Entry]]:
     """Ways to begin, the likeliest first, several to be weighed against each other in each round."""
     problem, clearance = posed.problem, posed.clearance
     moving, box, tilt = problem.moving, problem.start_box, problem.settings.max_tilt

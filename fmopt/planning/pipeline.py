@@ -26,9 +26,9 @@ from fmopt.plan.evidence import median_and_late
 from fmopt.plan.field_types import numbers
 from fmopt.plan.press import PressPlan
 from fmopt.planning.control.controlled_motion import controlled
-from fmopt.planning.motion import Attempt, motion
+from fmopt.planning.motion import Failed, motion
 from fmopt.planning.optimise.bisection import ATTEMPTS, largest_share
-from fmopt.planning.plan_record import Described, Nominal, plan_document, proof_document
+from fmopt.planning.plan_record import Described, NominalMotion, plan_document, proof_document
 from fmopt.planning.posed import Posed, Progress, Stages, under_errors
 from fmopt.planning.robustness.contact_space import contact_spaces
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion, error_tolerance
@@ -89,7 +89,7 @@ class Synthesis:
 
 
 @dataclass(frozen=True)
-class Share:
+class CertifiedShare:
     """The largest share of the start errors, or 0, that is proved, its least margin, m, and whether time ran out."""
 
     share: float
@@ -205,7 +205,7 @@ def _certified_whole(problem: Problem, stages: Stages) -> Synthesis | None:
     return found if found.proved else None
 
 
-def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: None) -> Share:
+def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: None) -> CertifiedShare:
     """The largest share of the start errors, in steps of 5 %, below that of 1 %, for which a plan is proved.
 
     Where there is none with the errors of velocity as they are, which add up on the way however little is off at the
@@ -217,9 +217,9 @@ def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: Non
     if found is None and moves:
         found = _largest_share(problem, end - clock(), progress, stated.scaled, lates)
     if found is None:
-        return Share(0.0, 0.0, any(lates), stated)
+        return CertifiedShare(0.0, 0.0, any(lates), stated)
     share, (part, motion, _) = found
-    return Share(share, motion.placed.margin, any(lates), part.velocity_error)
+    return CertifiedShare(share, motion.placed.margin, any(lates), part.velocity_error)
 
 
 _Part = tuple[Problem, CertifiedMotion, Stages]
@@ -286,7 +286,7 @@ def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Syn
     try:
         document, verdict = planned(problem, motion, stages, measured, notes)
     except InfeasibleError as error:
-        error.attempt = Attempt("control", motion.placed.moves, motion.found.names, seated=True)
+        error.attempt = Failed("control", motion.placed.moves, motion.found.names, seated=True)
         raise
     return Synthesis(document, verdict, stages.seconds)
 
@@ -346,7 +346,7 @@ def proved(problem: Problem, motion: CertifiedMotion) -> tuple[dict[str, Any], V
     return _checked(proof_document(problem, controlled(problem, motion)))
 
 
-def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
+def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> NominalMotion:
     """T-C mapping: the nominal trajectory, its critical poses, and S(t) for the start errors or the given trapezoid.
 
     P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
@@ -356,10 +356,10 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
     made = answered(found, box, rho)
     reach = float(np.linalg.norm(box[:3]) + 2.0 * rho * np.linalg.norm(box[3:]))
     critical = critical_poses(problem.moving, problem.fixed, made.path, max(reach, 1e-3))
-    return Nominal(made.path, critical, freedom(problem.moving, problem.fixed, made.path, box), found, made)
+    return NominalMotion(made.path, critical, freedom(problem.moving, problem.fixed, made.path, box), found, made)
 
 
-def _contact_states(motion: CertifiedMotion, nominal: Nominal | None) -> Visited:
+def _contact_states(motion: CertifiedMotion, nominal: NominalMotion | None) -> Visited:
     """The contact states that a motion goes through, in the spaces around critical poses."""
     scale = Scale(motion.clearance.per_side, motion.tolerance.rho)
     spaces = contact_spaces(motion.assembly, () if nominal is None else nominal.critical, scale)

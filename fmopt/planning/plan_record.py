@@ -23,7 +23,7 @@ from fmopt.papers.lee_huang.hand_position_force import hand_motion, position_for
 from fmopt.papers.lee_huang.nominal_trajectory import CriticalPose, NominalTrajectory
 from fmopt.plan import description
 from fmopt.plan.description import Description, Search
-from fmopt.plan.diagnostics import Contribution, Diagnostics, ErrorTolerance, Interval, Planar
+from fmopt.plan.diagnostics import Diagnostics, ErrorTolerance, Interval, Planar, SourceContribution
 from fmopt.plan.field_types import numbers
 from fmopt.plan.position_force import contact_forces
 from fmopt.planning.control.controlled_motion import ControlledMotion
@@ -35,7 +35,7 @@ from fmopt.task.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
-class Nominal:
+class NominalMotion:
     """P(t), S(t) and the critical poses along it; the task, and the T-C mapping on the planes that P(t) comes from."""
 
     path: NominalTrajectory
@@ -50,7 +50,7 @@ class Described:
     """What a plan tells besides its proof; what could not be found is None, and a note says why."""
 
     task: Answer
-    nominal: Nominal | None = None
+    nominal: NominalMotion | None = None
     states: Visited | None = None
     measured: ErrorTolerance | None = None
     notes: tuple[str, ...] = ()
@@ -168,7 +168,7 @@ def plan_document(problem: Problem, told: Described, motion: ControlledMotion) -
     return dict(plan.clean({**proof, "recovery": recovery, "description": described.record()}))
 
 
-def _nominal(problem: Problem, found: Nominal, rho: float) -> dict[str, Any]:
+def _nominal(problem: Problem, found: NominalMotion, rho: float) -> dict[str, Any]:
     """The nominal trajectory with S(t), Pa and Fa."""
     nodes, times = tuple(map(numbers, found.path.nodes)), numbers(found.path.times)
     rows = position_force(found.path, found.freedoms, contact_forces(problem.specification, rho))
@@ -187,7 +187,7 @@ def _diagnostics(
         diagrams=() if nominal is None else mapping.diagrams(nominal.planes, problem.peg.length),
         freedom_on_planes=() if nominal is None else nominal.planes.freedoms,
         budget=tuple(
-            Contribution(share.source, share.symbol, numbers(share.box), share.frame) for share in problem.budget
+            SourceContribution(share.source, share.symbol, numbers(share.box), share.frame) for share in problem.budget
         ),
         measured_clearance=(x, y),
         imported=tuple(map(plan.line, (*problem.moving.notes, *problem.fixed.notes))),
@@ -198,7 +198,7 @@ def _diagnostics(
     )
 
 
-def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...]) -> Planar | None:
+def _in_the_plane(problem: Problem, nominal: NominalMotion, claims: tuple[Claim, ...]) -> Planar | None:
     """What the planar sets of possible contact say of a planar problem's plan; nothing in space."""
     if problem.plane is None:
         return None
@@ -211,9 +211,9 @@ def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...])
         ends = claim.advance.ends
         supports = [ends.start_set.support(np.eye(6)), ends.goal_set.support(np.eye(6))]
         poses = np.array([claim.piece.start.vector(), claim.piece.goal.vector()])
-        run.append(planar.Stretch(planar.in_plane(poses), *planar.reach_of(np.maximum(*supports))))
+        run.append(planar.PlanarWay(planar.in_plane(poses), *planar.reach_of(np.maximum(*supports))))
     return planar.account(
-        problem.plane.moving, problem.plane.fixed, planar.Nominal(path, nominal.path.times, stops), run
+        problem.plane.moving, problem.plane.fixed, planar.PlanarPath(path, nominal.path.times, stops), run
     )
 
 

@@ -17,8 +17,8 @@ from fmopt.planning.moves.moves import Move, Reached, claims_of_moves
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.placement.goal_refinement import Method, refine_goals
 from fmopt.planning.placement.sequence_program import COARSE, Aim, Placed, Refinement, certified, refine, surer
-from fmopt.planning.placement.sequence_rows import Hold
-from fmopt.planning.robustness.error_tolerance import CertifiedMotion, Motion
+from fmopt.planning.placement.sequence_rows import HoldMargin
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion, WholeMotion
 from fmopt.planning.search.entry import start_spread
 from fmopt.planning.search.symmetry import Image, Searched
 from fmopt.runtime.clock import clock, deadline, until
@@ -87,7 +87,7 @@ class Posed:
         """Whether every piece of a sequence runs against the contact that ends its move."""
         return runs_against(self.problem, self.assembly, placed.reached.claims, self.tolerance)
 
-    def holds(self, claims: Sequence[Claim]) -> list[Hold]:
+    def holds(self, claims: Sequence[Claim]) -> list[HoldMargin]:
         """How surely the pieces of a motion hold their contacts, of those that hold them by little."""
         enough = FIRM, 0.0 if self.assembly.planar else STEADY
         return holds(self.problem, self.assembly, claims, self.tolerance, enough)
@@ -125,10 +125,12 @@ def _tolerance(problem: Problem, rho: float, share: float = 1.0) -> Tolerance:
     return Tolerance((share * error.translation, share * error.rotation), rho)
 
 
-def under_errors(found: CertifiedMotion, problem: Problem) -> Motion:
+def under_errors(found: CertifiedMotion, problem: Problem) -> WholeMotion:
     """The moves of a motion under the errors of a problem, which need not be those that it was found for."""
     tolerance = _tolerance(problem, found.tolerance.rho)
-    return Motion(found.assembly, found.placed.moves, problem.start_box, tolerance, found.placed.step, problem.framing)
+    return WholeMotion(
+        found.assembly, found.placed.moves, problem.start_box, tolerance, found.placed.step, problem.framing
+    )
 
 
 def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: float = FINE) -> Placed:

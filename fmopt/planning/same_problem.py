@@ -14,8 +14,8 @@ from fmopt.spatial.se3 import Pose
 from fmopt.task.pairing import Mated
 from fmopt.task.problem import Problem
 from fmopt.task.sizes import IMPACT, characteristic_length, measured_clearance
-from fmopt.verify.reading.document import Body, Found, Plan
-from fmopt.verify.reading.document import Part as Stated
+from fmopt.verify.reading.document import Body, Found, StatedPlan
+from fmopt.verify.reading.document import StatedPart as Stated
 
 _OF_ROBOT = ("stiffness", "mass", "limits", "delay", "noise")
 REMARK = "the problem's files were read by the planner's own reader"
@@ -24,7 +24,7 @@ _SEATED = 1e-6  # m, rad: walls of rounded numbers seat a part a little off the 
 _STARTED = 1e-9  # m: between the lowest point at the start and the height that it has by the problem
 
 
-def differences(plan: Plan, problem: Problem) -> tuple[str, ...]:
+def differences(plan: StatedPlan, problem: Problem) -> tuple[str, ...]:
     """What a plan states otherwise than a problem, in words with place and both values; none if they agree."""
     own, given = (plan.moving, plan.fixed), (problem.moving, problem.fixed)
     parts = [
@@ -45,7 +45,7 @@ def _other(key: str, words: str, own: object, given: object) -> str:
     return f"{key}: the plan {words}: {own} stands where the problem gives {given}"
 
 
-def _digest(plan: Plan, problem: Problem) -> Iterator[str]:
+def _digest(plan: StatedPlan, problem: Problem) -> Iterator[str]:
     if plan.problem != problem.sha256:
         yield (
             "problem.sha256: the plan belongs to another problem, or the problem's files have changed since: "
@@ -83,7 +83,7 @@ def _off(own: Body, given: Polyhedron) -> str | None:
     return f"{counts} {len(given.vertices)} and {len(given.faces)}"
 
 
-def _task(plan: Plan, problem: Problem) -> Iterator[str]:
+def _task(plan: StatedPlan, problem: Problem) -> Iterator[str]:
     """Goal, start and specification."""
     # Not x and y of guarded moves, which are where walls seat the part.
     if plan.presses and not _same(plan.goal[:2], problem.goal[:2].tolist()):
@@ -116,14 +116,14 @@ def _task(plan: Plan, problem: Problem) -> Iterator[str]:
             yield _other(f"specification.{name}", "is for another specification", own.get(name), given.get(name))
 
 
-def _specification(plan: Plan) -> dict[str, Any]:
+def _specification(plan: StatedPlan) -> dict[str, Any]:
     own = plan.specification
     names = ("speed", "contact_force", "torque_limit", "friction", "termination_force")
     found = {name: getattr(own, name) for name in names}
     return found if own.impact is None else found | dict(zip(IMPACT, own.impact, strict=True))
 
 
-def _errors(plan: Plan, problem: Problem) -> Iterator[str]:
+def _errors(plan: StatedPlan, problem: Problem) -> Iterator[str]:
     """Start errors, the frames that they are fixed in, and velocity errors."""
     wanted, velocity = problem.start_box.tolist(), problem.velocity_error
     if not _same(plan.start_box, wanted):
@@ -140,7 +140,7 @@ def _errors(plan: Plan, problem: Problem) -> Iterator[str]:
         yield _other("uncertainty.velocity_error", "is for another velocity error", list(plan.velocity_error), rates)
 
 
-def _presses(plan: Plan, problem: Problem, clearance: Clearance) -> Iterator[str]:
+def _presses(plan: StatedPlan, problem: Problem, clearance: Clearance) -> Iterator[str]:
     """What trials of presses rest on: the seat, the robot, what they are drawn from, and the rate asked for."""
     presses, evidence = (getattr(plan, name, None) for name in ("press_plan", "trials"))
     if presses is None:
@@ -179,7 +179,7 @@ def _mating(side: str, stated: Found | None, mated: Mated | None) -> Iterator[st
         yield f"parts.{side}.found: the plan has the {side} part mate otherwise than is found on its file"
 
 
-def _measured(plan: Plan, problem: Problem) -> Iterator[str]:
+def _measured(plan: StatedPlan, problem: Problem) -> Iterator[str]:
     """What is measured on the parts: the clearance, and the length that weighs rotation."""
     try:
         clearance = measured_clearance(problem)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from fmopt.plan import Contact, Numbers, Part
+from fmopt.plan import Numbers, StatedContact, StatedPart
 from fmopt.report.drawing import Drawing
 from fmopt.report.naming import binding_words, box_words, contact_words, degrees, pose_words, quantity
 from fmopt.report.scene import resource
@@ -15,7 +15,7 @@ _TITLE = "The closest attempt: both parts cut through the mating axis, at every 
 
 
 @dataclass(frozen=True)
-class Step:
+class AttemptStep:
     """A move of an attempt between poses (6,), m and rad, and the least certified of it, m; None where nothing is."""
 
     name: str
@@ -80,14 +80,14 @@ class Failure:
     message: str
     late: bool
     lack: Lack | None
-    steps: tuple[Step, ...]
+    steps: tuple[AttemptStep, ...]
     box: Numbers
     rho: float
     nearest: Nearest | None
     advice: tuple[str, ...]
-    moving: Part
-    fixed: Part
-    contacts: tuple[Contact, ...]
+    moving: StatedPart
+    fixed: StatedPart
+    contacts: tuple[StatedContact, ...]
 
     @property
     def reason(self) -> str:

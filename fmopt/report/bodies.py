@@ -9,7 +9,7 @@ import numpy as np
 
 from fmopt.geometry.polyhedron import Edge, Polyhedron, from_faces, placed
 from fmopt.geometry.section import section
-from fmopt.plan import Body, Part
+from fmopt.plan import Body, StatedPart
 from fmopt.plan.contact_geometry import Parts, contacts
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -28,11 +28,11 @@ def body_of(body: Body) -> Polyhedron:
     return from_faces(body.vertices, body.faces, balls=body.balls)
 
 
-def stated_part(part: Solid) -> Part:
+def stated_part(part: Solid) -> StatedPart:
     """A part as a plan would state it, without clearances."""
     pieces = tuple(_body(piece) for piece in part.pieces)
     balls = tuple(_body(ball) for ball in part.balls)
-    return Part(_body(part.polyhedron), pieces, part.name, (0.0, 0.0), 0.0, balls=balls)
+    return StatedPart(_body(part.polyhedron), pieces, part.name, (0.0, 0.0), 0.0, balls=balls)
 
 
 def _body(body: Polyhedron) -> Body:
@@ -40,7 +40,7 @@ def _body(body: Polyhedron) -> Body:
     return Body(vertices, tuple(tuple(tuple(loop) for loop in face.loops) for face in body.faces), balls=body.balls)
 
 
-def pieces_of(part: Part) -> tuple[Polyhedron, ...]:
+def pieces_of(part: StatedPart) -> tuple[Polyhedron, ...]:
     """The convex pieces of a part of a plan, and its balls."""
     return tuple(body_of(piece) for piece in (*part.pieces, *part.balls))
 

@@ -15,7 +15,7 @@ from fmopt.spatial.values import Array
 
 
 @dataclass(frozen=True)
-class Verdict:
+class VerdictWords:
     """What may be said of a plan: whether it is proved, the one word for it, and a sentence.
 
     A plan whose digest does not fit its content, or with a margin that is not positive, is not proved, whatever it says
@@ -28,7 +28,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Move:
+class MoveWords:
     """A move of a plan, numbered from 1, with travel, m, turn, rad, and the smallest clearance and margin, m.
 
     `made` is the id of the contact that ends it, None for a move that makes none.
@@ -53,18 +53,18 @@ class Move:
         return tuple(sorted(new, key=lambda contact: contact != self.made))
 
 
-def moves(plan: Plan) -> tuple[Move, ...]:
+def moves(plan: Plan) -> tuple[MoveWords, ...]:
     """The moves of a plan, in order."""
     runs = [tuple(run) for _, run in groupby(plan.segments, key=lambda piece: piece.move)]
     return tuple(_move(number, run) for number, run in enumerate(runs, start=1))
 
 
-def _move(number: int, run: tuple[Segment, ...]) -> Move:
+def _move(number: int, run: tuple[Segment, ...]) -> MoveWords:
     worst = min(run, key=lambda piece: piece.margin)
     made = [contact for contact, _, is_made in run[-1].basis if is_made]
     state, goal = run[0].state, run[-1].goal_state
     new = [contact for contact in goal if contact not in state]
-    return Move(
+    return MoveWords(
         number=number,
         segments=run,
         state=state,
@@ -105,28 +105,28 @@ def smallest_margin(plan: Plan) -> float:
     return min(piece.margin for piece in plan.segments)
 
 
-def verdict(plan: Plan) -> Verdict:
+def verdict(plan: Plan) -> VerdictWords:
     """The verdict in words; proved only where the plan says CERTIFIED, is intact and its margins are positive."""
     # First of all: what a changed plan says of itself counts for nothing.
     if not plan.digest_holds:
-        return Verdict(False, "Not proved", "The plan was changed after it was sealed: its digest does not fit.")
+        return VerdictWords(False, "Not proved", "The plan was changed after it was sealed: its digest does not fit.")
     if plan.press_plan is not None:
         word = "Tested" if plan.verdict == "TESTED" else "Not tested enough"
-        return Verdict(False, word, f"{evidence_words(plan)} Nothing is proved of presses.")
+        return VerdictWords(False, word, f"{evidence_words(plan)} Nothing is proved of presses.")
     margin = smallest_margin(plan)
     if plan.verdict == "CERTIFIED" and margin > 0.0:
         words = (
             "Every motion whose errors lie in the stated set makes the planned contacts in the planned order and ends "
             f"in the goal pose. Smallest certified margin: {quantity(margin)}. Trials: {carried_words(plan)}."
         )
-        return Verdict(True, "Certified", words)
+        return VerdictWords(True, "Certified", words)
     short = f"Smallest computed margin, not proved: {quantity(margin)}."
     short = short if margin > 0.0 else f"Largest shortfall: {quantity(-margin)}."
     if plan.verdict == "REFUTED":
         words = "The independent check found a pose within the stated errors at which the plan fails."
-        return Verdict(False, "Refuted", f"{words} {short}")
+        return VerdictWords(False, "Refuted", f"{words} {short}")
     words = "The proof could not be closed: the motion may work, but nothing below is a guarantee."
-    return Verdict(False, "Not proved", f"{words} {short}")
+    return VerdictWords(False, "Not proved", f"{words} {short}")
 
 
 def margin_name(plan: Plan) -> str:
@@ -147,7 +147,7 @@ def margin_claim(plan: Plan, margin: float) -> str:
     return f"{margin_name(plan)}{between}{quantity(margin)}"
 
 
-def move_words(plan: Plan, move: Move) -> str:
+def move_words(plan: Plan, move: MoveWords) -> str:
     """What a move does: "slide 1.15 mm in −x until …", "move freely 2 mm in +x away from …"."""
     words = _motion_words(plan, move)
     if move.left:
@@ -161,7 +161,7 @@ def move_words(plan: Plan, move: Move) -> str:
     return words
 
 
-def _motion_words(plan: Plan, move: Move) -> str:
+def _motion_words(plan: Plan, move: MoveWords) -> str:
     start, goal = (Pose.from_vector(pose) for pose in (move.segments[0].start, move.segments[-1].goal))
     step = start.local(goal)
     way, angle = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:]))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fmopt.plan import Body, Contact, Part, Plan
+from fmopt.plan import Body, Plan, StatedContact, StatedPart
 from fmopt.plan.contact_geometry import Parts
 from fmopt.plan.diagnostics import UnplannedContact
 from fmopt.plan.position_force import AXES
@@ -73,7 +73,7 @@ def contact_words(plan: Parts, contact: str) -> str:
     return meeting_words(plan, record, f" {own}", f" {other}")
 
 
-def meeting_words(plan: Parts, record: Contact | UnplannedContact, own: str = "", other: str = "") -> str:
+def meeting_words(plan: Parts, record: StatedContact | UnplannedContact, own: str = "", other: str = "") -> str:
     """What touches what, by the vertices of both sides, with names for the two: "corner touches wall (y = 10 mm)"."""
     tip, wall = _points(plan.moving, record.moving), _points(plan.fixed, record.fixed)
     moved = "ball" if record.kind == "ball-face" else _moving_words(plan.moving, tip)
@@ -87,11 +87,11 @@ def touched_words(plan: Plan, contact: str) -> str:
     return f"{_fixed_words(_points(plan.fixed, record.fixed))} {contact.partition('-')[2]}"
 
 
-def _points(part: Part, vertices: Sequence[int]) -> Array:
+def _points(part: StatedPart, vertices: Sequence[int]) -> Array:
     return np.array([part.body.vertices[i] for i in vertices], dtype=np.float64)
 
 
-def _record(plan: Parts, contact: str) -> Contact | None:
+def _record(plan: Parts, contact: str) -> StatedContact | None:
     return next((c for c in plan.contacts if c.id == contact), None)
 
 
@@ -100,7 +100,7 @@ def _bounds(body: Body) -> Array:
     return np.array([np.min(body.vertices, axis=0), np.max(body.vertices, axis=0)])
 
 
-def _moving_words(part: Part, points: Array) -> str:
+def _moving_words(part: StatedPart, points: Array) -> str:
     leading = bool(np.all(points[:, 2] <= min(vertex[2] for vertex in part.body.vertices) + _SAME))
     kind = {1: "corner", 2: "edge"}.get(len(points), "face")
     if kind == "edge" and np.all(np.abs(points[0, :2] - points[1, :2]) <= _SAME):
@@ -152,7 +152,7 @@ def binding_label(plan: Plan, binding: str) -> str:
     return f"{early[1]} made too early" if early else f"bounds of {binding}" if binding else "nothing"
 
 
-def _side_words(part: Part, number: int) -> str:
+def _side_words(part: StatedPart, number: int) -> str:
     """Where a convex piece of the fixed part lies, seen from the hole: "the −x side", "the floor"."""
     pieces = part.pieces
     if len(pieces) < 2 or number >= len(pieces):
@@ -164,7 +164,7 @@ def _side_words(part: Part, number: int) -> str:
     return f"the {side} side" if gaps[side] > 0.0 else "the floor" if high[2] < -_SAME else f"piece {number}"
 
 
-def _piece_words(part: Part, number: int) -> str:
+def _piece_words(part: StatedPart, number: int) -> str:
     """A convex piece by the part's name and, where there are several, the axis on which it is a slice of the part."""
     pieces = part.pieces
     if number >= len(pieces) and part.body.balls:

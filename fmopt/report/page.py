@@ -8,7 +8,7 @@ from fmopt.plan.diagnostics import Planar, PlanarSegment
 from fmopt.report import control_tables, sections
 from fmopt.report.control_tables import jamming_table
 from fmopt.report.figures import catalogue
-from fmopt.report.moves import Verdict, moves, verdict
+from fmopt.report.moves import VerdictWords, moves, verdict
 from fmopt.report.naming import degrees, quantity
 from fmopt.report.presses import press_chapters
 from fmopt.report.recovery_tables import recovery_chapter, tolerance_chapter
@@ -75,7 +75,7 @@ def _guarded_chapters(plan: Plan, shown: Mapping[str, str]) -> list[tuple[str, s
     ]
 
 
-def _verdict_box(plan: Plan, found: Verdict) -> str:
+def _verdict_box(plan: Plan, found: VerdictWords) -> str:
     kind = "proved" if found.proved or found.word == "Tested" else "unproved"
     limits = ' Under the assumptions listed in <a href="#limits">what was not checked</a>.' if found.proved else ""
     text = f'<div class="verdict {kind}">\n<p class="word">{escape(found.word)}</p>\n'

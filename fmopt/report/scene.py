@@ -18,7 +18,7 @@ import numpy as np
 from fmopt.geometry.convex_pieces import clip, faceted
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
-from fmopt.plan import Contact, Numbers, Part, Plan, Segment
+from fmopt.plan import Numbers, Plan, Segment, StatedContact, StatedPart
 from fmopt.plan.description import TracePose
 from fmopt.plan.evidence import Evidence
 from fmopt.plan.press import Press, first_presses
@@ -49,7 +49,7 @@ def embedded(value: Any) -> str:
 
 
 @dataclass(frozen=True)
-class Leg:
+class SceneLeg:
     """A piece of the way that is shown: poses (6,) at its ends, the contacts held, made at its end, and its share."""
 
     move: int
@@ -90,16 +90,16 @@ def scene(plan: Plan) -> str:
     return _viewer(data, label, "", (*choices, _ARROWS), _OF_PRESSES)
 
 
-def seating(moving: Part, fixed: Part, nodes: Sequence[Numbers]) -> str:
+def seating(moving: StatedPart, fixed: StatedPart, nodes: Sequence[Numbers]) -> str:
     """A viewer of two parts on a way straight from pose to pose (6,) in B, m and rad, as a fragment of HTML."""
-    legs = [Leg(k, a, b) for k, (a, b) in enumerate(pairwise(nodes))]
+    legs = [SceneLeg(k, a, b) for k, (a, b) in enumerate(pairwise(nodes))]
     return _viewer(_data(moving, fixed, legs), _label(moving, fixed), "")
 
 
-def part_scene(part: Part) -> str:
+def part_scene(part: StatedPart) -> str:
     """A part alone, as a fragment of HTML: it can be turned and cut open, and nothing moves."""
     body, stock, quarter = faceted(body_of(part.body)), [*map(faceted, pieces_of(part))], (1, -1)
-    data = _fixed_data(body, stock, (quarter, _into(quarter)), [Leg(0, (0.0,) * 6, (0.0,) * 6)])
+    data = _fixed_data(body, stock, (quarter, _into(quarter)), [SceneLeg(0, (0.0,) * 6, (0.0,) * 6)])
     return _viewer(data, f"Picture in three dimensions of {part.name}", " scene-still")
 
 
@@ -124,7 +124,7 @@ def _choice(words: str, name: str, options: Mapping[str, str]) -> str:
     return f'<label class="scene-moves">{words} <select data-do="{name}">{listed}</select></label>'
 
 
-def _label(moving: Part, fixed: Part) -> str:
+def _label(moving: StatedPart, fixed: StatedPart) -> str:
     return f"Picture in three dimensions of {moving.name} going into {fixed.name}"
 
 
@@ -189,15 +189,15 @@ def _trial_data(evidence: Evidence, firsts: Sequence[int], backs: int) -> dict[s
     return {"trials": trials, "cloud": cloud, "ways": ways}
 
 
-def _steps(poses: Sequence[TracePose], backs: int) -> tuple[list[Leg], list[int]]:
+def _steps(poses: Sequence[TracePose], backs: int) -> tuple[list[SceneLeg], list[int]]:
     """Legs between poses, and the caption of each move: the press, or `backs`. The legs of a move share it by time."""
-    legs, captions = list[Leg](), list[int]()
+    legs, captions = list[SceneLeg](), list[int]()
     for caption, group in groupby(pairwise(poses), key=lambda pair: backs if pair[0].back else pair[0].press):
         pairs = list(group)
         begin, whole = pairs[0][0].time, pairs[-1][1].time - pairs[0][0].time or 1.0
         for one, other in pairs:
             share = round((one.time - begin) / whole, 4), round((other.time - begin) / whole, 4)
-            legs.append(Leg(len(captions), one.pose, other.pose, share=share))
+            legs.append(SceneLeg(len(captions), one.pose, other.pose, share=share))
         captions.append(caption)
     return legs, captions
 
@@ -221,7 +221,7 @@ def _arrows(press: Press, most: float) -> list[dict[str, Any]]:
     ]
 
 
-def _data(moving: Part, fixed: Part, legs: Sequence[Leg]) -> dict[str, Any]:
+def _data(moving: StatedPart, fixed: StatedPart, legs: Sequence[SceneLeg]) -> dict[str, Any]:
     """What the viewer shows of two parts on a way without moves."""
     peg = faceted(body_of(moving.body))
     skin = [*map(_rounded, _covering(peg, [*map(faceted, pieces_of(moving))]))]
@@ -230,7 +230,7 @@ def _data(moving: Part, fixed: Part, legs: Sequence[Leg]) -> dict[str, Any]:
 
 
 def _fixed_data(
-    block: Polyhedron, stock: Sequence[Polyhedron], view: tuple[tuple[int, int], float], legs: Sequence[Leg]
+    block: Polyhedron, stock: Sequence[Polyhedron], view: tuple[tuple[int, int], float], legs: Sequence[SceneLeg]
 ) -> dict[str, Any]:
     """What the viewer shows where nothing moves; `view` is the quarter to take away and the azimuth, rad."""
     quarter, azimuth = view
@@ -246,12 +246,12 @@ def _fixed_data(
     }
 
 
-def _leg_of(piece: Segment, move: int) -> Leg:
+def _leg_of(piece: Segment, move: int) -> SceneLeg:
     new = tuple(contact for contact in piece.goal_state if contact not in piece.state)
-    return Leg(move, piece.start, piece.goal, piece.state, new, piece.progress)
+    return SceneLeg(move, piece.start, piece.goal, piece.state, new, piece.progress)
 
 
-def _leg(leg: Leg) -> dict[str, Any]:
+def _leg(leg: SceneLeg) -> dict[str, Any]:
     start = Pose.from_vector(leg.start)
     return {
         "move": leg.move,
@@ -264,7 +264,7 @@ def _leg(leg: Leg) -> dict[str, Any]:
     }
 
 
-def _pair(plan: Plan, contact: Contact) -> list[list[Any]]:
+def _pair(plan: Plan, contact: StatedContact) -> list[list[Any]]:
     """The corners of both features of a contact; of a ball its centre, and behind them the way from there to it."""
     pair = [_places(plan.moving, contact.moving), _places(plan.fixed, contact.fixed)]
     if contact.kind != "ball-face":
@@ -273,7 +273,7 @@ def _pair(plan: Plan, contact: Contact) -> list[list[Any]]:
     return [*pair, _rounded(contact_place(plan, contact.id, Pose.identity()) - centre)]
 
 
-def _places(part: Part, vertices: Sequence[int]) -> list[list[float]]:
+def _places(part: StatedPart, vertices: Sequence[int]) -> list[list[float]]:
     return list(_rounded([part.body.vertices[i] for i in vertices]))
 
 
@@ -283,7 +283,7 @@ def _rounded(points: Any) -> Any:
     return (np.round(1e3 * np.asarray(points, dtype=np.float64), _ROUND) + 0.0).tolist()
 
 
-def _opening(legs: Sequence[Leg]) -> tuple[tuple[int, int], float]:
+def _opening(legs: Sequence[SceneLeg]) -> tuple[tuple[int, int], float]:
     """The quarter to take away, and the azimuth of the first view, rad: across the greatest lean where there is one.
 
     The line of sight is level with the axis about which the part leans, turned by at most 20°, into the quarter so that

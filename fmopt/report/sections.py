@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fmopt.plan import FORMAT, FRAMES, UNITS, Numbers, Part, Plan
+from fmopt.plan import FORMAT, FRAMES, UNITS, Numbers, Plan, StatedPart
 from fmopt.plan.position_force import AXES
 from fmopt.report.control_tables import jamming_words
 from fmopt.report.moves import margin_claim, move_words, moves, states, summary_rows, verdict
@@ -73,7 +73,7 @@ def clearance_words(plan: Plan, kind: str) -> str:
     return ", ".join(f"{millimetres(v)} mm along {axis}" for v, axis in stated)
 
 
-def _part_row(side: str, part: Part) -> tuple[str, ...]:
+def _part_row(side: str, part: StatedPart) -> tuple[str, ...]:
     points, radii = np.array(part.body.vertices, dtype=np.float64), np.zeros((len(part.body.vertices), 1))
     for vertex, radius in part.body.balls:
         radii[vertex] = radius

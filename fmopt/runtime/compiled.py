@@ -55,20 +55,20 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 @cache
 def folder() -> str:
-    """Where what is compiled is kept: a folder of its own for each state of what kernels share, files and settings."""
+    """Where what is compiled is kept: a folder for each state of what kernels share: files, settings, types by name."""
     own = Path(os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__").absolute()
     # It need not be there yet: what is made is made in the nearest folder that is.
     if not os.access(next(place for place in (own, *own.parents) if place.exists()), os.W_OK):
         own = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "fmopt"
     # Sorted, as a disk lists files in an order of its own, which the name must not depend on.
-    shared = b"".join(path.read_bytes() for path in sorted(_PACKAGE.rglob("kernels*.py")))
+    shared = b"".join(path.read_bytes() for path in (*sorted(_PACKAGE.rglob("kernels*.py")), LIST))
     state = hashlib.sha256(shared + repr((_SETTINGS, _EFFORT)).encode()).hexdigest()
     return str(own / f"kernels-{state[:16]}")
 
 
 def mark() -> Path:
     """The file that says that all kernels of the list have been compiled."""
-    return Path(folder()) / f"ahead-{hashlib.sha256(LIST.read_bytes()).hexdigest()[:16]}"
+    return Path(folder()) / "ahead"
 
 
 @contextmanager

@@ -22,7 +22,7 @@ _NEXT = "scipy.spatial"  # which every answer is worked on with: it is imported 
 
 
 @dataclass(frozen=True)
-class Reader:
+class FileReader:
     """What reads files."""
 
     name: str
@@ -32,7 +32,7 @@ class Reader:
     again: str
 
 
-def read(path: Path, reader: Reader, *arguments: str) -> Any:
+def read(path: Path, reader: FileReader, *arguments: str) -> Any:
     """What a reader returns of a file, whose path is its first argument.
 
     Raises:
@@ -46,7 +46,7 @@ def read(path: Path, reader: Reader, *arguments: str) -> Any:
         raise
 
 
-def _read(reader: Reader, *arguments: str) -> Any:
+def _read(reader: FileReader, *arguments: str) -> Any:
     child, gone = Child(f"{__name__}:work", reader.entry, *arguments), False
     try:
         importlib.import_module(_NEXT)
@@ -91,7 +91,7 @@ def _limit() -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no image of its memory on the disk
 
 
-def _ending(reader: Reader, code: int, last: str) -> FmoptError:
+def _ending(reader: FileReader, code: int, last: str) -> FmoptError:
     """The error of a process that did not answer."""
     if code >= 0:
         return FmoptError(f"the process that reads it ended with exit code {code}: {last}")

@@ -53,7 +53,7 @@ def axes_of(
     axes, faults = [], list[Fault]()
     names = [axis.name for axis in file.axes]
     for i, axis in enumerate(file.axes):
-        reader = _Reader(source, file, reading, targets, ("axes", i), names)
+        reader = _AxisReader(source, file, reading, targets, ("axes", i), names)
         found = reader.axis(axis, i)
         faults += reader.faults
         if found is not None:
@@ -65,7 +65,7 @@ def axes_of(
 
 
 @dataclass
-class _Reader:
+class _AxisReader:
     """Reads one axis and collects its faults."""
 
     source: Source
@@ -79,7 +79,7 @@ class _Reader:
     def _fault(self, key: Key, code: str, message: str, advice: str) -> None:
         self.faults.append(self.source.place((*self.key, *key)).fault(code, message, advice))
 
-    def axis(self, axis: files.Axis, number: int) -> Axis | None:
+    def axis(self, axis: files.AxisTable, number: int) -> Axis | None:
         if axis.name in self.names[:number]:
             self._fault(("name",), "conflict", f"there are two axes {axis.name!r}", "rename one of them")
         sets = self._sets(axis)
@@ -99,7 +99,7 @@ class _Reader:
             values, distribution = tuple(stepped(distribution, steps)), None
         return Axis(axis.name, dimension, values or (), distribution, sets, linked, self.key)
 
-    def _sets(self, axis: files.Axis) -> tuple[tuple[Target, str], ...]:
+    def _sets(self, axis: files.AxisTable) -> tuple[tuple[Target, str], ...]:
         pairs = axis.sets.items() if isinstance(axis.sets, Mapping) else ((path, "") for path in axis.sets)
         found = []
         for n, (path, expression) in enumerate(pairs):
@@ -117,7 +117,7 @@ class _Reader:
             self._fault(("sets",), "wrong-unit", f"one value is to be {words}", "make two linked axes of it")
         return tuple(found)
 
-    def _dimension(self, axis: files.Axis, sets: Sequence[tuple[Target, str]]) -> Dimension | None:
+    def _dimension(self, axis: files.AxisTable, sets: Sequence[tuple[Target, str]]) -> Dimension | None:
         """What the axis measures: what it sets as it is, else what the unit of its first number says, else a length."""
         own = [goal for goal, expression in sets if expression in ("", axis.name)]
         if own:
@@ -138,7 +138,7 @@ class _Reader:
             return None
 
     def _values(
-        self, axis: files.Axis, dimension: Dimension | None, sets: Sequence[tuple[Target, str]]
+        self, axis: files.AxisTable, dimension: Dimension | None, sets: Sequence[tuple[Target, str]]
     ) -> tuple[Number, ...] | None:
         others = [name for name in ("low", "high", "steps", "mean", "deviation") if getattr(axis, name) is not None]
         if axis.values is None:
@@ -164,7 +164,7 @@ class _Reader:
         # Truths as TOML writes them; `assignments` makes truths of them again.
         return tuple(str(raw).lower() if isinstance(raw, bool) else str(raw) for raw in values)
 
-    def _distribution(self, axis: files.Axis, dimension: Dimension | None) -> Uniform | Normal | None:
+    def _distribution(self, axis: files.AxisTable, dimension: Dimension | None) -> Uniform | Normal | None:
         if self.faults:
             return None
         if dimension is None:
@@ -201,7 +201,7 @@ class _Reader:
         assert high is not None
         return Uniform(low, high, axis.spacing == "log")
 
-    def _linked(self, axis: files.Axis, number: int) -> int | None:
+    def _linked(self, axis: files.AxisTable, number: int) -> int | None:
         if axis.linked is None:
             return None
         if axis.linked in self.names[:number]:

@@ -13,7 +13,7 @@ from fmopt.plan import read as read_plan
 from fmopt.study import study_file as files
 from fmopt.study.axes import Axis, Number, assignments, axes_of, count_of, points_of, unusable
 from fmopt.study.evaluation import QUANTITIES, missing
-from fmopt.study.running.batch import Limits, Question, Run
+from fmopt.study.running.batch import Limits, Run, StudyContext
 from fmopt.study.running.program import program
 from fmopt.study.running.running import Work
 from fmopt.study.sampling import CUBES
@@ -38,9 +38,9 @@ class Study:
     points: Sequence[tuple[Number, ...]]
 
     @property
-    def question(self) -> Question:
+    def question(self) -> StudyContext:
         """What is computed of each run."""
-        return Question(self.base.name, self.file.compute, self.file.keep, self.base.plan)
+        return StudyContext(self.base.name, self.file.compute, self.file.keep, self.base.plan)
 
     @property
     def limits(self) -> Limits:

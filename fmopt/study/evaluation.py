@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 from fmopt import plan
 from fmopt.errors import FmoptError, InfeasibleError, InputError, InterferenceError, SearchError
 from fmopt.plan import Plan
-from fmopt.study.running.batch import Question, Run
+from fmopt.study.running.batch import Run, StudyContext
 from fmopt.study.running.store import Row, Scalar
 from fmopt.study.targets import assigned
 from fmopt.task.loading import problem_of
@@ -32,7 +32,7 @@ _MOTIONS: dict[str, CertifiedMotion | NoAnswer] = {}  # the last of this process
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ComputedQuantity:
     """Something that can be computed of a problem, its columns in the order of the table."""
 
     columns: tuple[str, ...]
@@ -42,7 +42,9 @@ class Quantity:
 class Solved:
     """One problem, and what is known of it so far: each stage is done when it is first asked for, wholly if `kept`."""
 
-    def __init__(self, source: Source, problem: Problem, inputs: str, question: Question, presses: Path | None) -> None:
+    def __init__(
+        self, source: Source, problem: Problem, inputs: str, question: StudyContext, presses: Path | None
+    ) -> None:
         self._source, self.problem, self._inputs, self._presses = source, problem, inputs, presses
         self._kept, self._tests = "plan" in question.keep, "evidence" in question.quantities
 
@@ -253,12 +255,12 @@ def _evidence(solved: Solved) -> dict[str, Scalar]:
     }
 
 
-def _quantity(columns: str, answer: Callable[[Solved], Mapping[str, Scalar]]) -> Quantity:
-    return Quantity(tuple(columns.split()), answer)
+def _quantity(columns: str, answer: Callable[[Solved], Mapping[str, Scalar]]) -> ComputedQuantity:
+    return ComputedQuantity(tuple(columns.split()), answer)
 
 
 # Each has a verdict and a shortfall, which `evaluate` fills in where it has no answer.
-QUANTITIES: Mapping[str, Quantity] = {
+QUANTITIES: Mapping[str, ComputedQuantity] = {
     "clearance": _quantity("clearance clearance_x clearance_y verdict shortfall", _clearance),
     "plan": _quantity("verdict shortfall moves segments cost lower_bound", _plan),
     "margins": _quantity(

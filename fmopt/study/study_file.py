@@ -14,7 +14,7 @@ Expression: TypeAlias = Annotated[str, Field(min_length=1, max_length=200)]
 Positive: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]
 
 
-class Axis(Table):
+class AxisTable(Table):
     """A parameter that varies: by values, by a range, or by a distribution."""
 
     name: Name
@@ -77,12 +77,12 @@ class StudyFile(Table):
     """A plan of presses, relative to this file, whose evidence is computed as it is; without it, of one plan a run."""
     keep: tuple[Literal["plan"], ...] = ()
     """What to keep of each run beside its row of the table."""
-    axes: tuple[Axis, ...]
+    axes: tuple[AxisTable, ...]
     sampling: Sampling = Field(default_factory=Sampling)
     limits: RunLimits = Field(default_factory=RunLimits)
 
 
-class Tolerance(Table):
+class ToleranceTable(Table):
     """A tolerance that may be changed."""
 
     name: Name
@@ -107,4 +107,4 @@ class AllocationFile(Table):
     """Least margin that the motion must keep."""
     gap: Ratio = 0.005
     """How near to the least possible cost is near enough, as a fraction."""
-    tolerances: Annotated[tuple[Tolerance, ...], Field(max_length=32)]
+    tolerances: Annotated[tuple[ToleranceTable, ...], Field(max_length=32)]

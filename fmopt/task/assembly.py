@@ -10,7 +10,7 @@ from fmopt.errors import Fault, InputError, TaskError
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Value
 from fmopt.task.model import load_model, overrides_of
-from fmopt.task.object_model.command import Answer, Specification, Task, answer, completed
+from fmopt.task.object_model.command import Answer, CommandLimits, Task, answer, completed
 from fmopt.task.object_model.goal import FREE
 from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.object_model.workcell import Link, Ref, Workcell
@@ -21,7 +21,7 @@ from fmopt.task.toml.tables import Reading, checked
 
 
 @dataclass(frozen=True, eq=False)
-class Assembly(Value):
+class AssemblySequence(Value):
     """A workcell as it is at the beginning, and its tasks by name, in their order."""
 
     title: str
@@ -31,7 +31,7 @@ class Assembly(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Step(Value):
+class AssemblyStep(Value):
     """A task of an assembly: its name, the knowledge base's answer, and the workcell after it."""
 
     name: str
@@ -48,7 +48,7 @@ def is_assembly(path: str | PathLike[str]) -> bool:
     return bool({"objects", "tasks"} & set(read(Path(path)).data))
 
 
-def load_assembly(path: str | PathLike[str]) -> Assembly:
+def load_assembly(path: str | PathLike[str]) -> AssemblySequence:
     """The assembly of a file.
 
     Raises:
@@ -65,10 +65,10 @@ def load_assembly(path: str | PathLike[str]) -> Assembly:
         workcell = Workcell(trees, links)
     except TaskError as error:
         raise _fault(source, ("links",), error) from error
-    return Assembly(file.title, source, workcell, {name: _task(table) for name, table in file.tasks.items()})
+    return AssemblySequence(file.title, source, workcell, {name: _task(table) for name, table in file.tasks.items()})
 
 
-def carried_out(assembly: Assembly) -> Iterable[Step]:
+def carried_out(assembly: AssemblySequence) -> Iterable[AssemblyStep]:
     """Every task of the assembly in turn, each answered in the workcell that the one before it left.
 
     Raises:
@@ -82,7 +82,7 @@ def carried_out(assembly: Assembly) -> Iterable[Step]:
             workcell = completed(workcell, found)
         except TaskError as error:
             raise _fault(assembly.source, ("tasks", name), error) from error
-        yield Step(name, found, workcell)
+        yield AssemblyStep(name, found, workcell)
 
 
 def _trees(source: Source, reading: Reading, file: files.AssemblyFile) -> tuple[ObjectTree, ...]:
@@ -110,7 +110,7 @@ def _trees(source: Source, reading: Reading, file: files.AssemblyFile) -> tuple[
 def _task(table: files.TaskTable) -> Task:
     wanted = table.specification
     x, y, z, rx, ry, rz = (FREE if value is None else value for value in table.goal)
-    specification = Specification(wanted.speed, wanted.contact_force, wanted.torque_limit)
+    specification = CommandLimits(wanted.speed, wanted.contact_force, wanted.torque_limit)
     grasp, goal = Pose.from_vector([*table.grasp.at, *table.grasp.turn]), (x, y, z, rx, ry, rz)
     return Task(_ref(table.moving), _ref(table.fixed), goal, table.attachment, specification, grasp)
 

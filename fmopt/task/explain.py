@@ -13,7 +13,7 @@ from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.part import Part
 from fmopt.plan.press import ConvexSolid
 from fmopt.spatial.values import Array
-from fmopt.task.assembly import Assembly, Step
+from fmopt.task.assembly import AssemblySequence, AssemblyStep
 from fmopt.task.problem import Problem
 from fmopt.task.sizes import drift
 from fmopt.task.task_command import problem_answer
@@ -280,13 +280,13 @@ def _settings(problem: Problem) -> Iterator[str]:
     )
 
 
-def assembly_facts(assembly: Assembly, steps: Sequence[Step]) -> dict[str, Any]:
+def assembly_facts(assembly: AssemblySequence, steps: Sequence[AssemblyStep]) -> dict[str, Any]:
     """The same as data: SI units, poses as (x, y, z, rotation vector)."""
     objects, tasks = [tree.name for tree in assembly.workcell.objects], [_step_facts(step) for step in steps]
     return {"valid": True, "title": assembly.title, "objects": objects, "tasks": tasks}
 
 
-def _step_facts(step: Step) -> dict[str, Any]:
+def _step_facts(step: AssemblyStep) -> dict[str, Any]:
     found = step.answer
     return {
         "name": step.name,
@@ -310,14 +310,14 @@ def _step_facts(step: Step) -> dict[str, Any]:
     }
 
 
-def explain_assembly(assembly: Assembly, steps: Sequence[Step]) -> str:
+def explain_assembly(assembly: AssemblySequence, steps: Sequence[AssemblyStep]) -> str:
     """The workcell and what each task comes to, one statement a line, lengths in mm and angles in degrees."""
     objects = ", ".join(tree.name for tree in assembly.workcell.objects)
     rows = listed({"objects": [objects], **{step.name: _statements(step) for step in steps}})
     return aligned(assembly.title, str(assembly.source.path), *rows)
 
 
-def _statements(step: Step) -> Iterator[str]:
+def _statements(step: AssemblyStep) -> Iterator[str]:
     found = step.answer
     wanted = found.task
     yield f"{wanted.moving} into a {wanted.attachment} pair with {wanted.fixed}"

@@ -14,7 +14,7 @@ from fmopt.geometry.section import require_plausible
 from fmopt.task.mesh_source import MESHES, OWN_UNIT, assumed, called, mesh_faults, takes
 from fmopt.task.sizes import implausible
 from fmopt.task.solid_tree import build_part, part_reach, tree_faults
-from fmopt.task.toml.model_file import ModelFile, Profile
+from fmopt.task.toml.model_file import ModelFile, ProfileTable
 from fmopt.task.toml.source import Key, Place, Source, read, read_bytes
 from fmopt.task.toml.tables import Reading, checked
 from fmopt.task.toml.units import RATIO, UNITS, Quantity, QuantityError, did_you_mean
@@ -240,7 +240,7 @@ def _ball_faults(source: Source, file: ModelFile) -> Iterator[Fault]:
         yield place.fault("not-supported", "a part with a hollow feature has balls", advice)
 
 
-def _profile_faults(source: Source, file: ModelFile, profile: Profile) -> Iterator[Fault]:
+def _profile_faults(source: Source, file: ModelFile, profile: ProfileTable) -> Iterator[Fault]:
     """A profile mates by features of one kind in its plane; what moves is one convex polygon."""
     kinds = sorted({feature.kind for feature in file.features.values()})
     if len(kinds) > 1:

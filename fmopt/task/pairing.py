@@ -22,7 +22,7 @@ from fmopt.task.toml.model_file import MatingFeature
 from fmopt.task.toml.source import Source
 
 if TYPE_CHECKING:
-    from fmopt.geometry.fit.find import Fit, Stated
+    from fmopt.geometry.fit.find import FoundFit, Stated
     from fmopt.geometry.part import Part
     from fmopt.task.model import Model
     from fmopt.task.toml.problem_file import ProblemFile
@@ -155,7 +155,7 @@ def _fit(
     models: Mapping[str, Model],
     parts: Mapping[str, Part],
     tables: Mapping[Side, Mapping[str, MatingFeature]],
-) -> Fit:
+) -> FoundFit:
     from fmopt.geometry.fit.find import find
 
     moving, fixed = (parts[side].polyhedron for side in SIDES)
@@ -178,7 +178,7 @@ def _pose(table: MatingFeature) -> Pose:
     return Pose.from_vector([*(table.at or (0.0, 0.0, 0.0)), *table.turn])
 
 
-def _said(tables: Mapping[str, MatingFeature], kind: Kind, fit: Fit) -> tuple[str, MatingFeature | None]:
+def _said(tables: Mapping[str, MatingFeature], kind: Kind, fit: FoundFit) -> tuple[str, MatingFeature | None]:
     """The name of the feature that was found, and what is stated of it."""
     point = (fit.solid if kind == "solid" else fit.hollow).p
     own = [(name, table) for name, table in tables.items() if table.kind == kind]
@@ -186,7 +186,7 @@ def _said(tables: Mapping[str, MatingFeature], kind: Kind, fit: Fit) -> tuple[st
     return near[0] if near else (next(name for name in FOUND if FOUND[name] == kind), None)
 
 
-def _frames(fit: Fit, said: Mapping[Kind, MatingFeature | None]) -> dict[Kind, Pose]:
+def _frames(fit: FoundFit, said: Mapping[Kind, MatingFeature | None]) -> dict[Kind, Pose]:
     """The frames of both features in their models: as stated, or such that the goal has them on one axis."""
     tables = said["solid"], said["hollow"]
     solid, hollow = (None if table is None or table.at is None else _pose(table) for table in tables)
@@ -216,7 +216,7 @@ def _found(name: str, table: MatingFeature, model: Model) -> str:
     )
 
 
-def _doubts(part: Part, frame: Pose, fit: Fit, kind: Kind) -> Iterator[str]:
+def _doubts(part: Part, frame: Pose, fit: FoundFit, kind: Kind) -> Iterator[str]:
     """What speaks against the way in that was found, as warnings."""
     from fmopt.geometry.fit.search import lies
 

@@ -16,20 +16,20 @@ _FACTOR = 4  # of the number of sides, so that a part looks the same along x and
 _MAX_SIDES = 1998  # as `sides` of a model file
 
 
-def round_solid(table: files.Cylinder | files.Cone, hollow: bool) -> Cylinder | Cone:
+def round_solid(table: files.CylinderTable | files.ConeTable, hollow: bool) -> Cylinder | Cone:
     """The polyhedron that stands for a solid of revolution, `hollow` where it is taken away.
 
     Raises:
         GeometryError: its sagitta asks for more sides than a part may have.
     """
-    if isinstance(table, files.Cylinder):
+    if isinstance(table, files.CylinderTable):
         factor, sides = _scale(table, table.radius, hollow)
         return Cylinder(factor * table.radius, table.height, sides)
     factor, sides = _scale(table, max(table.radius_bottom, table.radius_top), hollow)
     return Cone(factor * table.radius_bottom, factor * table.radius_top, table.height, sides)
 
 
-def _scale(table: files.Turned, radius: float, hollow: bool) -> tuple[float, int]:
+def _scale(table: files.TurnedTable, radius: float, hollow: bool) -> tuple[float, int]:
     """How much farther than the round surface the corners are from the axis, and how many there are around it."""
     if table.sagitta is None:
         return 1.0, table.sides
@@ -50,14 +50,14 @@ def sides_within(radius: float, sagitta: float) -> int:
 def round_notes(file: files.ModelFile, name: str, hollow: bool = False) -> Iterator[str]:
     """How each solid with a sagitta is seen that a named one is made of, in words."""
     match file.solids[name]:
-        case files.Union(of=of):
+        case files.UnionTable(of=of):
             for target in of:
                 yield from round_notes(file, target, hollow)
-        case files.Difference(of=base, minus=minus):
+        case files.DifferenceTable(of=base, minus=minus):
             yield from round_notes(file, base, hollow)
             for target in minus:
                 yield from round_notes(file, target, not hollow)
-        case files.Cylinder() | files.Cone() as table if table.sagitta is not None:
+        case files.CylinderTable() | files.ConeTable() as table if table.sagitta is not None:
             yield (
                 f"[solids.{name}] is seen as {round_solid(table, hollow).sides} sides "
                 f"{'inside' if hollow else 'around'} its round surface, within {1e6 * table.sagitta:.3g} µm of it"

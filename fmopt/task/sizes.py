@@ -109,7 +109,7 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
         raise InputError(place.fault("out-of-range", message, f"keep them at most {at_most(_LARGEST_ERROR, LENGTH)}"))
 
 
-def force_faults(source: Source, table: files.Specification, robot: Mapping[str, Any]) -> Iterator[Fault]:
+def force_faults(source: Source, table: files.MotionSpecificationTable, robot: Mapping[str, Any]) -> Iterator[Fault]:
     """Of forces that no push or no such robot brings about, and of limits on impacts without what meets there."""
     for key, limit, dimension in (("contact_force", "max_force", FORCE), ("torque_limit", "max_torque", TORQUE)):
         if getattr(table, key) > robot[limit]:

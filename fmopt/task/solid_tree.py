@@ -17,7 +17,7 @@ from fmopt.geometry.section import reach
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 from fmopt.task.mesh_source import imported
-from fmopt.task.object_model.classify import MADE, Claim, is_made, object_tree
+from fmopt.task.object_model.classify import MADE, FeatureClaim, is_made, object_tree
 from fmopt.task.object_model.tree import Chain, ObjectTree, Term, chain_of, chain_solid, joined, moved_chain, without
 from fmopt.task.round_solids import round_notes, round_solid
 from fmopt.task.toml import model_file as files
@@ -61,9 +61,9 @@ def tree_faults(source: Source, file: files.ModelFile) -> list[Fault]:
 
 def _references(name: str, solid: files.Shape) -> Iterator[tuple[Key, str]]:
     match solid:
-        case files.Union(of=of):
+        case files.UnionTable(of=of):
             yield from ((("solids", name, "of", i), target) for i, target in enumerate(of))
-        case files.Difference(of=base, minus=minus):
+        case files.DifferenceTable(of=base, minus=minus):
             yield ("solids", name, "of"), base
             yield from ((("solids", name, "minus", i), target) for i, target in enumerate(minus))
 
@@ -117,7 +117,7 @@ def build_part(source: Source, file: files.ModelFile, mesh: "Imported | None" = 
             return part_of(file.name, _extruded(file, file.profile), features)
     root = file.part or ""
     solid = _solid(source, file, root)
-    turned = any(isinstance(table, files.Turned) for table in file.solids.values())
+    turned = any(isinstance(table, files.TurnedTable) for table in file.solids.values())
     notes = tuple(dict.fromkeys(round_notes(file, root))) if turned else ()
     with source.place(("solids", root), of_key=True).solid():
         part = replace(part_of(file.name, solid, features), notes=notes)
@@ -140,7 +140,7 @@ def shape_part(source: Source, key: Key, shape: files.Primitive) -> Part:
     """
     with source.place(key, of_key=True).solid():
         solid = _shape(source, files.ModelFile(), shape, False)
-        return part_of(str(key[-1]), csg.Placed(solid, Pose.from_vector([*shape.at, *shape.turn])))
+        return part_of(str(key[-1]), csg.Moved(solid, Pose.from_vector([*shape.at, *shape.turn])))
 
 
 def build_tree(source: Source, file: files.ModelFile, mesh: "Imported | None" = None) -> ObjectTree:
@@ -154,7 +154,7 @@ def build_tree(source: Source, file: files.ModelFile, mesh: "Imported | None" = 
     """
     whole = {name: feature for name, feature in file.features.items() if feature.is_whole}
     features = [_feature(name, feature) for name, feature in whole.items()]
-    claims = {name: Claim(feature.classification or "", feature.solids or ()) for name, feature in whole.items()}
+    claims = {name: FeatureClaim(feature.classification or "", feature.solids or ()) for name, feature in whole.items()}
     try:
         with source.place(("solids", file.part) if file.part else ("mesh", "file"), of_key=True).solid():
             chain = _whole_chain(source, file)
@@ -187,7 +187,7 @@ def _whole_chain(source: Source, file: files.ModelFile) -> Chain:
         return ()
     found = _chain(source, file, file.part or "")
     for name, ball in file.balls.items():
-        solid = csg.Placed(csg.Sphere(ball.radius, _MERIDIANS), Pose.from_vector([*ball.at, 0.0, 0.0, 0.0]))
+        solid = csg.Moved(csg.Sphere(ball.radius, _MERIDIANS), Pose.from_vector([*ball.at, 0.0, 0.0, 0.0]))
         found = joined(found, (Term("+", name, solid),))
     return found
 
@@ -196,13 +196,13 @@ def _chain(source: Source, file: files.ModelFile, name: str, hollow: bool = Fals
     """The chain of a named solid, its terms called by the names of the file; `hollow` where it is taken away."""
     table = file.solids[name]
     match table:
-        case files.Union(of=of):
+        case files.UnionTable(of=of):
             first = reduce(joined, [_chain(source, file, target, hollow) for target in of])
-        case files.Difference(of=base, minus=minus):
+        case files.DifferenceTable(of=base, minus=minus):
             first = _chain(source, file, base, hollow)
             for target in minus:
                 first = without(first, _chain(source, file, target, not hollow))
-        case files.Prism(holes=holes) if holes:  # a feature may be made of each hole alone
+        case files.PrismTable(holes=holes) if holes:  # a feature may be made of each hole alone
             outer, cuts = _prism(table)
             tools = tuple(Term("+", f"{name}-hole-{i}", cut) for i, cut in enumerate(cuts, 1))
             first = without((Term("+", name, outer),), tools)
@@ -216,10 +216,10 @@ def _solid(source: Source, file: files.ModelFile, name: str, hollow: bool = Fals
     with source.place(("solids", name), of_key=True).solid():
         solid = _shape(source, file, table, hollow)
     frame = (*table.at, *table.turn)
-    return csg.Placed(solid, Pose.from_vector(frame)) if any(frame) else solid
+    return csg.Moved(solid, Pose.from_vector(frame)) if any(frame) else solid
 
 
-def _extruded(file: files.ModelFile, profile: files.Profile) -> csg.Solid:
+def _extruded(file: files.ModelFile, profile: files.ProfileTable) -> csg.Solid:
     """The solid that stands for a profile: a ridge where it mates by a solid feature, a slab where by a hollow one."""
     moving = all(feature.kind == "solid" for feature in file.features.values())
     return ridge(profile.polygons[0]) if moving else slab(profile.polygons)
@@ -227,31 +227,31 @@ def _extruded(file: files.ModelFile, profile: files.Profile) -> csg.Solid:
 
 def _shape(source: Source, file: files.ModelFile, table: files.Shape, hollow: bool) -> csg.Solid:
     match table:
-        case files.Box(size=size, chamfer=chamfer):
+        case files.BoxTable(size=size, chamfer=chamfer):
             return csg.chamfered_box(size, chamfer) if chamfer > 0.0 else csg.Box(size)
-        case files.Cylinder() | files.Cone():
+        case files.CylinderTable() | files.ConeTable():
             return round_solid(table, hollow)
-        case files.Sphere(radius=radius, sides=sides):
+        case files.SphereTable(radius=radius, sides=sides):
             return csg.Sphere(radius, sides)
-        case files.Prism():
+        case files.PrismTable():
             outer, holes = _prism(table)
             return csg.Difference(outer, holes) if holes else outer
-        case files.Stack(sections=sections):
+        case files.StackTable(sections=sections):
             return stack([(section.at, section.polygon) for section in sections])
-        case files.Wedge(size=size, top_x=top_x):
+        case files.WedgeTable(size=size, top_x=top_x):
             return csg.Wedge(size, top_x)
-        case files.Hull(points=points):
+        case files.HullTable(points=points):
             return csg.Hull(points)
-        case files.Union(of=of):
+        case files.UnionTable(of=of):
             return csg.Union(tuple(_solid(source, file, target, hollow) for target in of))
-        case files.Difference(of=base, minus=minus):
+        case files.DifferenceTable(of=base, minus=minus):
             tools = tuple(_solid(source, file, target, not hollow) for target in minus)
             return csg.Difference(_solid(source, file, base, hollow), tools)
         case _:
             assert_never(table)
 
 
-def _prism(table: files.Prism) -> tuple[csg.Solid, tuple[csg.Solid, ...]]:
+def _prism(table: files.PrismTable) -> tuple[csg.Solid, tuple[csg.Solid, ...]]:
     """A prism without its holes, and what is cut out of it for them, standing out at both ends."""
     height, proud = table.height, 0.5 * table.height
     outer = stack([(0.0, table.polygon), (height, table.polygon)])

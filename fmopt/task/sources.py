@@ -233,7 +233,7 @@ def body_width(vertices: ArrayLike) -> float:
     return least_altitude([first, second, third])
 
 
-def as_stated(box: files.Box | None) -> Contribution:
+def as_stated(box: files.ErrorBoxTable | None) -> Contribution:
     """The start error as it is stated, or none: each axis by its own key, or by that of all three."""
     if box is None:
         return Contribution("as stated", "", np.zeros(6))

@@ -6,9 +6,9 @@ import numpy as np
 
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import remembered
-from fmopt.task.object_model.command import Answer, Specification, Task, answer
+from fmopt.task.object_model.command import Answer, CommandLimits, Task, answer
 from fmopt.task.object_model.goal import FREE, Entry, settle
-from fmopt.task.object_model.tree import Feature, ObjectTree
+from fmopt.task.object_model.tree import ObjectTree, TreeFeature
 from fmopt.task.object_model.workcell import LowerPair, Ref, Workcell
 from fmopt.task.problem import Attributes, Problem
 from fmopt.task.toml.problem_file import Goal
@@ -44,7 +44,7 @@ def task_command(problem: Problem) -> tuple[Workcell, Task]:
     z: Entry = FREE if problem.task.free_depth else depth
     turn: Entry = FREE if problem.task.free_turn else 0.0
     wanted = problem.specification
-    specification = Specification(wanted.speed, wanted.contact_force, wanted.torque_limit)
+    specification = CommandLimits(wanted.speed, wanted.contact_force, wanted.torque_limit)
     one, other = reversed(refs) if exchanged else refs
     task = Task(one, other, (0.0, 0.0, z, 0.0, 0.0, turn), problem.task.attachment, specification, problem.task.grasp)
     return Workcell((moving.at(at_peg), fixed.at(at_hole))), task
@@ -72,7 +72,7 @@ def attributes(goal: Goal, round_peg: bool, start: Pose, exchanged: bool, grasp:
     return Attributes(pair, exchanged, grasp, turn, goal.depth is None, free)
 
 
-def is_round(feature: Feature) -> bool:
+def is_round(feature: TreeFeature) -> bool:
     """Whether every instance of a feature is a solid of revolution about the feature's z axis."""
     into = feature.frame.inverse()
     for leaf in feature.instances:
@@ -89,7 +89,7 @@ def _turned(tree: ObjectTree, name: str, turn: float) -> ObjectTree:
         return tree
     own = Pose(np.zeros(3), exp([0.0, 0.0, -turn]))
 
-    def put(feature: Feature) -> Feature:
+    def put(feature: TreeFeature) -> TreeFeature:
         return replace(feature, frame=feature.frame.compose(own)) if feature.name == name else feature
 
     classes = (replace(group, features=tuple(map(put, group.features))) for group in tree.classes)

@@ -30,10 +30,10 @@ from fmopt.verify.control.recovery import check_recovery
 from fmopt.verify.control.strategy import check_strategy
 from fmopt.verify.evidence import judge_presses
 from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, TESTED, Finding, Notes, Verdict, Witness
-from fmopt.verify.parts.assembly import Assembly
-from fmopt.verify.parts.rows import Distance, Pose, pose
+from fmopt.verify.parts.assembly import PartPair
+from fmopt.verify.parts.rows import CheckedPose, Distance, pose
 from fmopt.verify.parts.solids import Plane, Shape
-from fmopt.verify.reading.document import Plan, Segment
+from fmopt.verify.reading.document import Segment, StatedPlan
 from fmopt.verify.reading.parse import parse
 from fmopt.verify.reading.reader import NOT_COVERED, NOT_COVERED_OFF_FORM, NOT_COVERED_PRESSES, PlanError
 
@@ -62,7 +62,7 @@ def verify(
     return judge(parse(document), expected_sha256, overdue)
 
 
-def judge(plan: Plan, expected_sha256: str | None = None, overdue: Callable[[], bool] = lambda: False) -> Verdict:
+def judge(plan: StatedPlan, expected_sha256: str | None = None, overdue: Callable[[], bool] = lambda: False) -> Verdict:
     """Checks a plan that was read, as `verify` does, which has the same arguments.
 
     Raises:
@@ -71,7 +71,7 @@ def judge(plan: Plan, expected_sha256: str | None = None, overdue: Callable[[], 
     if plan.presses:
         return judge_presses(plan, _whole(plan, expected_sha256, TESTED, NOT_COVERED_PRESSES))
     try:
-        assembly = Assembly(plan)
+        assembly = PartPair(plan)
     # What arithmetic refuses of the parts leaves nothing to judge: the document is at fault, not a claim of it.
     except ArithmeticRefusal as error:
         raise PlanError("parts", str(error)) from error
@@ -88,7 +88,7 @@ def judge(plan: Plan, expected_sha256: str | None = None, overdue: Callable[[], 
     return Verdict(verdict, found, witness, len(plan.segments), least, plan.not_covered, plan.verdict)
 
 
-def _whole(plan: Plan, expected_sha256: str | None, claim: str, leaves_out: tuple[str, ...]) -> Notes:
+def _whole(plan: StatedPlan, expected_sha256: str | None, claim: str, leaves_out: tuple[str, ...]) -> Notes:
     """What keeps a plan as a whole from what it can claim at most."""
     notes = Notes(None)
     if not plan.digest_holds:
@@ -106,7 +106,7 @@ def _whole(plan: Plan, expected_sha256: str | None, claim: str, leaves_out: tupl
 
 
 def _segments(
-    plan: Plan, assembly: Assembly, overdue: Callable[[], bool]
+    plan: StatedPlan, assembly: PartPair, overdue: Callable[[], bool]
 ) -> tuple[list[Finding], list[float], Witness | None]:
     chain = Chain(plan, assembly)
     findings: list[Finding] = []
@@ -157,14 +157,14 @@ def _corners(stage: Stage, failed: Failed) -> list[Row]:
 
 
 def _collision(
-    k: int, segment: Segment, assembly: Assembly, failed: Failed, errors: Iterable[Row], touch: float
+    k: int, segment: Segment, assembly: PartPair, failed: Failed, errors: Iterable[Row], touch: float
 ) -> Witness | None:
     """A pose of the segment, nominal or at a corner of the start box, at which a pair that failed overlaps."""
     start, goal = pose(segment.start), pose(segment.goal)
     none: Row = (0, 0, 0, 0, 0, 0)
     tries = [(start, segment.start, none), (goal, segment.goal, none)]
     for e in errors:
-        tries.append((Pose(add(start.p, e[:3]), product(exponential(e[3:]), start.R)), segment.start, e))
+        tries.append((CheckedPose(add(start.p, e[:3]), product(exponential(e[3:]), start.R)), segment.start, e))
     for X, stated, error in tries:
         for i, j, _ in failed:
             depth = overlap(assembly.moving_pieces[i], assembly.fixed_pieces[j], X, max(touch, 1e-12))
@@ -173,7 +173,7 @@ def _collision(
     return None
 
 
-def overlap(M: Shape, F: Shape, X: Pose, least: float) -> float:
+def overlap(M: Shape, F: Shape, X: CheckedPose, least: float) -> float:
     """A depth (m) to which the pieces certainly overlap, 0 when no overlap deeper than `least` (m) was found.
 
     Candidates come from floats (corners of the intersection and their mean); the depth of a candidate is exact.
@@ -202,7 +202,7 @@ def overlap(M: Shape, F: Shape, X: Pose, least: float) -> float:
     return best if best > least else 0.0
 
 
-def _sunk_in(M: Shape, F: Shape, X: Pose) -> float:
+def _sunk_in(M: Shape, F: Shape, X: CheckedPose) -> float:
     """A depth (m) to which a ball is certainly inside a piece; not positive when none was found."""
     # Radii were rounded up so that a ball stays apart; to be inside of something it must not be larger than it is.
     centre, radius = X.apply(M.vertices[0]), M.radii[0] - (ONE >> 100)

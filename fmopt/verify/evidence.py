@@ -6,7 +6,7 @@ Outcomes are not rerun: that takes the physics engine.
 import math
 
 from fmopt.verify.findings import NOT_PROVED, TESTED, Notes, Verdict
-from fmopt.verify.reading.document import Evidence, Plan
+from fmopt.verify.reading.document import StatedEvidence, StatedPlan
 
 MIN_VERTICES = 58  # of the 64 that have to seat
 CONFIDENCE = 0.975  # of the bound
@@ -41,7 +41,7 @@ def _tail(successes: int, trials: int, rate: float) -> float:
     )
 
 
-def judge_presses(plan: Plan, notes: Notes) -> Verdict:
+def judge_presses(plan: StatedPlan, notes: Notes) -> Verdict:
     """Judge a plan of presses, of which nothing is proved: TESTED where its evidence holds, else NOT_PROVED."""
     told = plan.evidence
     if told is None:
@@ -56,7 +56,7 @@ def judge_presses(plan: Plan, notes: Notes) -> Verdict:
     return Verdict(verdict, tuple(notes.found), None, plan.presses, None, plan.not_covered, plan.verdict, evidence=told)
 
 
-def _check_evidence(evidence: Evidence, notes: Notes) -> None:
+def _check_evidence(evidence: StatedEvidence, notes: Notes) -> None:
     seated, vertices = (sum(one >= 0 for one in of) for of in (evidence.outcomes, evidence.vertex_outcomes))
     if evidence.first_tries != (first := evidence.outcomes.count(0)):
         notes.add("evidence", f"{first} outcomes seat at the first attempt, {evidence.first_tries} are stated")

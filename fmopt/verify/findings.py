@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from fmopt.verify.arithmetic.rational import fixed, number
-from fmopt.verify.reading.document import Evidence
+from fmopt.verify.reading.document import StatedEvidence
 
 CERTIFIED = "CERTIFIED"
 REFUTED = "REFUTED"
@@ -61,7 +61,7 @@ class Verdict:
     not_covered: tuple[str, ...]
     stated: str = CERTIFIED
     taken: tuple[str, ...] = ()
-    evidence: Evidence | None = None
+    evidence: StatedEvidence | None = None
 
     def unless(self, differences: Sequence[str], remarks: Sequence[str] = ()) -> "Verdict":
         """The same, but not CERTIFIED where the plan differs from the problem that it is held against."""
@@ -157,7 +157,7 @@ class Notes:
             self.add(what, f"short by {micrometres(-value)}", -value)
 
 
-def _tested_lines(verdict: Verdict, evidence: Evidence) -> list[str]:
+def _tested_lines(verdict: Verdict, evidence: StatedEvidence) -> list[str]:
     return [
         f"evidence: {evidence.seated} of {evidence.draws} draws seat, {evidence.first_tries} at the first attempt: a "
         f"rate of at least {evidence.bound:.4f} at {evidence.confidence:.1%} confidence; {evidence.vertices_seated} of "

@@ -13,8 +13,8 @@ from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.claim import claimed, facet_rows, stepped
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.facet_margin import UNBOUNDED, bounds
-from fmopt.certificate.piece_pairs import Witness, facing, free_plane
-from fmopt.certificate.remainder import Course
+from fmopt.certificate.piece_pairs import PlaneWitness, facing, free_plane
+from fmopt.certificate.remainder import EndsBatch
 from fmopt.certificate.separating_plane import counted_rows, row_bounds, separation
 from fmopt.contact.primitive import face_vertex
 from fmopt.errors import InfeasibleError
@@ -174,10 +174,10 @@ def test_margins_of_contacts_change_as_their_slopes_say() -> None:
 def test_the_chosen_plane_is_as_good_as_any_face() -> None:
     for c in claims()[::5]:
         listed = facing(peg().assembly, c.piece)
-        chosen = choose_separations(peg().assembly, listed, Course.of([c.advance.ends]))[0]
+        chosen = choose_separations(peg().assembly, listed, EndsBatch.of([c.advance.ends]))[0]
         for (_, _, found), (_, _, pair), again in zip(c.separations, listed.listed, chosen, strict=True):
             assert again.margin == pytest.approx(found.margin, rel=1e-12)
-            faces = [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
+            faces = [PlaneWitness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
             if not pair.touched:
                 faces += [free_plane(face.normal.tolist(), face.offset) for face in pair.fixed.faces]
             for face in faces:

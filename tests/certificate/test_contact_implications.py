@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from fmopt.certificate.assembly import contact_rows, hinge
 from fmopt.certificate.contact_implications import aligned, facts, flushes, taken_turns
-from fmopt.certificate.piece_pairs import Pair, Witness, facing
+from fmopt.certificate.piece_pairs import Pair, PlaneWitness, facing
 from fmopt.certificate.separating_plane import counted_rows
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.spatial.se3 import Pose
@@ -137,7 +137,7 @@ def excused(pair: Pair) -> list[tuple[Array, float, Array]]:
     """For each fixed face of a pair: its plane, and the moving vertices that need no row of their own."""
     found = []
     for face in pair.fixed.faces:
-        rows = counted_rows(peg().assembly, pair, Witness("fixed-face", (), face.loops[0])).forms
+        rows = counted_rows(peg().assembly, pair, PlaneWitness("fixed-face", (), face.loops[0])).forms
         kept = {tuple(lever) for lever in rows.table["k"]}
         left = [v for v in pair.moving.vertices if tuple(v) not in kept]
         offset = float((pair.fixed.vertices @ face.normal).max())
@@ -183,7 +183,7 @@ def test_edges_turned_onto_a_wall_excuse_it_only_from_inside() -> None:
     own, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
     a, b = (int(np.argmin(np.linalg.norm(pair.moving.vertices - own[i], axis=1))) for i in edge.moving)
     c, d = along_rim(pair, world[list(edge.fixed)])
-    counted = counted_rows(assembly, pair, Witness("edges", (a, b), (c, d)))
+    counted = counted_rows(assembly, pair, PlaneWitness("edges", (a, b), (c, d)))
     (onto,) = counted.onto
     inside = np.ones(len(counted.forms))
     outside = inside.copy()

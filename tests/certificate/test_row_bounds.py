@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fmopt.certificate.remainder import Course, Curvature
-from fmopt.certificate.row_bounds import Motion, Witnesses, best, over
+from fmopt.certificate.remainder import Curvature, EndsBatch
+from fmopt.certificate.row_bounds import PieceMotions, Witnesses, best, over
 from fmopt.certificate.rows import Forms, points_above, stacked
 from fmopt.certificate.tube import left
 from fmopt.planning.moves.plane_arcs import SHARES
@@ -20,7 +20,7 @@ COLUMNS = 11
 FORM = 3e-6  # m
 
 
-def motion(rng: np.random.Generator) -> Motion:
+def motion(rng: np.random.Generator) -> PieceMotions:
     """Pieces of motion at random."""
     poses = [(start, *moved(rng, start, 0.05)) for start in (pose(rng) for _ in range(PIECES))]
     p = np.array([[start.p for start, _, _ in poses], [goal.p for _, goal, _ in poses]])
@@ -28,10 +28,10 @@ def motion(rng: np.random.Generator) -> Motion:
     columns = rng.normal(size=(2, PIECES, COLUMNS, 6)) * 1e-3
     twist = np.array([twist for _, _, twist in poses])
     half = np.array([box(tuple(rng.uniform(0.0, 0.05, 3).tolist())) for _ in range(PIECES)])
-    return Motion(p, R, columns, np.array(CUTS), twist, half, rng.uniform(0.0, 1e-4, (PIECES, 2)), FORM)
+    return PieceMotions(p, R, columns, np.array(CUTS), twist, half, rng.uniform(0.0, 1e-4, (PIECES, 2)), FORM)
 
 
-def plain(rows: Forms, pieces: Motion) -> tuple[Array, Array, Array, Array]:
+def plain(rows: Forms, pieces: PieceMotions) -> tuple[Array, Array, Array, Array]:
     """What `over` finds, from each formula's own place."""
     p, R, columns, cuts, twist, half, coupling, form = pieces
     start, goal = rows.ends(p, R)
@@ -101,7 +101,7 @@ def test_the_plane_through_an_edge_is_at_least_as_good_as_those_tried_first() ->
     moving, fixed = peg().assembly.moving.pieces[0], peg().assembly.fixed.pieces
     table = fans(moving, fixed)
     for claim in claims()[::4]:
-        course = Course.of((claim.advance.ends, claims()[0].advance.ends))
+        course = EndsBatch.of((claim.advance.ends, claims()[0].advance.ends))
         planes = table.best(course)
         shared = table.edges.normals
         for m, piece in enumerate(fixed):

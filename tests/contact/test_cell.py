@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from fmopt.contact.c_surface import Surfaces
-from fmopt.contact.facet_bounds import Bound, cell
+from fmopt.contact.facet_bounds import BoundingFunction, cell
 from fmopt.contact.primitive import near_contacts
-from fmopt.contact.state_graph import Cell, Scale, contact_graph, faces, local_space
+from fmopt.contact.state_graph import ContactCell, Scale, contact_graph, faces, local_space
 from fmopt.errors import InfeasibleError
-from fmopt.planning.robustness.contact_space import Verdict, confirm
+from fmopt.planning.robustness.contact_space import StateAdvice, confirm
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.problem import load
 from tests import PROBLEMS
@@ -50,11 +50,11 @@ def test_a_forgotten_contact_is_noticed() -> None:
 def test_the_corner_in_the_mouth_has_confirmed_states() -> None:
     pose, reach, angle, _ = POSES["corner in the mouth"]
     contacts, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
-    space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits, reach, angle))
+    space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), ContactCell(limits, reach, angle))
     graph = contact_graph(space, faces(space))
     assert graph.states[0].id == "free"
     verdicts = [found.verdict for found in confirm(graph, PEG, BLOCK)]
-    assert verdicts.count(Verdict.CONFIRMED) >= 0.75 * len(verdicts)
+    assert verdicts.count(StateAdvice.CONFIRMED) >= 0.75 * len(verdicts)
     # The two upright-edge contacts of the low corner hold the peg in the hole's corner.
     sliding = [s for s in graph.states if len(s.contacts) == 2 and {c[:2] for c in s.contacts} == {"e6"}]
     assert [state.dimension for state in sliding] == [4]
@@ -63,7 +63,7 @@ def test_the_corner_in_the_mouth_has_confirmed_states() -> None:
 def test_a_limit_in_a_contacts_plane_does_not_hide_it() -> None:
     pose, reach, angle, _ = POSES["just below the mouth"]
     contacts, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
-    space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits))
+    space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), ContactCell(limits))
     assert faces(space).active.any(axis=0).all()
 
 
@@ -78,7 +78,7 @@ def test_a_contact_that_a_touching_one_ends_is_not_kept_by_rounding() -> None:
         assert f["e3-e23"] < -4e-4
         contacts, limits = cell(near, PEG, BLOCK, pose, within=1e-3)
         assert np.min(Surfaces.of(contacts, PEG, BLOCK).values(pose)) > -1e-15
-        space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits, 3e-4, 0.01))
+        space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), ContactCell(limits, 3e-4, 0.01))
         assert ("v2-f9",) in {s.contacts for s in contact_graph(space, faces(space)).states}
         kept.append([c.id for c in contacts])
     assert kept[0] == kept[1] == kept[2]
@@ -91,13 +91,13 @@ def test_a_key_in_its_keyway_is_not_on_the_top_beside_it() -> None:
     pose = Pose(np.array([0.0, 0.0, -1e-3]), np.eye(3))
     kept, limits = cell(near_contacts(shaft, hub, pose, 2e-3, 0.05), shaft, hub, pose, within=2e-3)
     assert np.min(Surfaces.of(kept, shaft, hub).values(pose)) > 0.0
-    faces(local_space(kept, shaft, hub, pose, Scale(1e-4, 0.014), Cell(limits, 1e-4, 0.002)))
+    faces(local_space(kept, shaft, hub, pose, Scale(1e-4, 0.014), ContactCell(limits, 1e-4, 0.002)))
 
 
 def test_a_space_between_limits_without_extent_is_refused() -> None:
     pose = Pose(np.zeros(3), np.eye(3))
     near = near_contacts(PEG, BLOCK, pose, 3e-4, 0.01)
-    limits = [Bound(near[0], sign) for sign in (1, -1)]
-    space = local_space([], PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits, 3e-4, 0.01))
+    limits = [BoundingFunction(near[0], sign) for sign in (1, -1)]
+    space = local_space([], PEG, BLOCK, pose, Scale(1e-4, 0.014), ContactCell(limits, 3e-4, 0.01))
     with pytest.raises(InfeasibleError, match=r"no extent between its limits.*not on the end of a face"):
         faces(space)

@@ -8,7 +8,7 @@ from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.facet_bounds import cell
 from fmopt.contact.primitive import PrimitiveContact, face_vertex, near_contacts
 from fmopt.contact.realisation import Neighbourhood, Poses, meet, project
-from fmopt.contact.state_graph import Cell, Scale, local_space
+from fmopt.contact.state_graph import ContactCell, Scale, local_space
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
 from fmopt.spatial.se3 import Pose, turns
 from fmopt.spatial.values import Array, Bits
@@ -22,7 +22,7 @@ SPIKE = from_faces(*spike())
 def neighbourhood(contacts: tuple[PrimitiveContact, ...], fixed: Polyhedron, pose: Pose) -> Neighbourhood:
     """The contacts that count at a pose, 3 mm and 0.03 rad around it."""
     kept, limits = cell(contacts, peg(), fixed, pose, 1e-3)
-    space = local_space(kept, peg(), fixed, pose, Scale(CLEARANCE, RHO), Cell(limits, 3e-3, 0.03))
+    space = local_space(kept, peg(), fixed, pose, Scale(CLEARANCE, RHO), ContactCell(limits, 3e-3, 0.03))
     return Neighbourhood.of(space, peg(), fixed)
 
 
@@ -90,9 +90,9 @@ def plain(near: Neighbourhood, on: Bits, pose: Pose, room: float) -> tuple[float
     return float(np.linalg.norm(r)), r @ J, J.T @ J
 
 
-def work(near: Neighbourhood) -> descent._Work:
+def work(near: Neighbourhood) -> descent._Shortfall:
     k, surfaces, limits = len(near.space.contacts), len(every_surface(near)), len(near.space.limits)
-    return descent._Work(np.zeros(surfaces), np.zeros((2 * k, 3)), np.zeros(6), np.zeros(limits))
+    return descent._Shortfall(np.zeros(surfaces), np.zeros((2 * k, 3)), np.zeros(6), np.zeros(limits))
 
 
 def test_surfaces_are_those_of_the_table(near: Neighbourhood) -> None:

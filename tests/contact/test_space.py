@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fmopt.contact.polytope import Faces, enumerate_faces, first_equal
+from fmopt.contact.polytope import PolytopeFaces, enumerate_faces, first_equal
 from fmopt.contact.primitive import near_contacts
 from fmopt.contact.state_graph import LocalSpace, Scale, faces, local_space
 from fmopt.errors import InfeasibleError
@@ -138,7 +138,7 @@ def test_euler_on_random_polytopes(n: int, extra: int, seed: int, lattice: bool)
     check(found, N, D)
 
 
-def check(found: Faces, N: np.ndarray, D: np.ndarray) -> None:
+def check(found: PolytopeFaces, N: np.ndarray, D: np.ndarray) -> None:
     """Each face holds exactly its active rows at its point, has the right dimension, and no two are equal."""
     slack = found.points @ N.T - D
     assert np.all(np.abs(slack[found.active]) < 1e-9)

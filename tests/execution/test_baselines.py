@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from fmopt.cli import app
 from fmopt.execution import execute as running
-from fmopt.execution.baselines import BASELINES, Task, tilt
+from fmopt.execution.baselines import BASELINES, BaselineTask, tilt
 from fmopt.execution.program import DONE, FAILED
 from fmopt.execution.robot import Robot
 from fmopt.execution.trials import Trials, grown, run
@@ -47,7 +47,7 @@ def test_each_method_seats_a_part_that_is_not_far_off(square_peg_plan: dict[str,
 
 
 def test_the_tilt_starts_with_one_corner_in_the_hole_whatever_the_error(square_peg_plan: dict[str, Any]) -> None:
-    task, program = Task.of(parsed(square_peg_plan)), tilt(parsed(square_peg_plan), Robot())
+    task, program = BaselineTask.of(parsed(square_peg_plan)), tilt(parsed(square_peg_plan), Robot())
     corner = program.start.apply(np.array([[-task.half[0], -task.half[1], 0.0]]))[0]
     walls = np.array(task.half) + task.fit.clearance
     error = np.array(square_peg_plan["uncertainty"]["start_box"])[:2]

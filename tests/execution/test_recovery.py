@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fmopt.errors import PlanFormatError
-from fmopt.execution.attempt import Course, carried_out
+from fmopt.execution.attempt import ReferenceCourse, carried_out
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.engines.mujoco_engine import MujocoEngine
 from fmopt.execution.engines.physics import Physics
@@ -85,7 +85,8 @@ class Bench:
             led = shown.back is not None and shown.time < shown.back.ends[0]
             self.seen.append((bool(led), np.array(shown.qpos[0])))
 
-        return carried_out(Course(self.recovery, rows, known, self.fit, look), rig, (poses[:, :3], poses[:, 3:]))
+        course = ReferenceCourse(self.recovery, rows, known, self.fit, look)
+        return carried_out(course, rig, (poses[:, :3], poses[:, 3:]))
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fmopt.cli.entry import app
-from fmopt.execution.execute import Settled
+from fmopt.execution.execute import TrialSettings
 from fmopt.execution.press_controller import Errors
 from fmopt.execution.press_trials import drawn_errors, drawn_shares
 from fmopt.execution.trials import Trials
@@ -109,7 +109,7 @@ def test_the_command_tells_the_region_and_what_it_takes(carried: list[Errors], t
 
 def test_real_trials_depend_on_no_number_of_threads(tmp_path: Path) -> None:
     plan, asked = parsed(press_plan_document()), Trials(3, seed=1, offset=2e-2, recovery=False)
-    one, other = (worst(plan, asked, Settled(tmp_path, workers)) for workers in (1, 2))
+    one, other = (worst(plan, asked, TrialSettings(tmp_path, workers)) for workers in (1, 2))
     assert one == other
     assert (one["failures"], one["uniform"], one["unknowns"]) == (3, (3, 3), [])
     assert worst_lines(one)[-1].startswith("no region")

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fmopt.geometry.convex_pieces import polyhedron
-from fmopt.geometry.csg import Box, Difference, Hull, Placed, Solid
+from fmopt.geometry.csg import Box, Difference, Hull, Moved, Solid
 from fmopt.geometry.exact_coordinates import MOST, Exact, direction, exact_vertices, facing_directions
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed, rounded
 from fmopt.planning.plan_record import part_record
@@ -135,7 +135,7 @@ def test_walls_are_made_parallel_to_what_lies_flat_in_them() -> None:
 
 def test_faces_in_one_plane_stay_in_one() -> None:
     """The two halves of a top that a slot parts."""
-    slot = Placed(Box((0.01, 0.1, 0.02)), Pose(np.array([0.0, 0.0, 0.01]), np.eye(3)))
+    slot = Moved(Box((0.01, 0.1, 0.02)), Pose(np.array([0.0, 0.0, 0.01]), np.eye(3)))
     body = turned(Difference(Box((0.04, 0.04, 0.02)), (slot,)), 3)
     planes = [face.exact for face in seen(body, exact_vertices(body)).faces]
     assert sorted(planes.count(plane) for plane in set(planes)) == [1] * 8 + [2]

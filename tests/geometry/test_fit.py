@@ -28,7 +28,7 @@ DOWN = (0.0, 0.0, -1.0)
 
 
 def box(*size: float, **where: float) -> csg.Solid:
-    return csg.Placed(csg.Box((size[0] * 1e-3, size[1] * 1e-3, size[2] * 1e-3)), at(**where))
+    return csg.Moved(csg.Box((size[0] * 1e-3, size[1] * 1e-3, size[2] * 1e-3)), at(**where))
 
 
 def less(solid: csg.Solid, *tools: csg.Solid) -> Polyhedron:

@@ -210,7 +210,7 @@ def test_what_befalls_a_reader_befalls_no_other(
 ) -> None:
     (tmp_path / "does.py").write_text(does)
     monkeypatch.setattr(confined, "SECONDS", 2.0 if "sleep" in does else 60.0)
-    reader = confined.Reader("the kernel", "runpy:run_path", "export one part on its own", "export it again")
+    reader = confined.FileReader("the kernel", "runpy:run_path", "export one part on its own", "export it again")
     with pytest.raises(error, match=f"does.py: .*{words}"):
         confined.read(tmp_path / "does.py", reader)
 

@@ -9,7 +9,7 @@ import pytest
 
 import fmopt
 from fmopt.geometry.convex_pieces import polyhedron
-from fmopt.geometry.csg import Placed
+from fmopt.geometry.csg import Moved
 from fmopt.geometry.mesh.mesh_import import mesh_polyhedron
 from fmopt.geometry.mesh.mesh_solid import decomposed
 from fmopt.geometry.outline_solids import stack
@@ -79,7 +79,7 @@ def test_a_tapered_solid_is_one_however_it_lies() -> None:
     solid = stack([(1e-3 * one.at, 1e-3 * np.array(one.outline)) for one in made])
     upright, rng = polyhedron(solid), np.random.default_rng(3)
     for _ in range(40):
-        moved = polyhedron(Placed(solid, Pose(rng.uniform(-0.05, 0.05, 3), exp(rng.normal(size=3)))))
+        moved = polyhedron(Moved(solid, Pose(rng.uniform(-0.05, 0.05, 3), exp(rng.normal(size=3)))))
         assert moved.volume == pytest.approx(upright.volume, rel=1e-9)
         assert len(moved.faces) == len(upright.faces)
 

@@ -15,9 +15,9 @@ import fmopt
 from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.convex_pieces import pieces, polyhedron
-from fmopt.geometry.csg import Box, Difference, Placed, Prism, Solid, Union
+from fmopt.geometry.csg import Box, Difference, Moved, Prism, Solid, Union
 from fmopt.geometry.facets import merged_vertices
-from fmopt.geometry.fit.find import Fit, find
+from fmopt.geometry.fit.find import FoundFit, find
 from fmopt.geometry.inverse_csg import MESH_NOISE, apart
 from fmopt.geometry.mesh.archive import glb_shells, three_mf_shells
 from fmopt.geometry.mesh.mesh_file import read_surface, read_triangles
@@ -59,7 +59,7 @@ FAMILIES = [*(f"{n}-gon" for n in range(3, 13)), *SHAPES, "stepped"]
 
 def bars(outline: tuple[tuple[float, float, float, float], ...], grown: float, length: float) -> Solid:
     boxes = [
-        Placed(
+        Moved(
             Box((1e-3 * (x1 - x0) + 2.0 * grown, 1e-3 * (y1 - y0) + 2.0 * grown, length)),
             at(0.5e-3 * (x0 + x1), 0.5e-3 * (y0 + y1)),
         )
@@ -76,34 +76,34 @@ def regular(sides: int, radius: float, length: float) -> Solid:
 def pair_of(family: str) -> tuple[Solid, Solid]:
     """A peg and a plate with the hole for it, GAP wider all around."""
     if family == "stepped":
-        peg = Union((Box((0.008, 0.008, 0.02)), Placed(Box((0.014, 0.012, 0.02)), at(z=0.02))))
-        low = Placed(Box((0.0082, 0.0082, 0.04)), at(z=-0.005))
-        return peg, Difference(Box((0.06, 0.06, 0.03)), (low, Placed(Box((0.0142, 0.0122, 0.04)), at(z=0.02))))
+        peg = Union((Box((0.008, 0.008, 0.02)), Moved(Box((0.014, 0.012, 0.02)), at(z=0.02))))
+        low = Moved(Box((0.0082, 0.0082, 0.04)), at(z=-0.005))
+        return peg, Difference(Box((0.06, 0.06, 0.03)), (low, Moved(Box((0.0142, 0.0122, 0.04)), at(z=0.02))))
     if family.endswith("-gon"):
         n = int(family.removesuffix("-gon"))
         peg, tool = regular(n, 0.008, 0.03), regular(n, 0.008 + GAP / math.cos(math.pi / n), 0.06)
     else:
         peg, tool = bars(SHAPES[family], 0.0, 0.03), bars(SHAPES[family], GAP, 0.06)
-    return peg, Difference(Box((0.06, 0.06, 0.01)), (Placed(tool, at(z=-0.02)),))
+    return peg, Difference(Box((0.06, 0.06, 0.01)), (Moved(tool, at(z=-0.02)),))
 
 
-def read(pair: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[Part, Part, Fit]:
+def read(pair: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[Part, Part, FoundFit]:
     """A peg and a plate of points in mm and triangles, and how they mate."""
     moving, fixed = (mesh_part("part", mesh_polyhedron(1e-3 * points, corners)) for points, corners in pair)
     return moving, fixed, find(moving.polyhedron, fixed.polyhedron)
 
 
-def found_on(moving: Part, fixed: Part, fit: Fit) -> tuple[tuple[bool, bool, int], list[int]]:
+def found_on(moving: Part, fixed: Part, fit: FoundFit) -> tuple[tuple[bool, bool, int], list[int]]:
     return (fit.exchanged, fit.through, fit.alike), [len(each.polyhedron.faces) for each in (moving, fixed)]
 
 
-def clearance_of(moving: Part, fixed: Part, fit: Fit) -> float:
+def clearance_of(moving: Part, fixed: Part, fit: FoundFit) -> float:
     depth = 0.9 * min(fit.hole, fit.peg)
     return mating_clearance(rebased(moving, fit.solid), rebased(fixed, fit.hollow), depth).per_side
 
 
 @cache
-def whole(family: str) -> tuple[Part, Part, Fit]:
+def whole(family: str) -> tuple[Part, Part, FoundFit]:
     return read(map(triangles_of, pair_of(family)))
 
 
@@ -150,8 +150,8 @@ def test_what_is_stated_is_how_far_the_file_lies_off(size: float) -> None:
 @pytest.mark.parametrize("shift", [(0.0, -6.0, 60.0), (0.0, 0.0, 21.0), (4.1, -6.0, 21.0)])
 def test_an_angle_cut_by_two_boxes_comes_apart(width: float, shift: tuple[float, float, float]) -> None:
     x, y, length = (1e-3 * value for value in shift)
-    one = Placed(Box((0.0202, 1e-3 * width, length)), at(x, y, -0.01 if length > 0.05 else 0.02))
-    other = Placed(Box((1e-3 * width, 0.0202, length)), at(x - 0.006, y + 0.006, -0.01 if length > 0.05 else 0.02))
+    one = Moved(Box((0.0202, 1e-3 * width, length)), at(x, y, -0.01 if length > 0.05 else 0.02))
+    other = Moved(Box((1e-3 * width, 0.0202, length)), at(x - 0.006, y + 0.006, -0.01 if length > 0.05 else 0.02))
     body = polyhedron(Difference(Box((0.06, 0.06, 0.04)), (one, other)))
     again = apart(body, MESH_NOISE * body.diameter)[0]
     assert polyhedron(again).volume == pytest.approx(body.volume, rel=1e-9)

@@ -10,8 +10,8 @@ import trimesh
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import Clearance, mating_clearance
-from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, Union
-from fmopt.geometry.fit.find import Fit, find
+from fmopt.geometry.csg import Box, Cylinder, Difference, Moved, Prism, Solid, Union
+from fmopt.geometry.fit.find import FoundFit, find
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_import import Imported, load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
@@ -33,7 +33,7 @@ def part_of(name: str, solid: Solid) -> Part:
     return mesh_part(name, mesh_of(solid))
 
 
-def found(moving: Solid, fixed: Solid) -> Fit:
+def found(moving: Solid, fixed: Solid) -> FoundFit:
     return find(mesh_of(moving).body, mesh_of(fixed).body)
 
 
@@ -58,10 +58,10 @@ def test_peg_and_hole_are_found_with_frames_that_agree() -> None:
 def test_features_move_with_the_part(turn: tuple[float, float, float]) -> None:
     angles = np.linspace(-0.7, 0.7, 9) * np.pi
     key, wider = (Prism(tuple((r * np.cos(a), r * np.sin(a)) for a in angles), 0.05) for r in (0.01, 0.0101))
-    bore = Difference(Box((0.05, 0.05, 0.02)), (Placed(wider, at(z=-0.01)),))
+    bore = Difference(Box((0.05, 0.05, 0.02)), (Moved(wider, at(z=-0.01)),))
     pose = Pose(np.array([0.01, -0.02, 0.03]), exp(turn))
     still = found(key, bore)
-    peg, hole = found(Placed(key, pose), bore), found(key, Placed(bore, pose))
+    peg, hole = found(Moved(key, pose), bore), found(key, Moved(bore, pose))
     for own, frame, long in ((still.solid, peg.solid, still.peg), (still.hollow, hole.hollow, -still.hole)):
         there = pose.compose(own)
         ends = [there.p, there.p + long * there.R[:, 2]]
@@ -74,8 +74,8 @@ def test_features_move_with_the_part(turn: tuple[float, float, float]) -> None:
 
 
 def test_a_headed_pin_leads_with_its_shank_and_a_chamfered_mouth_is_the_mouth() -> None:
-    pin = Union((Box((0.008, 0.008, 0.03)), Placed(Box((0.02, 0.02, 0.005)), at(z=0.03))))
-    mouth = Placed(frustum((0.0083, 0.0083), (0.0103, 0.0103), 0.001), at(z=0.009))
+    pin = Union((Box((0.008, 0.008, 0.03)), Moved(Box((0.02, 0.02, 0.005)), at(z=0.03))))
+    mouth = Moved(frustum((0.0083, 0.0083), (0.0103, 0.0103), 0.001), at(z=0.009))
     fit = found(pin, Difference(plate((0.0083, 0.0083)), (mouth,)))
     np.testing.assert_allclose(fit.solid.vector(), 0.0, atol=1e-9)
     np.testing.assert_allclose(fit.hollow.vector(), [0.0, 0.0, 0.01, 0.0, 0.0, 0.0], atol=1e-9)
@@ -194,7 +194,7 @@ def test_facets_of_a_cylinder_lie_a_sagitta_inside(sides: int) -> None:
     radius = 0.01
     gap = radius * (1.0 - np.cos(np.pi / sides))
     assert mesh_of(Cylinder(radius, 0.03, sides)).chord_error == pytest.approx(gap, rel=1e-5)
-    bored = Difference(Box((0.05, 0.05, 0.02)), (Placed(Cylinder(radius, 0.04, sides), at(z=-0.01)),))
+    bored = Difference(Box((0.05, 0.05, 0.02)), (Moved(Cylinder(radius, 0.04, sides), at(z=-0.01)),))
     assert mesh_of(bored).chord_error == pytest.approx(gap, rel=1e-5)
 
 
@@ -248,7 +248,7 @@ def test_facets_that_are_not_plane_are_named() -> None:
 
 @pytest.mark.parametrize("decimals", [3, 9])
 def test_the_frame_of_a_round_hole_lies_along_the_model_whatever_its_numbers_are_rounded_to(decimals: int) -> None:
-    bored = Difference(Box((0.04, 0.04, 0.009)), (Placed(Cylinder(0.00825, 0.02, 96), at(z=-0.005)),))
+    bored = Difference(Box((0.04, 0.04, 0.009)), (Moved(Cylinder(0.00825, 0.02, 96), at(z=-0.005)),))
     points, triangles = triangles_of(bored)
     plate = mesh_polyhedron(1e-3 * np.round(points, decimals), triangles)
     np.testing.assert_array_equal(find(mesh_of(Cylinder(0.008, 0.03, 96)).body, plate.body).hollow.R, np.eye(3))

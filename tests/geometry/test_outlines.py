@@ -107,7 +107,7 @@ def test_stacks_are_the_union_of_their_pieces(family: str) -> None:
     for seed in SEEDS:
         pair = families.pair(family, seed)
         for one in (pair.peg, pair.hole):
-            solid = csg.Placed(stack([(part.at, part.outline) for part in one]), Pose.from_vector([1, 2, 3, 0, 0, 0.7]))
+            solid = csg.Moved(stack([(part.at, part.outline) for part in one]), Pose.from_vector([1, 2, 3, 0, 0, 0.7]))
             wanted = sum(volume(low, high) for low, high in pairwise(one))
             assert polyhedron(solid).volume == pytest.approx(wanted, rel=1e-9)
             assert union_manifold(pieces(solid)).volume() == pytest.approx(wanted, rel=1e-9)

@@ -11,7 +11,7 @@ import pytest
 from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.clearance import checked_clearance, interference, mating_clearance
 from fmopt.geometry.convex_pieces import _chain, pieces, polyhedron
-from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge, chamfered_box
+from fmopt.geometry.csg import Box, Cylinder, Difference, Moved, Prism, Solid, Union, Wedge, chamfered_box
 from fmopt.geometry.inverse_csg import apart
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_import import load_mesh
@@ -23,9 +23,9 @@ from tests.shared.files.mesh_files import at, obj_text, stl_text
 from tests.shared.solids import frustum
 
 HOLE = Feature("hole", "hollow", at(z=0.04), 0.03)
-TOOL = Placed(Box((0.0202, 0.0202, 0.03)), at(z=0.01))
+TOOL = Moved(Box((0.0202, 0.0202, 0.03)), at(z=0.01))
 BLOCK = Difference(Box((0.06, 0.06, 0.04)), (TOOL,))
-CHAMFERED = Difference(BLOCK, (Placed(frustum((0.0202, 0.0202), (0.0242, 0.0242), 0.002), at(z=0.038)),))
+CHAMFERED = Difference(BLOCK, (Moved(frustum((0.0202, 0.0202), (0.0242, 0.0242), 0.002), at(z=0.038)),))
 SEATED = at(z=-0.03)
 
 
@@ -62,9 +62,7 @@ def shuffled(body: Polyhedron, rng: np.random.Generator) -> Polyhedron:
     return from_faces(body.vertices[order], faces)
 
 
-@pytest.mark.parametrize(
-    "solid", [BLOCK, CHAMFERED, Difference(BLOCK, (Placed(Box((0.03, 0.003, 0.03)), at(z=0.01)),))]
-)
+@pytest.mark.parametrize("solid", [BLOCK, CHAMFERED, Difference(BLOCK, (Moved(Box((0.03, 0.003, 0.03)), at(z=0.01)),))])
 def test_the_order_of_a_file_is_forgotten(solid: Solid) -> None:
     rng, part = np.random.default_rng(0), block(solid)
     own = in_order(part)
@@ -93,7 +91,7 @@ def test_sections_in_the_plane_of_a_face_are_regularised() -> None:
     assert section(made, at(z=0.04)).is_empty
     assert section(made, at(z=0.01)).area == pytest.approx(0.06**2 - 0.0202**2, rel=1e-12)
     assert section_limit(made, at(z=0.01), -1).area == pytest.approx(0.06**2, rel=1e-12)
-    stacked = pieces(Union((Box((0.1, 0.1, 0.1)), Placed(Box((0.1, 0.1, 0.1)), at(z=0.1)))))
+    stacked = pieces(Union((Box((0.1, 0.1, 0.1)), Moved(Box((0.1, 0.1, 0.1)), at(z=0.1)))))
     assert section(stacked, at(z=0.1)).area == pytest.approx(0.01, rel=1e-12)
 
 
@@ -108,7 +106,7 @@ def test_section_area_integrates_to_the_volume() -> None:
 @pytest.mark.parametrize("dx", [0.0, 0.00004])
 def test_measured_clearance_of_a_square_peg(solid: Solid, dx: float) -> None:
     tip = frustum((0.018, 0.018), (0.02, 0.02), 0.005)
-    moved = Placed(Union((Placed(Box((0.02, 0.02, 0.045)), at(z=0.005)), tip)), at(x=dx))
+    moved = Moved(Union((Moved(Box((0.02, 0.02, 0.045)), at(z=0.005)), tip)), at(x=dx))
     moving, fixed = peg(moved), block(solid)
     measured = checked_clearance(moving, fixed, SEATED, 0.03)
     assert measured.per_side == pytest.approx(0.0001 - dx, abs=1e-12)
@@ -121,7 +119,7 @@ def test_measured_clearance_of_a_square_peg(solid: Solid, dx: float) -> None:
 
 
 def test_clearance_differs_by_direction_and_can_be_open() -> None:
-    slot = Difference(Box((0.06, 0.06, 0.04)), (Placed(Box((0.021, 0.08, 0.03)), at(z=0.01)),))
+    slot = Difference(Box((0.06, 0.06, 0.04)), (Moved(Box((0.021, 0.08, 0.03)), at(z=0.01)),))
     measured = mating_clearance(peg(), block(slot), 0.03)
     assert measured.per_side == pytest.approx(0.0005, abs=1e-12)
     assert measured.play == pytest.approx((0.001, np.inf))
@@ -132,7 +130,7 @@ def test_clearance_differs_by_direction_and_can_be_open() -> None:
 def test_clearance_looks_at_the_whole_way_in() -> None:
     neck = Difference(
         Box((0.06, 0.06, 0.04)),
-        (Placed(Box((0.022, 0.022, 0.02)), at(z=0.01)), Placed(Box((0.0202, 0.0202, 0.01)), at(z=0.03))),
+        (Moved(Box((0.022, 0.022, 0.02)), at(z=0.01)), Moved(Box((0.0202, 0.0202, 0.01)), at(z=0.03))),
     )
     bulb = Union((Box((0.0201, 0.0201, 0.005)), Box((0.018, 0.018, 0.05))))
     measured = mating_clearance(peg(bulb), block(neck), 0.03)
@@ -141,7 +139,7 @@ def test_clearance_looks_at_the_whole_way_in() -> None:
 
 
 def test_round_clearance_is_that_of_the_radii_but_for_the_flats() -> None:
-    bore = Difference(Box((0.06, 0.06, 0.04)), (Placed(Cylinder(0.0101, 0.03, 32), at(z=0.01)),))
+    bore = Difference(Box((0.06, 0.06, 0.04)), (Moved(Cylinder(0.0101, 0.03, 32), at(z=0.01)),))
     measured = mating_clearance(peg(Cylinder(0.01, 0.05, 32)), block(bore), 0.03)
     assert measured.per_side == pytest.approx(0.0001 * np.cos(np.pi / 32), abs=1e-12)
 
@@ -173,7 +171,7 @@ def test_no_clearance_and_hitting_the_floor_are_refused() -> None:
 
 def test_interference_of_tilted_bodies_needs_edge_directions() -> None:
     tilt = Pose.from_vector([0.0, 0.0, 0.0, 0.0, np.pi / 4, 0.0])
-    one = part_of("one", Placed(Box((1.0, 1.0, 1.0)), tilt))
+    one = part_of("one", Moved(Box((1.0, 1.0, 1.0)), tilt))
     two = rebased(one, Pose.from_vector([0.0, 0.0, 0.0, 0.0, 0.0, np.pi / 2]))
     top = one.polyhedron.vertices[:, 2].max() - two.polyhedron.vertices[:, 2].min()
     assert interference(one, two, at(z=-top + 0.001)).depth == pytest.approx(0.001, abs=1e-9)
@@ -181,7 +179,7 @@ def test_interference_of_tilted_bodies_needs_edge_directions() -> None:
 
 
 HEXAGON = tuple((0.02 * np.cos(a), 0.02 * np.sin(a)) for a in np.arange(6) * np.pi / 3 + np.pi / 6)
-HEX_BOX = Difference(Box((0.06, 0.06, 0.05)), (Placed(Prism(HEXAGON, 0.04), at(z=0.01)),))
+HEX_BOX = Difference(Box((0.06, 0.06, 0.05)), (Moved(Prism(HEXAGON, 0.04), at(z=0.01)),))
 
 
 @pytest.mark.parametrize(("suffix", "write"), [("stl", stl_text), ("obj", obj_text)])
@@ -202,9 +200,9 @@ def test_mesh_comes_back_as_the_solid_it_was(tmp_path: Path, suffix: str, write:
     assert len(part.polyhedron.faces) == 13
 
 
-ISLAND = Union((HEX_BOX, Placed(Wedge((0.01, 0.01, 0.01), 0.004), at(z=0.005))))
-FLANGED = Union((Box((0.02, 0.02, 0.05)), Placed(Box((0.04, 0.03, 0.01)), at(z=0.03))))
-CROSSED = Difference(ISLAND, (Placed(Box((0.02, 0.08, 0.02)), at(z=0.04)),))
+ISLAND = Union((HEX_BOX, Moved(Wedge((0.01, 0.01, 0.01), 0.004), at(z=0.005))))
+FLANGED = Union((Box((0.02, 0.02, 0.05)), Moved(Box((0.04, 0.03, 0.01)), at(z=0.03))))
+CROSSED = Difference(ISLAND, (Moved(Box((0.02, 0.08, 0.02)), at(z=0.04)),))
 
 
 @pytest.mark.parametrize(("solid", "tools"), [(CHAMFERED, 2), (ISLAND, None), (FLANGED, None), (CROSSED, None)])

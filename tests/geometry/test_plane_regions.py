@@ -10,7 +10,7 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.plane.boolean import difference, intersection, positive, union
 from fmopt.geometry.plane.conic import ConicArc
 from fmopt.geometry.plane.convolution import components
-from fmopt.geometry.plane.curve import Arc, Curve, Segment
+from fmopt.geometry.plane.curve import Arc, Curve, LineSegment
 from fmopt.geometry.plane.meet import meet
 from fmopt.geometry.plane.region import Region, polygon_region
 from fmopt.spatial.values import Array
@@ -39,7 +39,7 @@ def shape(rng: np.random.Generator) -> Region:
 def random_curve(rng: np.random.Generator) -> Curve:
     kind = int(rng.integers(3))
     if kind == 0:
-        return Segment(*rng.uniform(-1.0, 1.0, (2, 2)))
+        return LineSegment(*rng.uniform(-1.0, 1.0, (2, 2)))
     if kind == 1:
         return Arc(rng.uniform(-0.5, 0.5, 2), *rng.uniform([0.2, 0.0, -6.0], [1.0, 6.0, 6.0]).tolist())
     return ConicArc(*rng.uniform(-1.0, 1.0, (3, 2)), float(rng.uniform(0.3, 2.5)))
@@ -70,12 +70,12 @@ def test_meetings_are_all_the_crossings(seed: int) -> None:
 
 def test_tangent_curves_meet_once() -> None:
     circle = Arc(np.zeros(2), 1.0, 0.3, math.tau)
-    assert [round(s * 2.0 - 1.0, 9) for s, _ in meet(Segment((-1.0, 1.0), (1.0, 1.0)), circle, TOLERANCE)] == [0.0]
+    assert [round(s * 2.0 - 1.0, 9) for s, _ in meet(LineSegment((-1.0, 1.0), (1.0, 1.0)), circle, TOLERANCE)] == [0.0]
     for x, radius in ((3.0, 2.0), (0.5, 0.5)):
         met = meet(circle, Arc(np.array([x, 0.0]), radius, 0.3, math.tau), TOLERANCE)
         np.testing.assert_allclose(circle.point([s for s, _ in met]), [(1.0, 0.0)], atol=1e-6)
     arch = ConicArc((-1.0, 0.0), (0.0, 2.0), (1.0, 0.0), 1.0)
-    (met,) = meet(arch, Segment((-1.0, 1.0), (1.0, 1.0)), TOLERANCE)
+    (met,) = meet(arch, LineSegment((-1.0, 1.0), (1.0, 1.0)), TOLERANCE)
     assert met == pytest.approx((0.5, 0.5), abs=1e-6)
 
 
@@ -150,7 +150,7 @@ def test_winding_of_loops_that_cross_themselves(seed: int) -> None:
     chain: list[Curve] = []
     for k, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True)):
         shoulder = 0.5 * (a + b) + rng.uniform(-0.3, 0.3, 2)
-        chain.append(Segment(a, b) if k % 2 else ConicArc(a, shoulder, b, float(rng.uniform(0.4, 1.8))))
+        chain.append(LineSegment(a, b) if k % 2 else ConicArc(a, shoulder, b, float(rng.uniform(0.4, 1.8))))
     region = positive(chain)
     points = rng.uniform(-1.0, 1.0, (200, 2))
     run = np.vstack([curve.point(np.linspace(0.0, 1.0, 400, endpoint=False)) for curve in chain])
@@ -184,6 +184,6 @@ def test_components_own_their_holes() -> None:
 
 def test_open_loops_are_refused() -> None:
     with pytest.raises(GeometryError, match=r"loop 0 of a region is open by 1 m"):
-        Region(((Segment((0.0, 0.0), (1.0, 0.0)), Segment((1.0, 0.0), (1.0, 1.0))),))
+        Region(((LineSegment((0.0, 0.0), (1.0, 0.0)), LineSegment((1.0, 0.0), (1.0, 1.0))),))
     with pytest.raises(GeometryError, match="has no bounding box"):
         _ = Region(()).box

@@ -17,7 +17,7 @@ import trimesh
 from fmopt.errors import FmoptError
 from fmopt.geometry.clearance import checked_clearance
 from fmopt.geometry.convex_pieces import pieces, polyhedron
-from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Hull, Placed, Prism, Sphere, Union, Wedge, chamfered_box
+from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Hull, Moved, Prism, Sphere, Union, Wedge, chamfered_box
 from fmopt.geometry.exact_coordinates import exact_vertices
 from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.archive import three_mf_shells
@@ -37,7 +37,7 @@ FACES = [face.loops for face in BODY.faces]
 TRIANGLE = ((0.0, 0.0), (0.01, 0.0), (0.0, 0.01))
 SQUARE = ((0.0, 0.0), (0.01, 0.0), (0.01, 0.01), (0.0, 0.01))
 FLAT = ((0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.01, 0.01, 0.0))
-RODS = Union(tuple(Placed(Cylinder(0.01, 0.02, 1200), at(0.03 * i)) for i in range(4)))
+RODS = Union(tuple(Moved(Cylinder(0.01, 0.02, 1200), at(0.03 * i)) for i in range(4)))
 POINTS, TRIANGLES = triangles_of(Box((0.008, 0.008, 0.008)))
 SHOULDERS = [[(-2, -9), (2, -9), (2, -z), (6, -z), (6, 9), (-6, 9), (-6, z), (-2, z)] for z in (-2, 2)]
 
@@ -66,7 +66,7 @@ def without_lib3mf() -> object:
 
 def coarse() -> object:
     """A rod that is larger than the part that it encloses, and a bore that its facets do not go into."""
-    bore = Difference(Box((0.06, 0.06, 0.04)), (Placed(Cylinder(0.01005, 0.03, 24), at(z=0.01)),))
+    bore = Difference(Box((0.06, 0.06, 0.04)), (Moved(Cylinder(0.01005, 0.03, 24), at(z=0.01)),))
     rod = replace(part_of("rod", Cylinder(0.01, 0.05, 63)), larger=1e-4)
     return checked_clearance(rod, rebased(part_of("block", bore), at(z=0.04)), at(z=-0.03), 0.03)
 
@@ -91,8 +91,8 @@ SECTION = manifold3d.CrossSection.square((12.0, 8.0))
 SCENE = trimesh.Scene([trimesh.creation.box((9, 9, 9)), trimesh.creation.box((9, 9, 9))])
 PEG = part_of("peg", Box((0.02, 0.02, 0.05)))
 REFUSED: tuple[tuple[Callable[[], object], str], ...] = (
-    (lambda: pieces(Difference(CUBE, (Placed(Box((0.02, 0.02, 0.03)), at(z=-0.01)),))), "make the tools smaller"),
-    (lambda: polyhedron(Union((CUBE, Placed(CUBE, at(0.01, 0.01))))), "let the operands overlap there or leave a gap"),
+    (lambda: pieces(Difference(CUBE, (Moved(Box((0.02, 0.02, 0.03)), at(z=-0.01)),))), "make the tools smaller"),
+    (lambda: polyhedron(Union((CUBE, Moved(CUBE, at(0.01, 0.01))))), "let the operands overlap there or leave a gap"),
     (lambda: Box((math.nan, 0.01, 0.01)), "give lengths in metres"),
     (lambda: Box((0.01, 0.0, 0.01)), "has no volume; make every length positive"),
     (lambda: Cylinder(-0.01, 0.02), "has no volume; make every length positive"),

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fmopt.geometry.clearance import mating_clearance
-from fmopt.geometry.fit.find import Fit, find
+from fmopt.geometry.fit.find import FoundFit, find
 from fmopt.geometry.mesh.mesh_import import Unit, load_mesh
 from fmopt.geometry.part import mesh_part, rebased
 from tests.shared.files.others import PAIRS, PARTS
@@ -13,7 +13,7 @@ from tests.shared.files.others import PAIRS, PARTS
 PRESENT = [name for name in PAIRS if (PARTS / name).is_dir()]
 
 
-def measured(peg: Path, hole: Path, *units: Unit) -> tuple[Fit, float, float]:
+def measured(peg: Path, hole: Path, *units: Unit) -> tuple[FoundFit, float, float]:
     """How two meshes mate, their clearance (m a side), and how far curved surfaces lie from both at most (m)."""
     moving, fixed = (mesh_part(path.stem, load_mesh(path, unit)) for path, unit in zip((peg, hole), units, strict=True))
     fit = find(moving.polyhedron, fixed.polyhedron)

@@ -15,7 +15,7 @@ from fmopt.geometry.csg import (
     Cone,
     Cylinder,
     Difference,
-    Placed,
+    Moved,
     Prism,
     Solid,
     Union,
@@ -32,7 +32,7 @@ from tests.shared.solids import contains, depth, frustum, raised
 BLOCK = Difference(Box((0.06, 0.06, 0.04)), (raised(Box((0.0202, 0.0202, 0.03)), 0.01),))
 CHAMFERED = Difference(BLOCK, (raised(frustum((0.0202, 0.0202), (0.0242, 0.0242), 0.002), 0.038),))
 ROUND = Difference(Box((0.06, 0.06, 0.04)), (Cylinder(0.0101, 0.04, 12), raised(Cone(0.0101, 0.0121, 2e-3, 12), 0.038)))
-TILTED = Placed(Box((0.03, 0.02, 0.05)), Pose.from_vector([0.004, -0.003, 0.002, 0.3, -0.5, 0.7]))
+TILTED = Moved(Box((0.03, 0.02, 0.05)), Pose.from_vector([0.004, -0.003, 0.002, 0.3, -0.5, 0.7]))
 RIBBED = Difference(Box((0.06, 0.06, 0.04)), (Difference(raised(Box((0.04, 0.04, 0.03)), 0.01), (TILTED,)),))
 SOLIDS = {
     "block": BLOCK,
@@ -131,7 +131,7 @@ def test_blind_hole_leaves_five_full_slabs() -> None:
 
 
 def test_quarter_turns_are_exact() -> None:
-    turned = polyhedron(Placed(Box((0.02, 0.04, 0.06)), Pose.from_vector([0.0, 0.0, 0.0, 0.0, np.pi / 2, 0.0])))
+    turned = polyhedron(Moved(Box((0.02, 0.04, 0.06)), Pose.from_vector([0.0, 0.0, 0.0, 0.0, np.pi / 2, 0.0])))
     assert set(turned.vertices.ravel().tolist()) == {0.0, 0.06, 0.02, -0.02, 0.01, -0.01}
     assert set(np.abs(turned.normals).ravel().tolist()) == {0.0, 1.0}
 
@@ -217,5 +217,5 @@ def test_a_large_tool_of_many_sides_nicks_a_small_body() -> None:
     angles = [math.pi * (2 * k + 1) / 8 for k in range(8)]
     octagon = Prism(tuple((0.2 * math.cos(a), 0.2 * math.sin(a)) for a in angles), 0.4)
     nick = Pose(np.array([0.48e-3 + 0.2 * math.cos(math.pi / 8), 0.0, -0.2]), np.eye(3))
-    left = pieces(Difference(Box((1e-3, 1e-3, 1e-3)), (Placed(octagon, nick),)))
+    left = pieces(Difference(Box((1e-3, 1e-3, 1e-3)), (Moved(octagon, nick),)))
     assert sum(piece.volume for piece in left) == pytest.approx(0.98e-9, rel=1e-9)

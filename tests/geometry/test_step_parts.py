@@ -13,7 +13,7 @@ import trimesh
 
 from fmopt.errors import GeometryError, ResourceError
 from fmopt.geometry.csg import Box as Block
-from fmopt.geometry.csg import Difference, Placed
+from fmopt.geometry.csg import Difference, Moved
 from fmopt.geometry.fit.find import find
 from fmopt.geometry.part import mesh_part
 from fmopt.geometry.part import part_of as part_of_solid
@@ -101,7 +101,7 @@ def test_facets_of_fillets_are_no_ends_of_a_peg(tmp_path: Path) -> None:
     body = load_step(tmp_path / "part.step").body
     x, y, z = np.ptp(body.vertices, axis=0)
     middle = Pose(np.append(0.5 * (body.vertices.min(axis=0) + body.vertices.max(axis=0))[:2], -0.005), np.eye(3))
-    hole = Difference(Block((0.1, 0.1, 0.01)), (Placed(Block((x + 2e-4, y + 2e-4, 0.02)), middle),))
+    hole = Difference(Block((0.1, 0.1, 0.01)), (Moved(Block((x + 2e-4, y + 2e-4, 0.02)), middle),))
     fit = find(body, part_of_solid("plate", hole).polyhedron)
     np.testing.assert_allclose(np.abs(fit.solid.R[:, 2]), [0.0, 0.0, 1.0], atol=1e-12)
     assert fit.peg == pytest.approx(z, abs=EXACT)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmopt.geometry.csg import Box, Difference, Placed, Prism
+from fmopt.geometry.csg import Box, Difference, Moved, Prism
 from fmopt.geometry.exact_coordinates import exact_vertices, facing_directions
 from fmopt.geometry.part import part_of, rebased, settled
 from fmopt.geometry.polyhedron import Polyhedron
@@ -38,7 +38,7 @@ def test_settled_parts_are_where_exact_ones_are(seed: int) -> None:
     rng = np.random.default_rng(SEED + seed)
     corners = tuple(map(tuple, turned_polygon(int(rng.integers(3, 9)), 0.01, float(rng.uniform(0.0, 3.0)))))
     wider = tuple((1.01 * x, 1.01 * y) for x, y in corners)
-    hole = Difference(Box((0.06, 0.06, 0.04)), (Placed(Prism(wider, 0.04), Pose(np.array([0, 0, 0.02]), np.eye(3))),))
+    hole = Difference(Box((0.06, 0.06, 0.04)), (Moved(Prism(wider, 0.04), Pose(np.array([0, 0, 0.02]), np.eye(3))),))
     about = Pose(np.zeros(3), exp(np.array([0.0, 0.0, float(rng.uniform(0.0, 3.0))])))
     moving, fixed = (
         rebased(part_of(name, solid), about) for name, solid in (("peg", Prism(corners, 0.04)), ("hole", hole))

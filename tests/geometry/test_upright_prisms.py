@@ -8,7 +8,7 @@ import pytest
 from manifold3d import CrossSection, Manifold
 
 from fmopt.geometry.convex_pieces import polyhedron
-from fmopt.geometry.csg import Box, Difference, Hull, Placed, Prism, Union
+from fmopt.geometry.csg import Box, Difference, Hull, Moved, Prism, Union
 from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.part import mesh_part
 from fmopt.geometry.upright_prisms import upright_prisms
@@ -82,7 +82,7 @@ def test_pieces_make_up_filleted_parts_exactly_however_they_are_turned(family: s
 
 
 def test_a_body_on_any_axis_comes_apart_and_one_that_leans_does_not() -> None:
-    box, tool = Box((0.03, 0.02, 0.01)), Placed(Box((0.01, 0.03, 0.02)), Pose(np.array([0.0, 0.0, 0.004]), np.eye(3)))
+    box, tool = Box((0.03, 0.02, 0.01)), Moved(Box((0.01, 0.03, 0.02)), Pose(np.array([0.0, 0.0, 0.004]), np.eye(3)))
     body = polyhedron(Difference(box, (tool,)))
     found = upright_prisms(body)
     assert found.base.volume - sum(one.volume for one in found.tools) == pytest.approx(body.volume)
@@ -91,7 +91,7 @@ def test_a_body_on_any_axis_comes_apart_and_one_that_leans_does_not() -> None:
 
 
 def test_a_body_with_one_section_within_another_does_not_come_apart() -> None:
-    inside = Placed(Box((0.02, 0.02, 0.01)), Pose(np.array([0.0, 0.0, 0.003]), np.eye(3)))
+    inside = Moved(Box((0.02, 0.02, 0.01)), Pose(np.array([0.0, 0.0, 0.003]), np.eye(3)))
     rim = Difference(Box((0.03, 0.03, 0.01)), (inside,))
     post = Prism(tuple((0.005 * math.cos(k), 0.005 * math.sin(k)) for k in range(6)), 0.01)
     assert upright_prisms(polyhedron(rim)) is not None

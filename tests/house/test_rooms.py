@@ -1,6 +1,7 @@
 """Rooms: no entries of a folder need each other; tests stand in rooms of the package, each starts in a new folder."""
 
 import ast
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -67,6 +68,13 @@ def test_tests_stand_in_rooms_of_the_package_and_share_by_no_test() -> None:
 def test_a_test_starts_in_an_empty_folder_of_its_own(tmp_path: Path) -> None:
     assert Path.cwd() == tmp_path.resolve()
     assert [*Path().iterdir()] == []
+
+
+def test_no_two_classes_have_one_name() -> None:
+    trees = [ast.parse(text) for text in sources().values()]
+    names = Counter(node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+    # Those of notebooks are named after what they wrap.
+    assert {name for name, count in names.items() if count > 1} == {"Plan", "Problem", "Segment", "Trials"}
 
 
 def test_no_entries_of_a_folder_need_each_other() -> None:

@@ -20,13 +20,13 @@ def problem() -> fmopt.Problem:
 
 @pytest.mark.wide
 def test_trials_are_those_of_the_command_line(square_peg_plan_file: Path, tmp_path: Path) -> None:
-    from fmopt.execution.execute import Settled, execute
+    from fmopt.execution.execute import TrialSettings, execute
     from fmopt.execution.trials import Trials
     from fmopt.plan import read
 
     plan = fmopt.read(square_peg_plan_file)
     mine = plan.execute(trials=1, seed=3, folder=tmp_path / "mine", workers=1)
-    theirs = execute(read(square_peg_plan_file), Trials(1, seed=3), Settled(tmp_path / "theirs", 1))
+    theirs = execute(read(square_peg_plan_file), Trials(1, seed=3), TrialSettings(tmp_path / "theirs", 1))
     assert mine.summary == theirs
     whole = plan.execute(fmopt.Trials(1, seed=3), seed=8, folder=tmp_path / "whole", workers=1)
     assert whole.summary == theirs

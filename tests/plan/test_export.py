@@ -21,8 +21,8 @@ from fmopt.plan.export import ros2
 from fmopt.plan.export.cautions import base_pose, insertion_words
 from fmopt.plan.export.frame import task_frame
 from fmopt.plan.export.sampled import csv_text, json_text, samples
-from fmopt.plan.export.urscript import Settings, program
-from fmopt.plan.guarded_moves import Move, from_frame, moves, to_frame
+from fmopt.plan.export.urscript import ProgramSettings, program
+from fmopt.plan.guarded_moves import PlanMove, from_frame, moves, to_frame
 from fmopt.spatial.se3 import Pose, exp
 from tests.shared.lies.mutations import changed
 from tests.shared.urscript.language import Halt, Interpreter, arguments, calls, constant, distance, faults, parsed
@@ -33,11 +33,11 @@ BASE = Pose.from_vector([0.4, -0.1, 0.2, 0.3, 3.0, -0.2])
 SCALE = np.array([1.0, 1.0, 1.0, RHO, RHO, RHO])
 
 
-def pressing(force_axes: Any, hold: Any, frame: Pose) -> Move:
+def pressing(force_axes: Any, hold: Any, frame: Pose) -> PlanMove:
     """A move that presses along the axes of a frame; what it does else does not matter here."""
     goal = Pose.from_vector([0.001, 0.002, 0.003, 0.1, 0.0, 0.05])
     wrench = from_frame(frame, np.asarray(hold, dtype=np.float64), goal.p)
-    return Move(
+    return PlanMove(
         *(0, 0, True, goal, goal, 0.0, 1.0, np.zeros(6), frame, np.zeros((0, 6)), force_axes),
         *(wrench, wrench, np.zeros(6), None, (), ()),
     )
@@ -248,7 +248,7 @@ def test_a_free_move_that_pushes_against_something_ends_the_program(
     assert first.stop is None
     robot = Robot(list(BASE.compose(first.start).vector()))
     functions = robot.built_in()
-    most = share * Settings().most * square_peg_plan["specification"]["contact_force"]
+    most = share * ProgramSettings().most * square_peg_plan["specification"]["contact_force"]
     reaction = (np.array([1.0, -2.0, 2.0]) / 3.0 * most).tolist()
     functions["get_tcp_force"] = lambda: [*reaction, 0.0, 0.0, 0.0]
     with pytest.raises(Halt):

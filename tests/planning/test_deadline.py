@@ -9,7 +9,7 @@ import pytest
 
 import fmopt
 from fmopt.certificate.piece_pairs import facing
-from fmopt.certificate.remainder import Course
+from fmopt.certificate.remainder import EndsBatch
 from fmopt.certificate.separating_plane import separation
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import near_contacts, near_tips
@@ -106,7 +106,7 @@ def test_of_the_moving_faces_the_best_is_found_without_a_table() -> None:
     _, motion = shipped_motion("square_peg")
     assembly, seen = motion.assembly, 0
     for claim in motion.claims[::3]:
-        listed, course = facing(assembly, claim.piece), Course.of([claim.advance.ends])
+        listed, course = facing(assembly, claim.piece), EndsBatch.of([claim.advance.ends])
         free = [n for n, (_, _, pair) in enumerate(listed.listed) if not pair.touched]
         if not free:
             continue

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from fmopt.plan import Contact, parsed
-from fmopt.plan.error_sets import ErrorSet
+from fmopt.plan import StatedContact, parsed
+from fmopt.plan.error_sets import PlanErrorSet
 from fmopt.report.bodies import contact_place
 from fmopt.report.drawing import Drawing, sheet
 from fmopt.report.figures import catalogue, figures
@@ -105,7 +105,8 @@ def test_half_widths_take_the_smaller_bound() -> None:
     sets = error_sets(cube())
     assert list(sets) == ["start", "move 1", "move 2"]
     np.testing.assert_allclose(sets["start"].half_widths(), [3e-4, 3e-4, 0.0, 0.0, 0.0, 5e-3], rtol=1e-12)
-    found = ErrorSet(np.diag([1e-4, 2e-4, 0, 0, 0, 0]), np.diag([4e-8] * 6), *[np.zeros((6, 6))] * 2, 1e-10 * np.eye(6))
+    core, none = np.diag([1e-4, 2e-4, 0, 0, 0, 0]), np.zeros((6, 6))
+    found = PlanErrorSet(core, np.diag([4e-8] * 6), none, none, 1e-10 * np.eye(6))
     np.testing.assert_allclose(found.half_widths(), [1.1e-4, 2e-4, *[1e-5] * 4], rtol=1e-12)
 
 
@@ -154,7 +155,7 @@ def test_a_contact_is_where_its_features_meet() -> None:
     end = Pose.from_vector(plan.segments[-1].goal)
     touching = contact_place(plan, "v0-f5", end)
     assert touching[0] == pytest.approx(-0.0051, abs=3e-5)
-    plan = replace(plan, contacts=(*plan.contacts, Contact("e-e", "edge-edge", (0, 4), (2, 8))))
+    plan = replace(plan, contacts=(*plan.contacts, StatedContact("e-e", "edge-edge", (0, 4), (2, 8))))
     a, b = end.apply(np.array([plan.moving.body.vertices[k] for k in (0, 4)]))
     c, d = (np.array(plan.fixed.body.vertices[k]) for k in (2, 8))
     at = contact_place(plan, "e-e", end)

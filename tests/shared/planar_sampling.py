@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmopt.papers.basanez_suarez.contact import CU, Kind, Range
+from fmopt.papers.basanez_suarez.contact import CU, ContactType, Range
 from fmopt.papers.basanez_suarez.edge import Case, TurnedEdge
 
 ALL = Range(-math.pi, math.pi)
@@ -35,7 +35,7 @@ class Instance:
         shift = self.epsilon_p * disc(q[..., 2], q[..., 3])
         static_shift = self.epsilon_a * disc(q[..., 4], q[..., 5])
         on_edge = cu.edge[0] + k * (cu.edge[1] - cu.edge[0])
-        grasped, static = (cu.vertex, on_edge) if cu.kind is Kind.TYPE_1 else (on_edge, cu.vertex)
+        grasped, static = (cu.vertex, on_edge) if cu.kind is ContactType.TYPE_1 else (on_edge, cu.vertex)
         c, s = np.cos(turn), np.sin(turn)
         grasped = np.broadcast_to(grasped, (*turn.shape, 2))
         x, y = grasped[..., 0], grasped[..., 1]
@@ -48,9 +48,9 @@ def disc(direction: np.ndarray, size: np.ndarray) -> np.ndarray:
     return size[..., None] * np.stack([np.cos(theta), np.sin(theta)], axis=-1)
 
 
-def instances(kind: Kind, case: Case | None, count: int, seed: int) -> list[Instance]:
+def instances(kind: ContactType, case: Case | None, count: int, seed: int) -> list[Instance]:
     """Random contacts of one type, for type 2 of one case, sizes from 1 mm to 1 m, deviations from 10⁻⁴ of that up."""
-    rng = np.random.default_rng([seed, kind is Kind.TYPE_2, case is Case.A])
+    rng = np.random.default_rng([seed, kind is ContactType.TYPE_2, case is Case.A])
     found: list[Instance] = []
     while len(found) < count:
         scale = 10.0 ** rng.uniform(-3.0, 0.0)

@@ -15,9 +15,9 @@ from fmopt.planning.placement.sequence_program import certified
 from fmopt.planning.posed import FINE, Posed
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.planning.search.best_first import search
-from fmopt.planning.search.entry import Entry, Shape, start_spread, tilted_entry
+from fmopt.planning.search.entry import Approach, Entry, start_spread, tilted_entry
 from fmopt.planning.search.entry_room import room
-from fmopt.planning.search.successors import Costs, Task
+from fmopt.planning.search.successors import Costs, SearchTask
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, VelocityError, load
 from fmopt.task.sizes import characteristic_length, drift, measured_clearance
@@ -37,21 +37,21 @@ def steadier(problem: Problem) -> Problem:
     return replace(problem, velocity_error=VelocityError(share * error.translation, share * error.rotation))
 
 
-def drawn_shapes(problem: Problem, kind: int, count: int, seed: int = 0) -> list[Shape]:
+def drawn_shapes(problem: Problem, kind: int, count: int, seed: int = 0) -> list[Approach]:
     """Shapes that are drawn for a problem: the corner going in at once (0), touching (1), or laid flat first (2)."""
     shapes = drawing(Posed.of(problem)).shapes(seed)
     asked = (shape for shape in shapes if kind == (shape.touch is not None) + 2 * (shape.flat is not None))
     return [*islice(asked, count)]
 
 
-def task_of(problem: Problem) -> Task:
+def task_of(problem: Problem) -> SearchTask:
     """What a problem's search is about."""
     clearance = measured_clearance(problem)
     assembly = Assembly(problem.moving, problem.fixed, planar=problem.plane is not None)
     rates = problem.velocity_error.translation, problem.velocity_error.rotation
     tolerance = Tolerance(rates, characteristic_length(problem, clearance))
     roomy = room(assembly, clearance.per_side, problem.start_box, drift(problem, clearance))
-    return Task(
+    return SearchTask(
         assembly,
         Pose.from_vector(problem.goal),
         ErrorSet.from_box(problem.start_box),
@@ -82,7 +82,7 @@ def leaving(plan: dict[str, Any]) -> int:
     return number
 
 
-def tilted_motion(problem: Problem, shape: Shape) -> CertifiedMotion:
+def tilted_motion(problem: Problem, shape: Approach) -> CertifiedMotion:
     """What a problem's search and certificate make of a tilted entry."""
     play = measured_clearance(problem).play
     return motion_from(problem, tilted_entry(problem.moving, play, problem.approach, shape))

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmopt.geometry.csg import Difference, Hull, Placed, Solid, Union, convex_polyhedron, exact_pose
+from fmopt.geometry.csg import Difference, Hull, Moved, Solid, Union, convex_polyhedron, exact_pose
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
@@ -16,15 +16,15 @@ def frustum(bottom: tuple[float, float], top: tuple[float, float], height: float
     return Hull(tuple((0.5 * i * x, 0.5 * j * y, z) for (x, y), z in rims for i, j in product((-1.0, 1.0), repeat=2)))
 
 
-def raised(solid: Solid, z: float) -> Placed:
-    return Placed(solid, Pose(np.array([0.0, 0.0, z]), np.eye(3)))
+def raised(solid: Solid, z: float) -> Moved:
+    return Moved(solid, Pose(np.array([0.0, 0.0, z]), np.eye(3)))
 
 
 def depth(solid: Solid, points: ArrayLike) -> Array:
     """Positive inside, negative outside, zero on boundaries (also on inner ones of a union); shape (n,), m."""
     points = np.asarray(points, dtype=np.float64)
     match solid:
-        case Placed(inner, pose):
+        case Moved(inner, pose):
             return depth(inner, exact_pose(pose).inverse().apply(points))
         case Union(parts):
             return np.asarray(np.max([depth(part, points) for part in parts], axis=0))

@@ -13,7 +13,7 @@ from fmopt.plan import parsed
 from fmopt.planning import pipeline
 from fmopt.study import evaluation
 from fmopt.study.results.shares import share
-from fmopt.study.running.batch import Question, Run
+from fmopt.study.running.batch import Run, StudyContext
 from tests import ROOT
 from tests.shared.studies.problems import straight
 
@@ -32,7 +32,7 @@ def test_a_search_that_fails_is_made_once_and_says_why(tmp_path: Path, monkeypat
 
     monkeypatch.setattr(pipeline, "certified_motion", moved)
     straight(tmp_path)
-    question = Question("base.toml", ("clearance", "plan", "margins", "tolerated_error", "bias"), ("plan",))
+    question = StudyContext("base.toml", ("clearance", "plan", "margins", "tolerated_error", "bias"), ("plan",))
     first = evaluation.evaluate(Run("a", (), question), tmp_path)
     assert len(searches) == 1
     assert (first.outcome, first.reason) == ("done", "no motion was found: state v4 ends")
@@ -54,12 +54,12 @@ def test_a_search_out_of_time_says_nothing_of_the_machine(tmp_path: Path, monkey
 
     monkeypatch.setattr(pipeline, "certified_motion", moved)
     straight(tmp_path)
-    row = evaluation.evaluate(Run("a", (), Question("base.toml", ("margins",))), tmp_path)
+    row = evaluation.evaluate(Run("a", (), StudyContext("base.toml", ("margins",))), tmp_path)
     assert row.reason == "no motion was found before settings.time_limit"
 
 
 def test_parts_that_overlap_are_a_row_that_says_where() -> None:
-    question = Question("problems/square_peg.toml", ("clearance", "margins"))
+    question = StudyContext("problems/square_peg.toml", ("clearance", "margins"))
     row = evaluation.evaluate(Run("key", ((("fixed", "parameters", "width"), "0.0199 m"),), question), ROOT)
     assert (row.outcome, row.answers["verdict"]) == ("done", "INFEASIBLE")
     assert row.answers["shortfall"] == pytest.approx(5e-5, rel=1e-3)
@@ -70,7 +70,7 @@ def test_parts_that_overlap_are_a_row_that_says_where() -> None:
 def test_a_run_says_how_often_its_plan_succeeds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evaluation, "TRIALS", 4)
     straight(tmp_path)
-    row = evaluation.evaluate(Run("key", (), Question("base.toml", ("plan", "execution"), ("plan",))), tmp_path)
+    row = evaluation.evaluate(Run("key", (), StudyContext("base.toml", ("plan", "execution"), ("plan",))), tmp_path)
     assert row.outcome == "done"
     seen = trials.run(parsed(json.loads(zlib.decompress(row.kept))), trials.Trials(4), range(4))
     successes = sum(record["success"] for record in seen)
@@ -83,7 +83,7 @@ def test_a_run_says_how_often_its_plan_succeeds(tmp_path: Path, monkeypatch: pyt
 def test_answers_are_the_same_whether_plans_are_kept_or_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evaluation, "TRIALS", 2)
     straight(tmp_path)
-    asked = Question("base.toml", ("plan", "margins", "execution"))
+    asked = StudyContext("base.toml", ("plan", "margins", "execution"))
     bare = evaluation.evaluate(Run("key", (), asked), tmp_path)
     kept = evaluation.evaluate(Run("key", (), replace(asked, keep=("plan",))), tmp_path)
     assert kept.answers == bare.answers

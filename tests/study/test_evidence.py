@@ -14,7 +14,7 @@ from fmopt.planning.press import solve
 from fmopt.study import evaluation
 from fmopt.study.design import load_study
 from fmopt.study.results.shares import difference
-from fmopt.study.running.batch import Question, Run
+from fmopt.study.running.batch import Run, StudyContext
 from fmopt.verify import verify
 from tests import PROBLEMS, ROOT
 from tests.shared.plans.press_plan import press_plan, press_plan_document
@@ -57,7 +57,7 @@ def test_a_known_plan_is_tried_with_parts_and_errors_of_each_run(
     asked_for = load_study(folder / "study.toml").question
     assert [Path(name).name for name in (asked_for.problem, asked_for.plan)] == ["base.toml", "plan.json"]
     wide = (("fixed", "parameters", "width"), "20.3 mm"), *((("clearance", axis), "0.15 mm") for axis in "xy")
-    question = Question("base.toml", ("evidence",), ("plan",), "plan.json")
+    question = StudyContext("base.toml", ("evidence",), ("plan",), "plan.json")
     assigned = (FRICTION, "0.2"), (("settings", "vertices"), vertices > 0), *wide
     row = evaluation.evaluate(Run("a", assigned, question), folder)
     ((_, carried, conditions, request, _),) = asked

@@ -14,10 +14,10 @@ import pytest
 import fmopt
 from fmopt.errors import InputError
 from fmopt.geometry.convex_pieces import polyhedron
-from fmopt.geometry.csg import Cylinder, Placed, Sphere
+from fmopt.geometry.csg import Cylinder, Moved, Sphere
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.object_model.command import answer
-from fmopt.task.object_model.tree import Feature, ObjectTree
+from fmopt.task.object_model.tree import ObjectTree, TreeFeature
 from fmopt.task.problem import Problem
 from fmopt.task.task_command import is_round, problem_answer, task_command
 from fmopt.task.toml import assembly_file, model_file, problem_file, tables
@@ -73,8 +73,8 @@ def test_a_sphere_is_a_solid_of_a_model_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("x", "expected"), [(0.0, True), (1e-6, False)])
 def test_a_sphere_is_round_however_it_is_turned(x: float, expected: bool) -> None:
-    body = Placed(Sphere(0.01), Pose.from_vector([x, 0, 0.01, 0.5, 0, 0]))
-    assert is_round(Feature("nose", "+", Pose.identity(), body, 0.02)) is expected
+    body = Moved(Sphere(0.01), Pose.from_vector([x, 0, 0.01, 0.5, 0, 0]))
+    assert is_round(TreeFeature("nose", "+", Pose.identity(), body, 0.02)) is expected
 
 
 @pytest.mark.parametrize(

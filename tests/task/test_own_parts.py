@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fmopt
-from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
+from fmopt.geometry.csg import Box, Cylinder, Difference, Moved
 from fmopt.report.sections import asked
 from fmopt.task.explain import explain, facts
 from fmopt.task.problem import load
@@ -164,7 +164,7 @@ def test_facets_of_curves_add_to_the_errors_of_position(folder: Path) -> None:
     radius, sides = 0.005, 24
     sagitta = radius * (1.0 - np.cos(np.pi / sides))
     write_stl(folder / "rod.stl", Cylinder(radius, 0.03, sides))
-    bore = Placed(Cylinder(radius + 1.5e-4, 0.02, sides), at(z=-0.005))
+    bore = Moved(Cylinder(radius + 1.5e-4, 0.02, sides), at(z=-0.005))
     write_stl(folder / "plate.stl", Difference(Box((0.04, 0.04, 0.01)), (bore,)))
     estimated = load(folder / "problem.toml")
     both = sagitta + (radius + 1.5e-4) * (1.0 - np.cos(np.pi / sides))

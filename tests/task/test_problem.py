@@ -17,7 +17,7 @@ from fmopt.task.explain import explain, facts
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
 from fmopt.task.sources import body_width, budget, configuration_shares, least_altitude, total
-from fmopt.task.toml.problem_file import Configuration, Deviation, Grasp, Handling, Observed, Sources
+from fmopt.task.toml.problem_file import Configuration, DeviationTable, Grasp, Handling, Observed, Sources
 from fmopt.task.toml.source import read
 from tests import ROOT
 from tests.shared.files.shipped import copied
@@ -171,7 +171,7 @@ SOURCES = Sources(
     shape=1e-5,
     configuration=Configuration(position=1e-4, angle=0.02),
     feeder=Configuration(position=5e-5, angle=0.01),
-    robot=Deviation(position=1e-4, angle=0.015),
+    robot=DeviationTable(position=1e-4, angle=0.015),
     grasp=Grasp(position=2e-4, angle=0.03, height=0.04),
 )
 WIDTHS = (0.02, 0.04)  # of which nothing hangs here
@@ -282,7 +282,7 @@ def test_configurations_known_by_points_bound_what_points_allow(at: tuple[float,
 
 def test_handlings_accumulate() -> None:
     rng = np.random.default_rng(6)
-    robot, slide = Deviation(position=3e-4, angle=0.02), Deviation(position=1e-4, angle=0.01)
+    robot, slide = DeviationTable(position=3e-4, angle=0.02), DeviationTable(position=1e-4, angle=0.01)
     grasps = [np.array(at) for at in ((0.0, 0.0, 0.06), (0.0, 0.0, 0.03))]
     handlings = tuple(Handling(robot=robot, slide=slide, at=tuple(at.tolist())) for at in grasps)
     placed = Configuration(position=2e-4, angle=0.015, placed=handlings)

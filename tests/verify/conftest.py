@@ -2,10 +2,10 @@
 
 import pytest
 
-from fmopt.verify.parts.assembly import Assembly
+from fmopt.verify.parts.assembly import PartPair
 from tests.shared.parts.held import assembled
 
 
 @pytest.fixture
-def assembly() -> Assembly:
+def assembly() -> PartPair:
     return assembled()

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from fmopt.geometry.convex_pieces import pieces, polyhedron
-from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Solid, Union, Wedge
+from fmopt.geometry.csg import Box, Cylinder, Difference, Moved, Solid, Union, Wedge
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import load
-from fmopt.verify.arithmetic.lattice import FINENESS, TooMuchWork, Work
+from fmopt.verify.arithmetic.lattice import FINENESS, TooMuchWork, WorkLeft
 from fmopt.verify.arithmetic.rational import number
-from fmopt.verify.parts.covering import DEVIATION, Hull, uncovered
+from fmopt.verify.parts.covering import DEVIATION, ConvexPiece, uncovered
 from fmopt.verify.parts.solids import Shape
-from fmopt.verify.parts.surface import Surface
+from fmopt.verify.parts.surface import CutSurface
 from tests import PROBLEMS
 from tests.shared.parts.solid_bodies import (
     SLABS,
@@ -45,7 +45,7 @@ def found(part: Shape, bodies: list[Shape]) -> str:
 
 
 def flaws(body: tuple[Vertices, Faces]) -> str:
-    return "; ".join(Surface(shape(*body), Work(PLENTY)).flaws)
+    return "; ".join(CutSurface(shape(*body), WorkLeft(PLENTY)).flaws)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -125,9 +125,9 @@ def test_a_surface_that_crosses_itself_is_told() -> None:
 
 def test_a_pinched_vertex_is_told() -> None:
     two = of_cubes([(0, 0, 0), (1, 1, 1)])
-    assert "pinched" in "; ".join(Surface(two, Work(PLENTY)).flaws)
+    assert "pinched" in "; ".join(CutSurface(two, WorkLeft(PLENTY)).flaws)
     edge = of_cubes([(0, 0, 0), (1, 1, 0)])
-    assert "is not the only one left of its edge" in "; ".join(Surface(edge, Work(PLENTY)).flaws)
+    assert "is not the only one left of its edge" in "; ".join(CutSurface(edge, WorkLeft(PLENTY)).flaws)
 
 
 # Lies about a covering.
@@ -222,9 +222,9 @@ def test_hulls_reach_no_farther_than_the_deviation() -> None:
     for _ in range(20):
         points = [[rng.uniform(-0.05, 0.05) for _ in range(3)] for _ in range(4)]
         body = shape(points, [[[0, 2, 1]], [[0, 1, 3]], [[0, 3, 2]], [[1, 2, 3]]])
-        if "inside out" in "; ".join(Surface(body, Work(PLENTY)).flaws):
+        if "inside out" in "; ".join(CutSurface(body, WorkLeft(PLENTY)).flaws):
             body = shape(points, [[[0, 1, 2]], [[0, 3, 1]], [[0, 2, 3]], [[1, 3, 2]]])
-        hull = Hull(body, Work(PLENTY))
+        hull = ConvexPiece(body, WorkLeft(PLENTY))
         if list(hull.flaws()):
             continue
         for x, y, z, w in (p for cell in hull.cells for p in cell.corners):
@@ -243,7 +243,7 @@ def test_solids_of_cubes_are_judged_as_their_cubes_are() -> None:
         cubes: set[Cube] = {c for c in product(range(3), repeat=3) if rng.random() < density}
         if not cubes:
             continue
-        surface = Surface(of_cubes(cubes), Work(PLENTY))
+        surface = CutSurface(of_cubes(cubes), WorkLeft(PLENTY))
         plain = is_surface(cubes)
         told[plain] += 1
         assert (not surface.flaws) == plain
@@ -289,7 +289,7 @@ def solid(rng: random.Random) -> Solid:
 
     def somewhere(body: Solid, reach: float) -> Solid:
         p = [rng.uniform(-reach, reach) for _ in range(3)]
-        return Placed(body, Pose.from_vector(np.array([*p, *(rng.uniform(-0.6, 0.6) for _ in range(3))])))
+        return Moved(body, Pose.from_vector(np.array([*p, *(rng.uniform(-0.6, 0.6) for _ in range(3))])))
 
     def tool() -> Solid:
         size = tuple(rng.uniform(0.004, 0.03) for _ in range(3))
@@ -316,8 +316,8 @@ def test_random_solids_are_their_pieces_and_no_others(seed: int) -> None:
     if len(bodies) > 1:
         assert "uncovered" in found(part, [b for n, b in enumerate(bodies) if n != missing])
     low, high = polyhedron(made).vertices.min(axis=0), polyhedron(made).vertices.max(axis=0)
-    surface = Surface(part, Work(PLENTY))
-    hulls = [Hull(body, Work(PLENTY)) for body in bodies]
+    surface = CutSurface(part, WorkLeft(PLENTY))
+    hulls = [ConvexPiece(body, WorkLeft(PLENTY)) for body in bodies]
     for _ in range(60):
         p = [round(rng.uniform(a, b) * 2**60) << (FINENESS - 60) for a, b in zip(low, high, strict=True)]
         inside = any(all(a * p[0] + b * p[1] + c * p[2] <= d for a, b, c, d in hull.outer) for hull in hulls)
@@ -336,4 +336,4 @@ def test_bodies_that_take_too_many_steps_are_told_so() -> None:
         slivers.append(box(*(x for a in low for x in (a, a + rng.uniform(1, 2)))))
     assert found(cube, slivers) != ""
     with pytest.raises(TooMuchWork):
-        Surface(cube, Work(20))
+        CutSurface(cube, WorkLeft(20))

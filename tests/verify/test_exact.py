@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fmopt.verify import CERTIFIED, NOT_PROVED, PlanError, verify
 from fmopt.verify.arithmetic import exact, rational
-from fmopt.verify.parts.assembly import Assembly, Touch
+from fmopt.verify.parts.assembly import PartPair, Touch
 from fmopt.verify.parts.incidence import Turn, about, cancel, image_of
 from fmopt.verify.parts.solids import Plane, Shape
 from tests.shared.parts.held import LEFT, PEG, V0, V3, V3_LEFT, A, facts, same, vertex_on
@@ -125,14 +125,14 @@ def notched(along: float, off: float) -> Shape:
     return shape([*body["vertices"], [x + off, y, z + along]], body["faces"])
 
 
-def with_peg(assembly: Assembly, peg: Shape) -> Assembly:
+def with_peg(assembly: PartPair, peg: Shape) -> PartPair:
     assembly.moving, assembly.moving_pieces, assembly.body_points = peg, (peg,), peg.vertices
     return assembly
 
 
 @pytest.mark.parametrize("along", FRACTIONS)
 @pytest.mark.parametrize("off", [1e-17, 1e-13, 9e-13, 2e-12, 9e-12, 1e-10, 1e-9])
-def test_a_vertex_beside_an_edge_in_a_wall_is_not_in_it(assembly: Assembly, along: float, off: float) -> None:
+def test_a_vertex_beside_an_edge_in_a_wall_is_not_in_it(assembly: PartPair, along: float, off: float) -> None:
     peg = notched(along, off)
     known = facts(with_peg(assembly, peg), vertex_on(V0, LEFT), A)
     assert len(known.on(LEFT).points) == 2  # the ends of the edge
@@ -145,7 +145,7 @@ def test_a_vertex_beside_an_edge_in_a_wall_is_not_in_it(assembly: Assembly, alon
 
 @pytest.mark.parametrize("along", [3e-10, 1e-9, 2e-7])
 @pytest.mark.parametrize("off", [1e-13, 1e-12, 9e-12, 1e-10])
-def test_a_line_through_two_close_points_holds_what_is_on_it(assembly: Assembly, along: float, off: float) -> None:
+def test_a_line_through_two_close_points_holds_what_is_on_it(assembly: PartPair, along: float, off: float) -> None:
     """Both points are exactly in the wall: so is their line, however close they are, and no other point."""
     peg = notched(along, off)
     known = facts(with_peg(assembly, peg), vertex_on(V0, LEFT), beside_on(peg, 8))
@@ -158,7 +158,7 @@ def test_a_line_through_two_close_points_holds_what_is_on_it(assembly: Assembly,
     assert not known.implies(V3_LEFT)
 
 
-def test_points_too_close_for_a_direction_are_refused(assembly: Assembly) -> None:
+def test_points_too_close_for_a_direction_are_refused(assembly: PartPair) -> None:
     peg = notched(1e-10, 1e-12)
     with pytest.raises(rational.ArithmeticRefusal, match="no length"):
         facts(with_peg(assembly, peg), vertex_on(V0, LEFT), beside_on(peg, 8))
@@ -169,7 +169,7 @@ def beside_on(peg: Shape, k: int) -> Touch:
 
 
 @pytest.mark.parametrize("off", [1e-13, 1e-10, 1e-9])
-def test_a_corner_off_a_flush_is_not_in_its_wall(assembly: Assembly, off: float) -> None:
+def test_a_corner_off_a_flush_is_not_in_its_wall(assembly: PartPair, off: float) -> None:
     body = box_body((-0.01, -0.01, 0.0), (0.01, 0.01, 0.04))
     body["vertices"][V3][0] += off
     peg = shape(body["vertices"], body["faces"])
@@ -181,7 +181,7 @@ def test_a_corner_off_a_flush_is_not_in_its_wall(assembly: Assembly, off: float)
 
 
 @pytest.mark.parametrize("off", [1e-10, 1e-13, 1e-16])
-def test_walls_that_nearly_coincide_are_two(assembly: Assembly, off: float) -> None:
+def test_walls_that_nearly_coincide_are_two(assembly: PartPair, off: float) -> None:
     body = box_body((-0.01 + off, -0.02, -0.03), (0.01, 0.02, 0.0))
     other = next(f.plane for f in shape(body["vertices"], body["faces"]).faces if f.plane.normal[0] < 0)
     beside = Plane(rational.neg(other.normal), -other.offset)

@@ -8,7 +8,7 @@ import pytest
 
 from fmopt.verify import CERTIFIED, verify
 from fmopt.verify.arithmetic.rational import ONE, fixed, number, row
-from fmopt.verify.certificate.chain import Leg, check_fit, misfit
+from fmopt.verify.certificate.chain import CheckedLeg, check_fit, misfit
 from fmopt.verify.certificate.error_set import square_of
 from fmopt.verify.findings import LEFT_ASIDE, Notes
 from tests.shared.lies.mutations import changed
@@ -17,11 +17,11 @@ Vector = tuple[float, ...]
 WHAT = "pieces of the move"
 
 
-def leg(twist: Vector, progress: float, overtravel: float, *directions: Vector) -> Leg:
+def leg(twist: Vector, progress: float, overtravel: float, *directions: Vector) -> CheckedLeg:
     """A piece whose contacts give way along some of the axes."""
     axes = [d.index(1.0) for d in directions]
     hold = square_of([[ONE if a == b and a not in axes else 0 for b in range(6)] for a in range(6)])
-    return Leg(row(twist), fixed(progress), fixed(overtravel), tuple(row(d) for d in directions), hold)
+    return CheckedLeg(row(twist), fixed(progress), fixed(overtravel), tuple(row(d) for d in directions), hold)
 
 
 def commanded(rates: list[Vector], ends: list[float], s: float) -> list[float]:

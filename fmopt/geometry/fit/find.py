@@ -56,7 +56,7 @@ class Stated:
 
 
 @dataclass(frozen=True)
-class Fit:
+class FoundFit:
     """A solid in an opening of another one."""
 
     exchanged: bool  # whether the part that moves is the one with the opening
@@ -81,7 +81,7 @@ def find(
     stated: Sequence[Stated] = (Stated(), Stated()),
     depth: float | None = None,
     seated: Pose | None = None,
-) -> Fit:
+) -> FoundFit:
     """The fit of two solids in any frames.
 
     Args:
@@ -101,7 +101,7 @@ def find(
 
 def _find(
     bodies: tuple[Polyhedron, Polyhedron], stated: Sequence[Stated], depth: float | None, seated: Pose | None
-) -> Fit:
+) -> FoundFit:
     roles = [(a, b) for a, b in ((0, 1), (1, 0)) if stated[a].kind != "hollow" and stated[b].kind != "solid"]
     if seated is not None:
         poses = seated, seated.inverse()
@@ -383,7 +383,7 @@ def _best_turned(seat: _Seat, depth: float | None) -> _Seat:
     return seat
 
 
-def _fit(seat: _Seat, exchanged: bool, alike: int) -> Fit:
+def _fit(seat: _Seat, exchanged: bool, alike: int) -> FoundFit:
     own, other, one = seat.own, seat.other, seat.candidate
     depth = seat.mouth - seat.tip
     opening = seat.opening(0.5 * (seat.mouth + max(seat.bottom, seat.tip)) + INSIDE) or one.opening
@@ -406,7 +406,7 @@ def _fit(seat: _Seat, exchanged: bool, alike: int) -> Fit:
     tip = seated.compose(Pose(np.array([0.0, 0.0, -depth]), np.eye(3)))
     hole = max(seat.mouth - seat.bottom, 0.0 if seat.through else depth)
     peg = depth if seat.stopped and depth < hole - _SAME else max(own.high - own.low, depth)
-    return Fit(exchanged, _clean(tip.p, tip.R), hollow, seat.clearance, depth, hole, peg, seat.through, alike)
+    return FoundFit(exchanged, _clean(tip.p, tip.R), hollow, seat.clearance, depth, hole, peg, seat.through, alike)
 
 
 def _clean(point: Array, R: Array) -> Pose:

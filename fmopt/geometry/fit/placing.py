@@ -130,7 +130,7 @@ def moved(shape: BaseGeometry, pivot: Array, at: Array) -> BaseGeometry:
     return affine_transform(shape, [*R.ravel().tolist(), *shift.tolist()])
 
 
-class Placement:
+class OutlinePlacement:
     """Outlines placed beside material together, from where they are on to where they have the greatest clearance."""
 
     def __init__(self, facing: Sequence[Facing], at: Array, size: float, tolerance: float) -> None:
@@ -156,7 +156,7 @@ class Placement:
         self._free = ~np.isfinite(self._kept)
         self.clearance = float(self._far[self._free].min(initial=self.size))
 
-    def improved(self, trust: float) -> "Placement":
+    def improved(self, trust: float) -> "OutlinePlacement":
         """Itself, moved to the greatest clearance nearby, in steps of at most `trust` (m) to begin with."""
         for _ in range(_STEPS):
             heed()

@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from fmopt.geometry.fit.layers import INSIDE, MERGED, Layers, Outline, common, united
-from fmopt.geometry.fit.placing import Facing, Placement, moved
+from fmopt.geometry.fit.placing import Facing, OutlinePlacement, moved
 from fmopt.geometry.section import shrunk
 from fmopt.spatial.values import Array
 
@@ -164,7 +164,7 @@ def most_room(
         facing = [Facing(*pair, pivot) for pair in thin if not pair[0].is_empty]
         if not facing:
             return -size, at
-        found = Placement(facing, at, size, accuracy).improved(_MOVES * size)
+        found = OutlinePlacement(facing, at, size, accuracy).improved(_MOVES * size)
         at = found.at
         tried.append((by, found.clearance))
         if abs(found.clearance) < _SHRUNK * accuracy or (by == 0.0 and found.clearance > 0.0):

@@ -18,7 +18,7 @@ from fmopt.geometry.mesh.surface import (
     COARSER,
     MAX_TRIANGLES,
     Damage,
-    Surface,
+    MeshSurface,
     index_of,
     lines_of,
     number_of,
@@ -41,10 +41,10 @@ def read_triangles(path: Path) -> tuple[Array, Indices]:
         ResourceError: the file cannot be read.
         GeometryError: no mesh format, damaged, empty or too large; says where.
     """
-    return read_surface(path, Surface.arrays)
+    return read_surface(path, MeshSurface.arrays)
 
 
-def read_surface(path: Path, taken: Callable[[Surface], T]) -> T:
+def read_surface(path: Path, taken: Callable[[MeshSurface], T]) -> T:
     """Reads a mesh file and returns `taken` of its surface, such as `Surface.bodies`, in the file's own unit.
 
     Raises:
@@ -69,13 +69,13 @@ def read_surface(path: Path, taken: Callable[[Surface], T]) -> T:
 
 
 @lru_cache(maxsize=2)
-def _surface(path: Path, kind: str, data: bytes) -> Surface:
+def _surface(path: Path, kind: str, data: bytes) -> MeshSurface:
     """What a file holds; it is not read again before it changes."""
-    readers: dict[str, Callable[[bytes], Surface]] = {"stl": _stl, "obj": _obj, "ply": read_ply}
+    readers: dict[str, Callable[[bytes], MeshSurface]] = {"stl": _stl, "obj": _obj, "ply": read_ply}
     if kind in readers:
         return readers[kind](data)
-    reader = confined.Reader(_PACKAGES[kind], "fmopt.geometry.mesh.archive:solids", COARSER, AGAIN)
-    surface = Surface()
+    reader = confined.FileReader(_PACKAGES[kind], "fmopt.geometry.mesh.archive:solids", COARSER, AGAIN)
+    surface = MeshSurface()
     for name, points, triangles in confined.read(path, reader, kind):
         first, count = len(surface.points), len(points)
         surface.objects.append((name[:80], len(surface.triangles)))
@@ -88,7 +88,7 @@ def _surface(path: Path, kind: str, data: bytes) -> Surface:
     return surface
 
 
-def _stl(data: bytes) -> Surface:
+def _stl(data: bytes) -> MeshSurface:
     """An STL file: binary if its size is what its count of triangles makes it, else text."""
     count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else -1
     # The size first: headers of binary files may begin with 'solid', too.
@@ -102,10 +102,10 @@ def _stl(data: bytes) -> Surface:
     raise Damage(f"the header says {count} triangles, and the file holds {room} and {(len(data) - 84) % 50} bytes")
 
 
-def _binary_stl(data: bytes, count: int) -> Surface:
+def _binary_stl(data: bytes, count: int) -> MeshSurface:
     if count > MAX_TRIANGLES:
         raise Damage(f"there are {count} triangles, more than {MAX_TRIANGLES}", "the header", COARSER)
-    surface = Surface()
+    surface = MeshSurface()
     for number in range(count):
         at = 84 + 50 * number
         where = f"triangle {number}"
@@ -122,9 +122,9 @@ _FACET: tuple[tuple[bytes, ...], ...] = (
 )
 
 
-def _text_stl(data: bytes) -> Surface:
+def _text_stl(data: bytes) -> MeshSurface:
     """Solids one after the other, each of facets in seven lines."""
-    surface = Surface()
+    surface = MeshSurface()
     step, inside, where = 0, False, "line 1"
     for where, words in lines_of(data):
         word = words[0].lower()
@@ -153,9 +153,9 @@ _OBJ_IGNORED = frozenset(
 )
 
 
-def _obj(data: bytes) -> Surface:
+def _obj(data: bytes) -> MeshSurface:
     """An OBJ file: points `v`, faces `f` whose corners count from 1, or back from the last point so far."""
-    surface = Surface()
+    surface = MeshSurface()
     for where, words in lines_of(_whole_lines(data)):
         if words[0] == b"v":
             if not 4 <= len(words) <= 9:

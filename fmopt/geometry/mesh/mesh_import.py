@@ -18,7 +18,7 @@ from fmopt.geometry.mesh.open_edges import MOST_OFF, MOST_OPEN, Patch, closes, j
 from fmopt.geometry.mesh.plane_facets import flattened
 from fmopt.geometry.mesh.round_planes import chord_error, sagitta
 from fmopt.geometry.mesh.shells import United, united
-from fmopt.geometry.mesh.surface import Surface
+from fmopt.geometry.mesh.surface import MeshSurface
 from fmopt.geometry.polyhedron import Polyhedron, from_triangles, manifold_of, placed
 from fmopt.geometry.section import require_plausible
 from fmopt.spatial.se3 import Pose
@@ -102,7 +102,7 @@ def _objects(path: Path) -> tuple[tuple[str, Array, Indices], ...]:
 
 
 @remembered(1)
-def _objects_of(surface: Surface) -> tuple[tuple[str, Array, Indices], ...]:
+def _objects_of(surface: MeshSurface) -> tuple[tuple[str, Array, Indices], ...]:
     """Name, points (n, 3) and triangles (m, 3) of each object of a file; of one object each body that lies apart."""
     found = surface.bodies()
     if len(found) > 1:

@@ -36,7 +36,7 @@ class Patch(Value, corners=(None, 3), labels={"corners": "rim of a gap"}):
 
 
 @dataclass(frozen=True)
-class _Gap:
+class _EdgeLoop:
     """A loop of open edges, as the missing surface has it around itself, with the triangle beside its first edge."""
 
     loop: tuple[int, ...]
@@ -149,7 +149,7 @@ def patches(points: Array, triangles: Indices, tol: float) -> tuple[Patch, ...]:
     return tuple(made) if sum(_area(points, patch.triangles) for patch in made) <= _MOST * whole else ()
 
 
-def _gaps(triangles: Indices) -> list[_Gap]:
+def _gaps(triangles: Indices) -> list[_EdgeLoop]:
     """The gaps of a mesh; none where they are too many."""
     loose = open_sides(triangles)
     beside = loose // 3
@@ -158,7 +158,7 @@ def _gaps(triangles: Indices) -> list[_Gap]:
     following = dict(zip(ends.tolist(), zip(starts.tolist(), beside.tolist(), strict=True), strict=True))
     if len(np.unique(_directed(triangles)[0])) < triangles.size or len(following) < len(loose):
         return []
-    found = list[_Gap]()
+    found = list[_EdgeLoop]()
     while following:
         if len(found) == _MOST_GAPS:
             return []
@@ -166,17 +166,17 @@ def _gaps(triangles: Indices) -> list[_Gap]:
         loop, first = [start], following[start][1]
         while (ahead := following.pop(loop[-1], (start, first))[0]) != start:
             loop.append(ahead)
-        found.append(_Gap(tuple(loop), first))
+        found.append(_EdgeLoop(tuple(loop), first))
     return found
 
 
-def _is_flat(points: Array, gaps: Sequence[_Gap], tol: float) -> bool:
+def _is_flat(points: Array, gaps: Sequence[_EdgeLoop], tol: float) -> bool:
     corners = points[[index for gap in gaps for index in gap.loop]]
     centred = corners - corners.mean(axis=0)
     return bool(np.abs(centred @ np.linalg.svd(centred, full_matrices=False)[2][-1]).max() <= tol)
 
 
-def _along(points: Array, one: _Gap, other: _Gap, tol: float) -> bool:
+def _along(points: Array, one: _EdgeLoop, other: _EdgeLoop, tol: float) -> bool:
     """Whether two loops, not in one plane, run along each other in opposite directions."""
     from scipy.spatial import cKDTree
 
@@ -202,7 +202,7 @@ def _band(points: Array, one: tuple[int, ...], other: tuple[int, ...]) -> Indice
     return np.array(made, dtype=np.int64)
 
 
-def _cap(points: Array, gaps: Sequence[_Gap]) -> Indices:
+def _cap(points: Array, gaps: Sequence[_EdgeLoop]) -> Indices:
     """Flat triangles inside loops of one plane, outer ones counter-clockwise about the outward normal."""
     loops = [np.array(gap.loop) for gap in gaps]
     normal = np.sum([_normal(points[loop]) for loop in loops], axis=0)
@@ -213,7 +213,7 @@ def _cap(points: Array, gaps: Sequence[_Gap]) -> Indices:
     return np.concatenate(loops)[np.asarray(triangulate([flat[loop] for loop in loops]), dtype=np.int64)]
 
 
-def _patch(points: Array, triangles: Indices, gaps: Sequence[_Gap]) -> Patch:
+def _patch(points: Array, triangles: Indices, gaps: Sequence[_EdgeLoop]) -> Patch:
     return Patch(triangles, points[[index for gap in gaps for index in gap.loop]], min(gap.beside for gap in gaps))
 
 

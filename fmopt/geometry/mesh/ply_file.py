@@ -8,13 +8,13 @@ from typing import Any
 
 from plyfile import PlyData, PlyElement, PlyElementParseError, PlyHeaderParseError
 
-from fmopt.geometry.mesh.surface import COARSER, LONGEST_LINE, MAX_POINTS, MAX_TRIANGLES, Damage, Surface
+from fmopt.geometry.mesh.surface import COARSER, LONGEST_LINE, MAX_POINTS, MAX_TRIANGLES, Damage, MeshSurface
 
 _MAX_ROWS = 1_000_000  # of elements that are no points and no faces
 _NOT_ASCII = re.compile(rb"[^\x00-\x7f]")
 
 
-def read_ply(data: bytes) -> Surface:
+def read_ply(data: bytes) -> MeshSurface:
     """The elements `vertex` and `face` of a PLY file."""
     # Only in the beginning, so that no large file is searched for what it does not have.
     ending = re.search(rb"(?m)^end_header[ \t]*(\r\n|\r|\n)", data[:LONGEST_LINE])
@@ -44,7 +44,7 @@ def read_ply(data: bytes) -> Surface:
         raise Damage(f"the file is not understood: {error}") from None
     if stream.read().strip():
         raise Damage("the file goes on after what its header tells of")
-    surface = Surface()
+    surface = MeshSurface()
     points, faces = (_element(found, name) for name in ("vertex", "face"))
     columns = [_column(points, axis).tolist() for axis in "xyz"]
     for number, point in enumerate(zip(*columns, strict=True)):

@@ -37,7 +37,7 @@ class Damage(Exception):
 
 
 @dataclass
-class Surface:
+class MeshSurface:
     """Points and triangles as they are read; polygons and named objects, each with the number of its first triangle.
 
     A polygon holds its place as a fan; one that is not convex becomes ears once all points are known.

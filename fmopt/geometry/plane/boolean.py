@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 
 from fmopt.geometry.plane.chords import CHORD, ROUNDING, chords, enclosed, filled, grid_of
-from fmopt.geometry.plane.curve import Arc, Curve, Segment, boxes_of
+from fmopt.geometry.plane.curve import Arc, Curve, LineSegment, boxes_of
 from fmopt.geometry.plane.meet import meet
 from fmopt.geometry.plane.region import Region
 from fmopt.spatial.values import Array, Indices
@@ -97,7 +97,7 @@ def _cut(chains: Sequence[Sequence[Curve]], scale: float) -> list[list[_Piece]]:
 
 def _region(shape: BaseGeometry, pieces: Sequence[_Piece], scale: float) -> Region:
     """The region whose chords bound a shape."""
-    curved = [piece for piece in pieces if not isinstance(piece.curve, Segment)]
+    curved = [piece for piece in pieces if not isinstance(piece.curve, LineSegment)]
     rings = _with_corners(_rings(shape, CHORD * scale), pieces, ROUNDING * scale)
     return Region(tuple(joined(_traced(ring, curved, ROUNDING * scale), _join) for ring in rings))
 
@@ -112,7 +112,7 @@ def _stops(curves: Sequence[Curve], tolerance: float) -> list[list[float]]:
     """Parameters from 0 to 1 at which each curve is cut."""
     import shapely
 
-    straight = np.array([isinstance(curve, Segment) for curve in curves])
+    straight = np.array([isinstance(curve, LineSegment) for curve in curves])
     boxes = shapely.box(*(boxes_of(curves) + 2.0 * tolerance * np.array([-1.0, -1.0, 1.0, 1.0])).T)
     bent = np.flatnonzero(~straight)
     cuts: dict[int, list[float]] = defaultdict(list)
@@ -143,7 +143,7 @@ def _lines(pieces: Sequence[Curve], scale: float) -> list[Array]:
     found = []
     for piece, (a, b) in zip(pieces, label.reshape(-1, 2).tolist(), strict=True):
         ends = points[first[[a, b]]]
-        if isinstance(piece, Segment):
+        if isinstance(piece, LineSegment):
             found.append(ends)
             continue
         middle = piece.point(0.5)
@@ -200,7 +200,7 @@ def _with_corners(rings: Sequence[Array], pieces: Sequence[_Piece], tolerance: f
     if not rings:
         return []
     corners, known = np.vstack(rings), np.vstack([piece.chords for piece in pieces])
-    straight = [piece.chords for piece in pieces if isinstance(piece.curve, Segment)]
+    straight = [piece.chords for piece in pieces if isinstance(piece.curve, LineSegment)]
     far, at = cKDTree(known).query(corners, distance_upper_bound=tolerance)
     if straight and np.isinf(far).any():
         known = np.vstack([known, shapely.get_coordinates(shapely.union_all(shapely.linestrings(straight)))])
@@ -237,7 +237,7 @@ def _traced(ring: Array, curved: Sequence[_Piece], tolerance: float) -> list[Cur
             continue
         a, b = ring[here], ring[(here + 1) % n]
         if math.dist(a, b) > tolerance:
-            loop.append(Segment(a, b))
+            loop.append(LineSegment(a, b))
         k += 1
     return loop
 
@@ -259,14 +259,14 @@ def joined(loop: Sequence[T], join: Callable[[T, T], T | None]) -> tuple[T, ...]
 
 def _join(a: Curve, b: Curve) -> Curve | None:
     """One curve for two that continue each other, None when they do not."""
-    if isinstance(a, Segment) and isinstance(b, Segment):
+    if isinstance(a, LineSegment) and isinstance(b, LineSegment):
         u, v = b.start - a.start, b.end - b.start
         whole = b.end - a.start
         length = float(np.hypot(*whole))
         off = abs(float(whole[0] * u[1] - whole[1] * u[0]))
         # Also required to go on in the same sense: of two collinear segments one may run back along the other.
         if float(u @ v) > 0.0 and length > 0.0 and off <= 1e-14 * length * length:
-            return Segment(a.start, b.end)
+            return LineSegment(a.start, b.end)
     if isinstance(a, Arc) and isinstance(b, Arc) and a.sweep * b.sweep > 0.0:
         same = float(np.hypot(*(a.centre - b.centre))) + abs(a.radius - b.radius) <= 1e-14 * a.radius
         sweep = a.sweep + b.sweep

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmopt.geometry.plane.curve import Curve, Segment
+from fmopt.geometry.plane.curve import Curve, LineSegment
 from fmopt.spatial.values import Array, Indices
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def grid_of(scale: float) -> float:
 
 def chords(curve: Curve, tolerance: float) -> Array:
     """Points (n, 2) on the curve, the middle one at t = ½, whose chords are within `tolerance` (m) of it."""
-    if isinstance(curve, Segment):
+    if isinstance(curve, LineSegment):
         return np.stack([curve.start, curve.end])
     halves = [curve.part(0.0, 0.5).polyline(tolerance), curve.part(0.5, 1.0).polyline(tolerance)]
     points = np.vstack([halves[0][:-1], [curve.point(0.5)], halves[1][1:]])

@@ -22,7 +22,7 @@ import numpy as np
 
 from fmopt.geometry.plane.boolean import positive, union
 from fmopt.geometry.plane.conic import ConicArc
-from fmopt.geometry.plane.curve import Arc, Curve, Segment
+from fmopt.geometry.plane.curve import Arc, Curve, LineSegment
 from fmopt.geometry.plane.region import Region
 from fmopt.spatial.values import Array, Indices
 
@@ -108,7 +108,7 @@ def _translated(lines: _Lines, rows: Indices, turns: _Turns, places: Indices) ->
     starts, ends = lines.start[rows] + offsets, lines.end[rows] + offsets
     # The convolution is a cycle with signs; right turns are reflex corners, whose lines enter backward.
     ahead = turns.sign[places] > 0.0
-    return [Segment(a, b) if on else Segment(b, a) for a, b, on in zip(starts, ends, ahead, strict=True)]
+    return [LineSegment(a, b) if on else LineSegment(b, a) for a, b, on in zip(starts, ends, ahead, strict=True)]
 
 
 def _points(turns: _Turns, rows: Indices, angles: Array) -> Array:
@@ -247,13 +247,13 @@ def _plain(curve: Curve) -> Curve:
     if isinstance(curve, ConicArc):
         legs = float(np.hypot(*(curve.shoulder - curve.first)) * np.hypot(*(curve.last - curve.shoulder)))
         if abs(curve.turn) <= _FLAT * legs:
-            return Segment(curve.first, curve.last)
+            return LineSegment(curve.first, curve.last)
     return curve
 
 
 def _directions(curve: Curve) -> list[float]:
     """Directions of travel in [0, 2π): first and last one, and for arcs some between, at most 90° apart."""
-    if isinstance(curve, Segment):
+    if isinstance(curve, LineSegment):
         return [_direction(curve.end - curve.start)]
     if isinstance(curve, ConicArc):
         return [_direction(curve.shoulder - curve.first), _direction(curve.last - curve.shoulder)]
@@ -337,7 +337,7 @@ def _fitted(points: Callable[[Array], Array], low: float, high: float, ahead: bo
     # Flat enough: the tangents lie outside, the chord inside. What is meant to hold the sum gets the outer one.
     if height <= tolerance or high - low <= _LEAST_TURN:
         run = [p0, p1, p2] if ahead else [p0, p2]
-        return [Segment(a, b) for a, b in pairwise(run if ahead else run[::-1])]
+        return [LineSegment(a, b) for a, b in pairwise(run if ahead else run[::-1])]
     weights = _weights(points(low + (high - low) * _INNER), p0, p1, p2)
     least, most = float(weights.min()), float(weights.max())
     if least > 0.0 and height * (most / (1.0 + most) - least / (1.0 + least)) * (1.0 + 2.0 * _MARGIN) <= tolerance:

@@ -21,7 +21,7 @@ Side: TypeAlias = Literal["on", "left", "right"]
 
 
 @dataclass(frozen=True, eq=False)
-class Segment(Value, start=(2,), end=(2,)):
+class LineSegment(Value, start=(2,), end=(2,)):
     """The straight piece from `start` (2,) to `end` (2,), both in m."""
 
     start: Array
@@ -39,19 +39,19 @@ class Segment(Value, start=(2,), end=(2,)):
         length = float(np.hypot(*along))
         return np.broadcast_to(along / length if length > 0.0 else along, (*np.shape(t), 2))
 
-    def reversed(self) -> Segment:
+    def reversed(self) -> LineSegment:
         """The same points run through the other way."""
-        return Segment(self.end, self.start)
+        return LineSegment(self.end, self.start)
 
-    def part(self, a: float, b: float) -> Segment:
+    def part(self, a: float, b: float) -> LineSegment:
         """The piece between the parameters a < b."""
         # Ends are kept to the bit: shared vertices stay shared.
-        return Segment(self.start if a == 0.0 else self.point(a), self.end if b == 1.0 else self.point(b))
+        return LineSegment(self.start if a == 0.0 else self.point(a), self.end if b == 1.0 else self.point(b))
 
-    def moved(self, R: ArrayLike, offset: ArrayLike) -> Segment:
+    def moved(self, R: ArrayLike, offset: ArrayLike) -> LineSegment:
         """The image under p ↦ R p + offset with R (2, 2) orthogonal."""
         R, offset = np.asarray(R, dtype=np.float64), np.asarray(offset, dtype=np.float64)
-        return Segment(R @ self.start + offset, R @ self.end + offset)
+        return LineSegment(R @ self.start + offset, R @ self.end + offset)
 
     @property
     def first(self) -> Array:
@@ -220,7 +220,7 @@ class Arc(Value):
         return np.vstack([self.first, corners, self.last])
 
 
-Curve: TypeAlias = Segment | Arc | ConicArc
+Curve: TypeAlias = LineSegment | Arc | ConicArc
 
 
 def distance(curve: Curve, points: ArrayLike) -> Array:
@@ -232,6 +232,6 @@ def distance(curve: Curve, points: ArrayLike) -> Array:
 def boxes_of(curves: Sequence[Curve]) -> Array:
     """Bounding boxes (n, 4) in m: lower x, lower y, upper x, upper y."""
     # The ends of a segment do for its box: they are put in order below, and no box is made and kept for each.
-    corners = [(curve.start, curve.end) if isinstance(curve, Segment) else curve.box for curve in curves]
+    corners = [(curve.start, curve.end) if isinstance(curve, LineSegment) else curve.box for curve in curves]
     pairs = np.array(corners).reshape(-1, 2, 2)
     return np.concatenate([pairs.min(axis=1), pairs.max(axis=1)], axis=1)

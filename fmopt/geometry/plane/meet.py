@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from fmopt.geometry.plane.conic import ConicArc, unit_roots
-from fmopt.geometry.plane.curve import Arc, Curve, Segment, distance
+from fmopt.geometry.plane.curve import Arc, Curve, LineSegment, distance
 from fmopt.spatial.values import Array
 
 _PROBES = np.linspace(0.0, 1.0, 7)  # more than the four points that two different conics can share
@@ -24,14 +24,14 @@ def meet(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
         # Conics that run along each other have no crossings to solve for, and equations full of noise instead.
         overlapping = len(pairs) > 1 and _along(a, b, pairs, tolerance)
         return pairs if overlapping else pairs + _conic(a, b, tolerance)
-    if isinstance(a, Segment) and isinstance(b, Segment):
+    if isinstance(a, LineSegment) and isinstance(b, LineSegment):
         return pairs + _lines(a, b, tolerance)
     if isinstance(a, Arc) and isinstance(b, Arc):
         return pairs + _circles(a, b, tolerance)
-    if isinstance(a, Segment) and isinstance(b, Arc):
+    if isinstance(a, LineSegment) and isinstance(b, Arc):
         return pairs + _line_circle(a, b, tolerance)
     assert isinstance(a, Arc)
-    assert isinstance(b, Segment)
+    assert isinstance(b, LineSegment)
     return pairs + [(s, t) for t, s in _line_circle(b, a, tolerance)]
 
 
@@ -53,7 +53,7 @@ def _ends_on(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
     return found
 
 
-def _lines(a: Segment, b: Segment, tolerance: float) -> list[tuple[float, float]]:
+def _lines(a: LineSegment, b: LineSegment, tolerance: float) -> list[tuple[float, float]]:
     (ux, uy), (vx, vy), (dx, dy) = a.end - a.start, b.end - b.start, b.start - a.start
     cross, la, lb = float(ux * vy - uy * vx), math.hypot(ux, uy), math.hypot(vx, vy)
     # Parallel: what they share was found by the ends.
@@ -68,7 +68,7 @@ def _within(s: float, t: float, slack_s: float, slack_t: float) -> list[tuple[fl
     return []
 
 
-def _line_circle(a: Segment, b: Arc, tolerance: float) -> list[tuple[float, float]]:
+def _line_circle(a: LineSegment, b: Arc, tolerance: float) -> list[tuple[float, float]]:
     along = a.end - a.start
     length = float(np.hypot(*along))
     if length == 0.0 or b.radius == 0.0:
@@ -151,7 +151,7 @@ def _conic(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
 def _equation(b: Curve, own: Array) -> list[float] | None:
     """Coefficients in s of b's implicit equation on a conic, scaled to read as a distance; None for a point."""
     x, y, w = own.T
-    if isinstance(b, Segment):
+    if isinstance(b, LineSegment):
         along = b.end - b.start
         if b.length == 0.0:
             return None
@@ -179,5 +179,5 @@ def _flat(arc: ConicArc, tolerance: float) -> bool:
 
 
 def _straightened(a: ConicArc, b: Curve, tolerance: float) -> list[tuple[float, float]]:
-    chord = Segment(a.first, a.last)
+    chord = LineSegment(a.first, a.last)
     return [(float(a.nearest(chord.point(s)[None])[0]), t) for s, t in meet(chord, b, tolerance)]

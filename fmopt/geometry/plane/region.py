@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.chords import CHORD, chords, filled
-from fmopt.geometry.plane.curve import Curve, Segment, boxes_of, distance
+from fmopt.geometry.plane.curve import Curve, LineSegment, boxes_of, distance
 from fmopt.geometry.plane.meet import meet
 from fmopt.spatial.values import Array, Bits, Value
 
@@ -98,7 +98,7 @@ class Region(Value):
         inside = np.asarray(shapely.contains_xy(self.shape, points), dtype=np.bool_)
         # Between a chord and its curve the curve decides: on which side of it the point lies.
         reach = CHORD * self.size
-        bent = [curve for curve in self.curves if not isinstance(curve, Segment)]
+        bent = [curve for curve in self.curves if not isinstance(curve, LineSegment)]
         near = shapely.dwithin(self.shape.boundary, shapely.points(points), reach) if bent else np.zeros(0, dtype=bool)
         for k in np.flatnonzero(near).tolist():
             apart, number = min((float(distance(curve, points[k, None])[0]), c) for c, curve in enumerate(bent))
@@ -171,5 +171,5 @@ def polygon_region(*rings: ArrayLike) -> Region:
     loops = []
     for ring in rings:
         points = np.asarray(ring, dtype=np.float64)
-        loops.append(tuple(Segment(a, b) for a, b in zip(points, np.roll(points, -1, axis=0), strict=True)))
+        loops.append(tuple(LineSegment(a, b) for a, b in zip(points, np.roll(points, -1, axis=0), strict=True)))
     return Region(tuple(loops))

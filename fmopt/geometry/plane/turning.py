@@ -7,7 +7,7 @@ import numpy as np
 
 from fmopt.geometry.plane.boolean import union
 from fmopt.geometry.plane.conic import ConicArc, unit_roots
-from fmopt.geometry.plane.curve import Arc, Curve, Segment
+from fmopt.geometry.plane.curve import Arc, Curve, LineSegment
 from fmopt.geometry.plane.region import Region
 from fmopt.spatial.values import Array
 
@@ -48,7 +48,7 @@ def rotation(angle: float) -> Array:
 def _pieces(curve: Curve) -> list[Curve]:
     """The curve in pieces along which the distance from the origin grows, or falls; none where it stays the same."""
     match curve:
-        case Segment():
+        case LineSegment():
             along = curve.end - curve.start
             stops = [-float(curve.start @ along) / float(along @ along)]
         case Arc():

@@ -15,7 +15,7 @@ from fmopt.geometry.facets import Indices, merged_vertices, together
 from fmopt.geometry.mesh.open_edges import sewn
 from fmopt.geometry.step.grid import Cuts, Grid, intervals
 from fmopt.geometry.step.step_file import Same
-from fmopt.geometry.step.surfaces import REACH, Curve, OtherSurfaceError, Surface, read
+from fmopt.geometry.step.surfaces import REACH, EdgeCurve, FaceSurface, OtherSurfaceError, read
 from fmopt.spatial.se3 import cross
 from fmopt.spatial.values import Array, Value
 
@@ -59,7 +59,9 @@ def exact_facets(solid: "TopoDS_Shape", deviation: float) -> Facets:
     return Facets(shifted, kept, off, max((work.sum_of(number, "around") for number in curved), default=0.0))
 
 
-def _onto_planes(points: Array, triangles: Indices, owners: Indices, surfaces: list[Surface]) -> tuple[Array, float]:
+def _onto_planes(
+    points: Array, triangles: Indices, owners: Indices, surfaces: list[FaceSurface]
+) -> tuple[Array, float]:
     """Points moved onto all planes that meet at them, by the smallest shift, and the largest shift, mm."""
     meeting: dict[int, set[int]] = {}
     for triangle, owner in zip(triangles.tolist(), owners.tolist(), strict=True):
@@ -84,7 +86,7 @@ def _onto_planes(points: Array, triangles: Indices, owners: Indices, surfaces: l
 class _Work:
     """The facets of one face after the other."""
 
-    def __init__(self, surfaces: list[Surface], grid: Grid) -> None:
+    def __init__(self, surfaces: list[FaceSurface], grid: Grid) -> None:
         self._surfaces, self._grid = surfaces, grid
         self._inner = {edge: self._stops(edge, curve) for edge, curve in grid.curves.items()}
 
@@ -103,7 +105,7 @@ class _Work:
         else:
             yield from (_fan(quad, surface) for quad in self._strips(number, surface))
 
-    def _stops(self, edge: Same, curve: Curve) -> list[Array]:
+    def _stops(self, edge: Same, curve: EdgeCurve) -> list[Array]:
         """Where an edge is cut, its ends left out; all around where it is closed and nothing else ends on it."""
         cuts = self._grid.cuts(edge)
         if curve.point_like or cuts is None:
@@ -123,7 +125,7 @@ class _Work:
         inside = wanted[(wanted > first) & (wanted < angles[-1] - _SLIVER)]
         return [self._on(curve, cuts, float(turns * angle), parameters, turns * angles) for angle in inside]
 
-    def _on(self, curve: Curve, cuts: Cuts, angle: float, parameters: Array, angles: Array) -> Array:
+    def _on(self, curve: EdgeCurve, cuts: Cuts, angle: float, parameters: Array, angles: Array) -> Array:
         """The point of an edge at an angle about the axis."""
         assert cuts.axis is not None
         if curve.circle is not None:
@@ -155,7 +157,7 @@ class _Work:
         apart = (cuts.stops - _angle(end, cuts) + np.pi) % (2.0 * np.pi) - np.pi
         return bool(np.abs(apart).min() > _SLIVER)
 
-    def _plane(self, surface: Surface) -> tuple[Array, Indices]:
+    def _plane(self, surface: FaceSurface) -> tuple[Array, Indices]:
         loops = [np.array([p for edge, on in ring for p in self._along(edge, on)]) for ring in surface.rings]
         if any(len(loop) < 3 for loop in loops):
             raise OtherSurfaceError("a plane face without corners")
@@ -170,7 +172,7 @@ class _Work:
         outward = surface.normal(surface.origin) @ surface.axes[:, 2] * np.linalg.det(surface.axes) > 0.0
         return corners, triangles if outward else triangles[:, ::-1]
 
-    def _strips(self, number: int, surface: Surface) -> Iterator[Array]:
+    def _strips(self, number: int, surface: FaceSurface) -> Iterator[Array]:
         """The facets of a cylinder or cone: between neighbouring stops, from one edge up to the next."""
         cuts = self._grid.cuts(("u", number))
         assert cuts is not None
@@ -198,11 +200,11 @@ class _Work:
             for (_, a, b), (_, c, d) in zip(found[::2], found[1::2], strict=True):
                 yield np.array([a, b, d, c])
 
-    def _height(self, edge: Same, surface: Surface) -> tuple[float, ...]:
+    def _height(self, edge: Same, surface: FaceSurface) -> tuple[float, ...]:
         curve = self._grid.curves[edge]
         return tuple(np.round((curve.at(0.5 * (curve.first + curve.last)) - surface.origin) @ surface.axes, 9))
 
-    def _crossed(self, edge: Same, curve: Curve, cuts: Cuts) -> Iterator[tuple[int, Array, Array]]:
+    def _crossed(self, edge: Same, curve: EdgeCurve, cuts: Cuts) -> Iterator[tuple[int, Array, Array]]:
         """The stops between which an edge runs, and its points there, in the direction of the cuts."""
         if cuts.axis is None:
             points = [curve.ends[0], *self._inner[edge], curve.ends[1]]
@@ -227,7 +229,7 @@ class _Work:
             later = (_angle(b, cuts) - _angle(a, cuts) + np.pi) % (2.0 * np.pi) - np.pi > 0.0
             yield (k, a, b) if later else (k, b, a)
 
-    def _falling(self, curve: Curve, edge: Same) -> bool:
+    def _falling(self, curve: EdgeCurve, edge: Same) -> bool:
         """Whether an edge runs against the first parameter of the face around which it runs."""
         for number in self._grid.faces[edge]:
             surface = self._surfaces[number]
@@ -238,7 +240,7 @@ class _Work:
                 return bool(abs(turned) > 1e-6)
         return False
 
-    def _net(self, number: int, surface: Surface) -> Iterator[Array]:
+    def _net(self, number: int, surface: FaceSurface) -> Iterator[Array]:
         """The facets of a sphere or torus between two heights and two meridians."""
         around, profile = self._grid.cuts(("u", number)), self._grid.cuts(("v", number))
         assert around is not None
@@ -255,7 +257,7 @@ class _Work:
             for low, high in pairwise(levels):
                 yield np.array([low[0], low[1], high[1], high[0]])
 
-    def _require_rectangle(self, number: int, surface: Surface) -> None:
+    def _require_rectangle(self, number: int, surface: FaceSurface) -> None:
         for edge in surface.edges:
             curve = self._grid.curves[edge]
             if curve.point_like or self._grid.seam(edge, number):
@@ -272,7 +274,7 @@ class _Work:
                 raise OtherSurfaceError("a piece of a sphere or torus that is no rectangle of its parameters")
 
 
-def _meridians(surface: Surface, cuts: Cuts) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
+def _meridians(surface: FaceSurface, cuts: Cuts) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
     """Neighbouring stops around the axis as the surface's own parameters, and how they are stretched."""
     if cuts.axis is None:
         places = surface.u[0] + cuts.stops * (surface.u[1] - surface.u[0])
@@ -316,7 +318,7 @@ def _area(loop: Array) -> float:
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-def _fan(quad: Array, surface: Surface) -> tuple[Array, Indices]:
+def _fan(quad: Array, surface: FaceSurface) -> tuple[Array, Indices]:
     """A facet as triangles that look outward; corners that coincide are one."""
     corners = quad[np.linalg.norm(quad - quad[[-1, 0, 1, 2]], axis=1) > REACH]
     if len(corners) < 3:

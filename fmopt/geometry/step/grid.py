@@ -13,7 +13,7 @@ import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 
 from fmopt.geometry.step.step_file import Same
-from fmopt.geometry.step.surfaces import REACH, Curve, OtherSurfaceError, Surface
+from fmopt.geometry.step.surfaces import REACH, EdgeCurve, FaceSurface, OtherSurfaceError
 from fmopt.spatial.values import Array
 
 _LEAST, _MOST = 16, 4096  # sides of a round
@@ -40,7 +40,7 @@ class Cuts:
 class Grid:
     """The cuts of all curved faces and edges of a solid."""
 
-    def __init__(self, surfaces: list[Surface], curves: dict[Same, Curve], deviation: float) -> None:
+    def __init__(self, surfaces: list[FaceSurface], curves: dict[Same, EdgeCurve], deviation: float) -> None:
         self.surfaces, self.curves = surfaces, curves
         self._deviation = deviation
         self.faces = _faces(surfaces)
@@ -66,7 +66,7 @@ class Grid:
         """Whether an edge is where a face meets itself."""
         return self.faces[edge] == [number, number]
 
-    def _join(self, number: int, surface: Surface) -> None:
+    def _join(self, number: int, surface: FaceSurface) -> None:
         profile = surface.kind in ("Sphere", "Torus")
         self._alike.add(("u", number))
         if profile:
@@ -99,7 +99,7 @@ class Grid:
         meeting = ([edges[k] for k in np.flatnonzero(each)] for each in near)
         return [place for place, each in zip(places, meeting, strict=True) if self._runs_on(each)]
 
-    def _runs_on(self, meeting: list[tuple[Same, Curve]]) -> bool:
+    def _runs_on(self, meeting: list[tuple[Same, EdgeCurve]]) -> bool:
         rest = [(edge, curve) for edge, curve in meeting if len(set(self.faces[edge])) == 2]
         if len(rest) == 1:
             return rest[0][1].closed
@@ -201,7 +201,7 @@ class Grid:
         return bool((out - point) @ surface.normal(point) < 0.0)
 
 
-def _faces(surfaces: list[Surface]) -> dict[Same, list[int]]:
+def _faces(surfaces: list[FaceSurface]) -> dict[Same, list[int]]:
     """The faces at each edge, one twice where it meets itself."""
     found: dict[Same, list[int]] = {}
     for number, surface in enumerate(surfaces):
@@ -211,7 +211,7 @@ def _faces(surfaces: list[Surface]) -> dict[Same, list[int]]:
     return found
 
 
-def _whole(surface: Surface) -> bool:
+def _whole(surface: FaceSurface) -> bool:
     return float(np.ptp(surface.u)) >= 2.0 * np.pi - _SAME
 
 

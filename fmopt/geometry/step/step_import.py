@@ -26,7 +26,7 @@ from fmopt.spatial.se3 import Pose
 DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
 _MILLIMETRE = 1e-3
 _LATEST: dict[tuple[Path, int, int, float], tuple[NamedBody, ...]] = {}  # all bodies of the file that was read last
-_KERNEL = confined.Reader("the CAD kernel", "fmopt.geometry.step.kernel:read", SIMPLER, AGAIN)
+_KERNEL = confined.FileReader("the CAD kernel", "fmopt.geometry.step.kernel:read", SIMPLER, AGAIN)
 
 
 def bodies(path: Path) -> tuple[NamedBody, ...]:

@@ -31,7 +31,7 @@ class OtherSurfaceError(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class EdgeCurve:
     """An edge: the kernel's curve, from `first` to `last`; a circle's centre (3,), axes (3, 3), radius, mm."""
 
     curve: Any
@@ -55,7 +55,7 @@ class Curve:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class FaceSurface:
     """A face: its surface, with origin (3,), mm, and axes (3, 3) of its frame in columns; its parameters' ranges.
 
     `sign` is 1 where the surface's own normal points out of the solid, -1 where it points in.
@@ -112,7 +112,7 @@ class Surface:
         x, y, _ = (point - self.origin) @ self.axes
         return float(np.arctan2(y, x))
 
-    def is_parallel(self, curve: Curve) -> bool:
+    def is_parallel(self, curve: EdgeCurve) -> bool:
         """Whether a curve runs around the axis at one height, a point of it on the axis included."""
         if curve.point_like:
             return True
@@ -123,7 +123,7 @@ class Surface:
         aside = np.cross(centre - self.origin, along)
         return bool(np.linalg.norm(np.cross(axis, along)) <= _TURNED and np.linalg.norm(aside) <= REACH)
 
-    def is_meridian(self, curve: Curve) -> bool:
+    def is_meridian(self, curve: EdgeCurve) -> bool:
         """Whether a curve lies in a half-plane that the axis bounds."""
         points = np.array([curve.at(s) for s in np.linspace(curve.first, curve.last, 5)]) - self.origin
         flat = points @ self.axes[:, :2]
@@ -133,13 +133,13 @@ class Surface:
         return bool(aside.max() <= REACH and (flat @ far).min() >= -REACH * size)
 
 
-def read(solid: TopoDS_Shape) -> tuple[list[Surface], dict[Same, Curve]]:
+def read(solid: TopoDS_Shape) -> tuple[list[FaceSurface], dict[Same, EdgeCurve]]:
     """The faces of a solid, and its edges.
 
     Raises:
         OtherSurfaceError: one of them is no plane, cylinder, cone, sphere or torus.
     """
-    curves: dict[Same, Curve] = {}
+    curves: dict[Same, EdgeCurve] = {}
     surfaces = []
     for face in inside(solid, "FACE"):
         rings = tuple(tuple(_ring(wire, face)) for wire in inside(face, "WIRE"))
@@ -164,7 +164,7 @@ def _ring(wire: Any, face: Any) -> Iterator[tuple[Same, bool]]:
         raise OtherSurfaceError("a wire that is not one loop")
 
 
-def _surface(face: Any, rings: Any, own: frozenset[Same]) -> Surface:
+def _surface(face: Any, rings: Any, own: frozenset[Same]) -> FaceSurface:
     adaptor = BRepAdaptor_Surface(face)
     kind = next((kind for kind in _KINDS if adaptor.GetType().name == f"GeomAbs_{kind}"), None)
     shape = plane_of(face) if kind is None else getattr(adaptor, kind)()
@@ -177,7 +177,7 @@ def _surface(face: Any, rings: Any, own: frozenset[Same]) -> Surface:
         kind, sign = "Plane", sign * _agreement(adaptor, _columns(frame))
     radius = {"Cylinder": "Radius", "Cone": "RefRadius", "Torus": "MajorRadius"}.get(kind)
     tube = {"Sphere": "Radius", "Torus": "MinorRadius"}.get(kind)
-    return Surface(
+    return FaceSurface(
         kind,
         _xyz(frame.Location()),
         _columns(frame),
@@ -210,11 +210,11 @@ def _agreement(adaptor: Any, axes: Array) -> float:
     return 1.0 if np.cross(_xyz(along_u), _xyz(along_v)) @ np.cross(axes[:, 0], axes[:, 1]) > 0.0 else -1.0
 
 
-def _curve(edge: Any, face: Any) -> Curve:
+def _curve(edge: Any, face: Any) -> EdgeCurve:
     if BRep_Tool.Degenerated_s(edge):
         # It has no curve in space, only one in the parameters of its face.
         curve = BRepAdaptor_Curve(edge, face)
-        return Curve(curve, curve.FirstParameter(), curve.LastParameter(), None, False, True)
+        return EdgeCurve(curve, curve.FirstParameter(), curve.LastParameter(), None, False, True)
     curve = BRepAdaptor_Curve(edge)
     circle = None
     if curve.GetType().name == "GeomAbs_Circle":
@@ -222,7 +222,7 @@ def _curve(edge: Any, face: Any) -> Curve:
         circle = (_xyz(shape.Location()), _columns(shape.Position()), float(shape.Radius()))
     first, last = curve.FirstParameter(), curve.LastParameter()
     closed = bool(np.linalg.norm(_xyz(curve.Value(first)) - _xyz(curve.Value(last))) <= REACH)
-    return Curve(curve, first, last, circle, closed, False)
+    return EdgeCurve(curve, first, last, circle, closed, False)
 
 
 def _columns(frame: Any) -> Array:

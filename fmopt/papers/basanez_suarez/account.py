@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.plane.curve import Arc
 from fmopt.papers.basanez_suarez import motion
-from fmopt.papers.basanez_suarez.boundary import Piece
+from fmopt.papers.basanez_suarez.boundary import BoundaryPiece
 from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
-from fmopt.papers.basanez_suarez.contact import CU, Kind
+from fmopt.papers.basanez_suarez.contact import CU, ContactType
 from fmopt.papers.basanez_suarez.edge import TurnedEdge, edge_position
 from fmopt.papers.basanez_suarez.motion import MotionKind, classify, clearance_for_gross, possible_spans
 from fmopt.papers.basanez_suarez.planar_set import PlanarSet
@@ -33,7 +33,7 @@ _SIDEWAYS = 1.5  # times the deviation: how far a part is carried to either side
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch(Value, path=(2, 3)):
+class PlanarWay(Value, path=(2, 3)):
     """A straight part of a motion with the errors on it.
 
     Args:
@@ -48,7 +48,7 @@ class Stretch(Value, path=(2, 3)):
 
 
 @dataclass(frozen=True, eq=False)
-class Nominal(Value, path=(None, 3), times=("path",)):
+class PlanarPath(Value, path=(None, 3), times=("path",)):
     """The nominal trajectory in the plane, and which of x, z and ry S(t) says are stopped when.
 
     Args:
@@ -73,7 +73,7 @@ def in_plane(poses: ArrayLike) -> Array:
     return np.stack([x[..., 0], x[..., 2], -x[..., 4]], axis=-1)
 
 
-def account(moving: ArrayLike, fixed: Sequence[ArrayLike], nominal: Nominal, run: Sequence[Stretch]) -> Planar:
+def account(moving: ArrayLike, fixed: Sequence[ArrayLike], nominal: PlanarPath, run: Sequence[PlanarWay]) -> Planar:
     """The planar part of a plan's diagnostics, of the motion in order.
 
     Corners (n, 2) of the moving profile are about its reference point, loops (k, 2) those of the fixed one, m.
@@ -97,15 +97,15 @@ def account(moving: ArrayLike, fixed: Sequence[ArrayLike], nominal: Nominal, run
     )
 
 
-def _deviations(static: Profile, stretch: Stretch) -> Deviations:
+def _deviations(static: Profile, stretch: PlanarWay) -> Deviations:
     return Deviations(np.zeros(len(static.vertices)), stretch.position, stretch.angle)
 
 
-def _phase(phase: motion.Phase, start: float, end: float) -> Phase:
+def _phase(phase: motion.ContactPhase, start: float, end: float) -> Phase:
     return Phase(str(phase.kind), start, end, tuple(cu.name for cu in phase.contacts))
 
 
-def _stretch(stretch: Stretch, grasped: Profile, static: Profile) -> PlanarSegment:
+def _stretch(stretch: PlanarWay, grasped: Profile, static: Profile) -> PlanarSegment:
     """Gross and fine parts of a stretch, from 0 to 1; a part becomes fine where a contact becomes possible."""
     phases = classify(stretch.path, static, grasped, _deviations(static, stretch), _TOLERANCE)
     kinds = {phase.kind for phase in phases}
@@ -114,7 +114,7 @@ def _stretch(stretch: Stretch, grasped: Profile, static: Profile) -> PlanarSegme
     return PlanarSegment(str(whole), tuple(_phase(phase, phase.start, phase.end) for phase in phases))
 
 
-def _agreement(phases: Sequence[motion.Phase], nominal: Nominal) -> Agreement:
+def _agreement(phases: Sequence[motion.ContactPhase], nominal: PlanarPath) -> Agreement:
     """Where on the nominal trajectory the sets allow a contact and S(t) stops a motion, in seconds.
 
     S takes the errors as a box and contact surfaces as planes at the nominal pose, the sets take a disc around that box
@@ -141,14 +141,14 @@ def _agreement(phases: Sequence[motion.Phase], nominal: Nominal) -> Agreement:
     return Agreement(**found, agrees=agrees, words=words)
 
 
-def _pace(nominal: Nominal) -> float:
+def _pace(nominal: PlanarPath) -> float:
     """The slowest pace along the path, s/m: what a length of tolerance takes at most."""
     lengths = np.hypot(*np.diff(nominal.path[:, :2], axis=0).T)
     moving = lengths > 0.0
     return float((np.diff(nominal.times)[moving] / lengths[moving]).max(initial=0.0))
 
 
-def _height(first: Stretch, aside: float, grasped: Profile, static: Profile, start: Deviations) -> float | None:
+def _height(first: PlanarWay, aside: float, grasped: Profile, static: Profile, start: Deviations) -> float | None:
     """How far above its start the part is to be carried sideways so that it meets nothing, m; None beyond its size."""
     # To both sides by more than the part may be off: the motion that a robot makes above the mouth.
     path = first.path[[0, 0]] + np.array([[-aside, 0.0, 0.0], [aside, 0.0, 0.0]])
@@ -159,7 +159,7 @@ def _height(first: Stretch, aside: float, grasped: Profile, static: Profile, sta
         return None
 
 
-def _shown(possible: PossibleContacts, run: Sequence[Stretch]) -> list[tuple[CU, Array]]:
+def _shown(possible: PossibleContacts, run: Sequence[PlanarWay]) -> list[tuple[CU, Array]]:
     """Of each type the contact that becomes possible first, type 2 in both cases, and the pose where it does."""
     # One contact of each sort is shown, the first that may occur.
     found: dict[object, tuple[CU, Array]] = {}
@@ -172,7 +172,7 @@ def _shown(possible: PossibleContacts, run: Sequence[Stretch]) -> list[tuple[CU,
 
 
 def _sort(cu: CU) -> str:
-    if cu.kind is Kind.TYPE_1:
+    if cu.kind is ContactType.TYPE_1:
         return cu.kind
     e = cu.edge[1] - cu.edge[0]
     along = -float(cu.edge[0] @ e) / float(e @ e)
@@ -192,7 +192,7 @@ def boundary(found: PlanarSet, name: str, nominal: ArrayLike = ()) -> Boundary:
     return Boundary(name, tuple(tuple(map(_curve, loop)) for loop in found.boundary()), polyline(nominal))
 
 
-def _curve(piece: Piece) -> Curve:
+def _curve(piece: BoundaryPiece) -> Curve:
     curve = piece.curve
     if isinstance(curve, Arc):
         x, y = numbers(curve.centre)
@@ -210,7 +210,7 @@ def contact_sets(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[Boun
     reference = np.asarray(pose, dtype=np.float64)[:2]
     core = _core(cu, phi)
     touching = boundary(cu.at(phi), f"CUl of {cu.name}", core)
-    if cu.kind is Kind.TYPE_1:
+    if cu.kind is ContactType.TYPE_1:
         reach = Reach.of(cu.vertex)
         held = vertex_position(reference, phi, reach, cu.spread, cu.radius)
         there = reference + reach.point(phi)

@@ -14,7 +14,7 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.boolean import joined, linked
-from fmopt.geometry.plane.curve import Arc, Segment
+from fmopt.geometry.plane.curve import Arc, LineSegment
 from fmopt.geometry.plane.meet import meet
 from fmopt.spatial.values import Array
 
@@ -43,31 +43,33 @@ class Carrier(StrEnum):
 
 
 @dataclass(frozen=True)
-class Piece:
+class BoundaryPiece:
     """A part of a boundary, the set on its left, and what it lies on."""
 
-    curve: Segment | Arc
+    curve: LineSegment | Arc
     on: Carrier
 
 
-Loop = tuple[Piece, ...]
+Loop = tuple[BoundaryPiece, ...]
 
 
 @dataclass(frozen=True)
 class _Part:
     """A piece between two nodes of the arrangement."""
 
-    piece: Piece
+    piece: BoundaryPiece
     first: int
     last: int
 
 
 def moved(loops: tuple[Loop, ...], by: Array) -> tuple[Loop, ...]:
     """The loops, displaced by a vector (2,) in m."""
-    return tuple(tuple(Piece(piece.curve.moved(np.eye(2), by), piece.on) for piece in loop) for loop in loops)
+    return tuple(tuple(BoundaryPiece(piece.curve.moved(np.eye(2), by), piece.on) for piece in loop) for loop in loops)
 
 
-def outline(candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: float, size: float) -> tuple[Loop, ...]:
+def outline(
+    candidates: Sequence[BoundaryPiece], gap: Callable[[Array], Array], radius: float, size: float
+) -> tuple[Loop, ...]:
     """The boundary of {x : gap(x) ≤ radius} as closed loops, the set on their left.
 
     A set without interior is run round along both its sides. A single point has no boundary curve, hence no loop. `gap`
@@ -86,7 +88,7 @@ def outline(candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: 
 
 
 def _outline(
-    candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: float, tolerance: float
+    candidates: Sequence[BoundaryPiece], gap: Callable[[Array], Array], radius: float, tolerance: float
 ) -> tuple[Loop, ...] | None:
     parts = _split([piece for piece in candidates if piece.curve.length > JOIN * tolerance], tolerance)
     if not parts:
@@ -103,7 +105,7 @@ def _outline(
     return _chain([part for part, keep in zip(parts, kept, strict=True) if keep], JOIN * tolerance)
 
 
-def _split(pieces: list[Piece], tolerance: float) -> list[_Part]:
+def _split(pieces: list[BoundaryPiece], tolerance: float) -> list[_Part]:
     """The pieces cut at all nodes that lie on them; a node is a cluster of points where pieces end or meet."""
     if not pieces:
         return []
@@ -123,7 +125,7 @@ def _split(pieces: list[Piece], tolerance: float) -> list[_Part]:
         stops.append((1.0, int(nodes[2 * i + 1])))
         for (a, first), (b, last) in pairwise(stops):
             if first != last or len(stops) == 2:
-                parts.append(_Part(Piece(piece.curve.part(a, b), piece.on), first, last))
+                parts.append(_Part(BoundaryPiece(piece.curve.part(a, b), piece.on), first, last))
     return parts
 
 
@@ -163,7 +165,7 @@ def _taken(leaving: dict[int, list[_Part]], node: int, part: _Part) -> _Part:
     return part
 
 
-def _left_turn(arriving: Segment | Arc, going: Segment | Arc) -> float:
+def _left_turn(arriving: LineSegment | Arc, going: LineSegment | Arc) -> float:
     """Turn from one curve into the next, rad, left positive; straight back is the last choice."""
     a, b = arriving.tangent(1.0), going.tangent(0.0)
     turn = math.atan2(a[0] * b[1] - a[1] * b[0], float(a @ b))
@@ -171,25 +173,25 @@ def _left_turn(arriving: Segment | Arc, going: Segment | Arc) -> float:
     return turn if turn < math.pi - 1e-9 else -math.pi
 
 
-def _joined(one: Piece, other: Piece, tolerance: float) -> Piece | None:
+def _joined(one: BoundaryPiece, other: BoundaryPiece, tolerance: float) -> BoundaryPiece | None:
     a, b = one.curve, other.curve
     if one.on is not other.on:
         # Only pieces of one carrier are joined: what bounds the set is part of the answer.
         return None
-    if isinstance(a, Segment) and isinstance(b, Segment):
+    if isinstance(a, LineSegment) and isinstance(b, LineSegment):
         if (a.end - a.start) @ (b.end - b.start) <= 0.0:
             return None
-        whole = Segment(a.start, b.end)
+        whole = LineSegment(a.start, b.end)
         _, bend = _nearest(whole, a.end[None])
-        return Piece(whole, one.on) if bend[0] <= tolerance else None
+        return BoundaryPiece(whole, one.on) if bend[0] <= tolerance else None
     if isinstance(a, Arc) and isinstance(b, Arc):
         same = math.hypot(*(a.centre - b.centre)) + abs(a.radius - b.radius) <= tolerance
         if same and a.sweep * b.sweep > 0.0 and abs(a.sweep + b.sweep) <= TURN + 1e-9:
-            return Piece(Arc(a.centre, a.radius, a.start, a.sweep + b.sweep), one.on)
+            return BoundaryPiece(Arc(a.centre, a.radius, a.start, a.sweep + b.sweep), one.on)
     return None
 
 
-def _nearest(curve: Segment | Arc, points: Array) -> tuple[Array, Array]:
+def _nearest(curve: LineSegment | Arc, points: Array) -> tuple[Array, Array]:
     """Parameters (k,) of the curve's points nearest to the points (k, 2), and their distances in m."""
     t = curve.nearest(points)
     return t, np.hypot(*(points - curve.point(t)).T)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from shapely import MultiPolygon, get_parts, union_all
 
-from fmopt.papers.basanez_suarez.contact import CU, Kind, basic_contacts, core_gap
+from fmopt.papers.basanez_suarez.contact import CU, ContactType, basic_contacts, core_gap
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.sources import Deviations
 from fmopt.spatial.values import Array, Bits, Indices, Value
@@ -42,7 +42,7 @@ class PossibleContacts(Value):
         """Distance (k,) in m of poses (k, 3), m and rad, from the CU of one contact each, whatever its range."""
         kinds, *columns = self._columns
         found = np.empty(len(poses))
-        for kind in Kind:
+        for kind in ContactType:
             mine = np.flatnonzero(kinds[contact] == kind)
             edge, vertex, spread, radius = (column[contact[mine]] for column in columns)
             found[mine] = core_gap(kind, edge, vertex, spread, poses[mine]) - radius

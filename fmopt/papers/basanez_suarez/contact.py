@@ -19,7 +19,7 @@ from fmopt.spatial.values import Array, Bits, Value
 FULL = 2.0 * math.pi
 
 
-class Kind(StrEnum):
+class ContactType(StrEnum):
     """Type 1: a vertex of the grasped object on a static edge. Type 2: an edge of it on a static vertex."""
 
     TYPE_1 = "type-1"
@@ -55,7 +55,7 @@ class CU(Value, edge=(2, 2), vertex=(2,)):
         radius: ε_prpgv + ε_a, m.
     """
 
-    kind: Kind
+    kind: ContactType
     moving: int
     static: int
     edge: Array
@@ -68,19 +68,19 @@ class CU(Value, edge=(2, 2), vertex=(2,)):
     @property
     def name(self) -> str:
         """The contact in a few letters, the grasped object's feature first."""
-        one, other = ("v", "e") if self.kind is Kind.TYPE_1 else ("e", "v")
+        one, other = ("v", "e") if self.kind is ContactType.TYPE_1 else ("e", "v")
         return f"{one}{self.moving}-{other}{self.static}"
 
     @property
     def reach(self) -> float:
         """Greatest distance of the grasped object's feature from the reference point, m."""
-        points = self.vertex[None] if self.kind is Kind.TYPE_1 else self.edge
+        points = self.vertex[None] if self.kind is ContactType.TYPE_1 else self.edge
         # The farthest point of the grasped object's feature: a turn moves no other point of it more.
         return float(np.hypot(*points.T).max())
 
     def at(self, phi: float) -> ArcSum | TurnedEdge:
         """CUl at φ (rad), eqs. (20)-(30) or (38)-(41): reference points (m) that may make the contact."""
-        if self.kind is Kind.TYPE_1:
+        if self.kind is ContactType.TYPE_1:
             polar = Reach.of(self.vertex)
             return ArcSum(self.edge[0], self.edge[1], polar.h, phi + polar.gamma + math.pi, self.spread, self.radius)
         # The edge is the grasped object's, seen from the vertex it touches: hence turned, and with its sign changed.
@@ -90,7 +90,7 @@ class CU(Value, edge=(2, 2), vertex=(2,)):
 
     def point_contact(self, phi: float, k: float) -> ArcSum:
         """CUv of a type-1 contact at φ (rad) with the point of the static edge at k ∈ [0, 1], eqs. (20)-(24)."""
-        if self.kind is not Kind.TYPE_1:
+        if self.kind is not ContactType.TYPE_1:
             raise ValueError("CUv belongs to a vertex of the grasped object, hence to a type-1 contact")
         # One point of the edge in place of all.
         a, polar = self.edge[0] + k * (self.edge[1] - self.edge[0]), Reach.of(self.vertex)
@@ -118,7 +118,7 @@ class CU(Value, edge=(2, 2), vertex=(2,)):
         x = np.asarray(poses, dtype=np.float64)
         e = self.edge[1] - self.edge[0]
         n = np.array([e[1], -e[0]]) / math.hypot(*e)
-        if self.kind is Kind.TYPE_1:
+        if self.kind is ContactType.TYPE_1:
             polar = Reach.of(self.vertex)
             base, h, angle = (x[..., :2] - self.edge[0]) @ n, polar.h, x[..., 2] + polar.gamma
             low, high = -arc_support(-n, h, angle, self.spread), arc_support(n, h, angle, self.spread)
@@ -134,13 +134,13 @@ class CU(Value, edge=(2, 2), vertex=(2,)):
         return None if self.nominal is None else replace(self, range=self.nominal, spread=0.0, radius=0.0)
 
 
-def core_gap(kind: Kind, edge: Array, vertex: Array, spread: float | Array, poses: Array) -> Array:
+def core_gap(kind: ContactType, edge: Array, vertex: Array, spread: float | Array, poses: Array) -> Array:
     """Distance (…) in m of poses (…, 3) from contact without the deviations of position, of any number of contacts.
 
     The edge is (…, 2, 2), the vertex (…, 2), as in `CU`, m, the spread ε_φrφg (…), rad.
     """
     p, phi = poses[..., :2], poses[..., 2]
-    if kind is Kind.TYPE_1:
+    if kind is ContactType.TYPE_1:
         h, gamma = np.hypot(vertex[..., 0], vertex[..., 1]), np.arctan2(vertex[..., 1], vertex[..., 0])
         return segment_arc_gap(p - edge[..., 0, :], p - edge[..., 1, :], h, phi + gamma + math.pi, spread)
     # Type 2 from the static vertex: the reference point is on the turned edge, mirrored.
@@ -162,12 +162,12 @@ def basic_contacts(moving: Profile, static: Profile, deviations: Deviations) -> 
     grasped object turn with its ε_v alone. A reflex vertex counts when deviations may make it convex. The grasped one
     is in the gripper's frame, the other in that of the plane.
     """
-    return tuple(cu for kind in Kind for cu in _contacts(kind, moving, static, deviations))
+    return tuple(cu for kind in ContactType for cu in _contacts(kind, moving, static, deviations))
 
 
-def _contacts(kind: Kind, moving: Profile, static: Profile, deviations: Deviations) -> Iterator[CU]:
+def _contacts(kind: ContactType, moving: Profile, static: Profile, deviations: Deviations) -> Iterator[CU]:
     """CU of each vertex of the one object with each edge of the other."""
-    first, epsilon_a = kind is Kind.TYPE_1, np.broadcast_to(deviations.static, len(static.vertices))
+    first, epsilon_a = kind is ContactType.TYPE_1, np.broadcast_to(deviations.static, len(static.vertices))
     own, other = moving.edge_turns(deviations.shape), static.edge_turns(epsilon_a)
     pointed, turned, edged, level = (moving, own, static, other) if first else (static, other, moving, own)
     if first:

@@ -12,8 +12,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.geometry.plane.curve import Segment
-from fmopt.papers.basanez_suarez.boundary import TURN, Carrier, Piece
+from fmopt.geometry.plane.curve import LineSegment
+from fmopt.papers.basanez_suarez.boundary import TURN, BoundaryPiece, Carrier
 from fmopt.papers.basanez_suarez.gap import segment_arc_gap
 from fmopt.papers.basanez_suarez.planar_set import PlanarSet
 from fmopt.papers.basanez_suarez.sources import require
@@ -90,7 +90,7 @@ class TurnedEdge(PlanarSet, pivot=(2,), start=(2,), end=(2,)):
         arcs = [arc_support(n, math.hypot(*v), math.atan2(v[1], v[0]), self.spread) for v in (self.start, self.end)]
         return np.asarray(n @ self.pivot + np.maximum(*arcs) + self.radius * norm(n))
 
-    def candidates(self) -> list[Piece]:
+    def candidates(self) -> list[BoundaryPiece]:
         """Arcs about the pivot, arcs about the ends of both extreme edges, and those edges moved out by the radius.
 
         The edge is cut at the foot of the perpendicular; along each half the distance from the pivot grows.
@@ -132,7 +132,7 @@ class TurnedEdge(PlanarSet, pivot=(2,), start=(2,), end=(2,)):
         foot = self.start + (along / length) * e
         return np.asarray(foot if math.hypot(*foot) > ON_LINE * self.size else np.zeros(2))
 
-    def _ring(self, foot: Array | None) -> list[Piece]:
+    def _ring(self, foot: Array | None) -> list[BoundaryPiece]:
         """Both circles of an edge that may be turned any way."""
         outer = max(math.hypot(*self.start), math.hypot(*self.end)) + self.radius
         inner = math.hypot(*(min((self.start, self.end), key=lambda v: float(v @ v)) if foot is None else foot))
@@ -143,7 +143,7 @@ class TurnedEdge(PlanarSet, pivot=(2,), start=(2,), end=(2,)):
             found.append(directed_arc(self.pivot, self.radius - inner, -math.pi, math.pi, on))
         return found
 
-    def _half(self, near: Array, far: Array) -> list[Piece]:
+    def _half(self, near: Array, far: Array) -> list[BoundaryPiece]:
         """Both extreme positions of a half edge with the rounded tips and the arc of its far end."""
         s, r = self.spread, self.radius
         h, ahead, along = math.hypot(*far), _angle(far), _angle(far - near)
@@ -151,11 +151,11 @@ class TurnedEdge(PlanarSet, pivot=(2,), start=(2,), end=(2,)):
         for side, on in ((1.0, Carrier.PLUS), (-1.0, Carrier.MINUS)):
             normal = along + side * (s + 0.5 * math.pi)
             ends = [self.pivot + _turned(v, side * s) + r * unit(normal) for v in (far, near)]
-            found.append(Piece(Segment(*(ends if side > 0.0 else ends[::-1])), Carrier.LINE))
+            found.append(BoundaryPiece(LineSegment(*(ends if side > 0.0 else ends[::-1])), Carrier.LINE))
             found += self._tip(far, side, ahead + side * s, normal, on)
         return found
 
-    def _tip(self, vertex: Array, side: float, one: float, other: float, on: Carrier) -> list[Piece]:
+    def _tip(self, vertex: Array, side: float, one: float, other: float, on: Carrier) -> list[BoundaryPiece]:
         """The arc about a vertex turned to side × ε_φ, from one outward normal to the other, at most half a turn."""
         quarter = 0.5 * math.pi
         # The turn around the tip is at least none and at most half of one; `remainder` is centred to keep both.
@@ -163,7 +163,7 @@ class TurnedEdge(PlanarSet, pivot=(2,), start=(2,), end=(2,)):
         first, last = (one, one + turn) if side > 0.0 else (one - turn, one)
         return [directed_arc(self.pivot + _turned(vertex, side * self.spread), self.radius, first, last, on)]
 
-    def _inner(self, nearest: Array, ahead: float, on: Carrier) -> list[Piece]:
+    def _inner(self, nearest: Array, ahead: float, on: Carrier) -> list[BoundaryPiece]:
         """The arc that the nearest point sweeps, moved in by the radius; none when that passes the pivot."""
         # The hole is filled up by the disc.
         inner, s = math.hypot(*nearest) - self.radius, self.spread

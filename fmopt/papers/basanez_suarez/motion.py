@@ -29,7 +29,7 @@ class MotionKind(StrEnum):
 
 
 @dataclass(frozen=True)
-class Phase:
+class ContactPhase:
     """A part of a path with one set of possible contacts."""
 
     kind: MotionKind
@@ -58,7 +58,7 @@ class _Spans:
 
 def classify(
     path: ArrayLike, static: Profile, moving: Profile, deviations: Deviations, tolerance: float
-) -> tuple[Phase, ...]:
+) -> tuple[ContactPhase, ...]:
     """The phases of a motion, in order, with the basic contacts that are possible in each.
 
     The path is waypoints (k, 3), x and y in m and φ in rad, not taken modulo 2π, straight in between, of the grasped
@@ -73,7 +73,7 @@ def classify(
     touching = possible_spans(possible, points, tolerance)
     ends = {0.0, float(len(points) - 1)}
     moments = sorted(ends | {t for spans in touching.values() for span in spans for t in span})
-    phases: list[Phase] = []
+    phases: list[ContactPhase] = []
     for start, end in pairwise(moments):
         middle = 0.5 * (start + end)
         active = [i for i, spans in touching.items() if any(low <= middle <= high for low, high in spans)]
@@ -82,7 +82,7 @@ def classify(
         part = min(int(middle), len(points) - 2)
         pose = points[part] + (middle - part) * (points[part + 1] - points[part])
         kind = MotionKind.FINE if contacts else _free_or_blocked(pose, static, moving)
-        phases.append(Phase(kind, start, end, contacts))
+        phases.append(ContactPhase(kind, start, end, contacts))
     return tuple(phases)
 
 

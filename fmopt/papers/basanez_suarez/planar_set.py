@@ -14,7 +14,7 @@ from shapely import MultiPolygon, get_parts
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.chords import enclosed
 from fmopt.geometry.plane.curve import Side as CurveSide
-from fmopt.papers.basanez_suarez.boundary import Loop, Piece, moved, outline
+from fmopt.papers.basanez_suarez.boundary import BoundaryPiece, Loop, moved, outline
 from fmopt.spatial.values import Array, Bits, Value
 
 ROUNDING = 1e-9  # of the size
@@ -54,7 +54,7 @@ class PlanarSet(Value, ABC):
         """max n·x over the set, (…) in m, for directions n (…, 2) that need not be unit vectors."""
 
     @abstractmethod
-    def candidates(self) -> list[Piece]:
+    def candidates(self) -> list[BoundaryPiece]:
         """Directed curves that contain the boundary, the set on their left."""
 
     def contains(self, points: ArrayLike) -> Bits:

@@ -9,7 +9,7 @@ from functools import cache
 
 import sympy
 
-from fmopt.papers.basanez_suarez.contact import CU, Kind
+from fmopt.papers.basanez_suarez.contact import CU, ContactType
 from fmopt.papers.basanez_suarez.reach import Reach
 
 
@@ -46,11 +46,11 @@ class Family:
 
 
 @cache
-def family(kind: Kind) -> Family:
+def family(kind: ContactType) -> Family:
     """The family of type-1 C-surfaces, from eq. (13), or of type-2 ones, from eq. (14)."""
     configuration = sympy.symbols("p_x p_y phi", real=True)
     deviations = sympy.symbols("delta_phi delta_p theta_p delta_a theta_a", real=True)
-    if kind is Kind.TYPE_1:
+    if kind is ContactType.TYPE_1:
         geometry = sympy.symbols("a_1x a_1y a_2x a_2y h gamma", real=True)
         first, second = sympy.Matrix(geometry[:2]), sympy.Matrix(geometry[2:4])
         grasped = _swung(configuration, deviations, *geometry[4:])
@@ -69,14 +69,14 @@ def family(kind: Kind) -> Family:
 
 def geometry_values(cu: CU) -> tuple[float, ...]:
     """The numbers of a contact for `Family.geometry`, m and rad."""
-    if cu.kind is Kind.TYPE_1:
+    if cu.kind is ContactType.TYPE_1:
         polar = Reach.of(cu.vertex)
         return (*cu.edge.ravel().tolist(), polar.h, polar.gamma)
     ends = [Reach.of(end) for end in cu.edge]
     return (*cu.vertex.tolist(), *(number for end in ends for number in (end.h, end.gamma)))
 
 
-def boundary_rank(kind: Kind) -> sympy.Expr:
+def boundary_rank(kind: ContactType) -> sympy.Expr:
     """What vanishes on the envelope of the family of points p(k, δ_φ, θ), both in the edge and in the turn.
 
     The reference points that make a contact are p = a(k) − h u(φ + δ_φ + γ) + …; a curve of the boundary along which
@@ -86,7 +86,7 @@ def boundary_rank(kind: Kind) -> sympy.Expr:
     found = family(kind)
     k, turn = sympy.Symbol("k", real=True), found.deviations[0]
     phi, g = found.configuration[2], found.geometry
-    if kind is Kind.TYPE_1:
+    if kind is ContactType.TYPE_1:
         point = sympy.Matrix(g[:2]) + k * (sympy.Matrix(g[2:4]) - sympy.Matrix(g[:2])) - _arm(g[4], phi + turn + g[5])
     else:
         first, second = _arm(g[2], phi + turn + g[3]), _arm(g[4], phi + turn + g[5])
@@ -108,8 +108,8 @@ def _swung(
     return sympy.Matrix([x, y]) + _arm(h, phi + deviations[0] + gamma) + _arm(*deviations[1:3])
 
 
-def _length(kind: Kind, geometry: Sequence[sympy.Symbol]) -> sympy.Expr:
-    if kind is Kind.TYPE_1:
+def _length(kind: ContactType, geometry: Sequence[sympy.Symbol]) -> sympy.Expr:
+    if kind is ContactType.TYPE_1:
         return sympy.sqrt((geometry[2] - geometry[0]) ** 2 + (geometry[3] - geometry[1]) ** 2)
     h, gamma, other, angle = geometry[2:]
     return sympy.sqrt(h**2 + other**2 - 2 * h * other * sympy.cos(angle - gamma))

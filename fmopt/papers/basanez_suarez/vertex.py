@@ -10,8 +10,8 @@ from itertools import count, pairwise, takewhile
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.geometry.plane.curve import Arc, Segment
-from fmopt.papers.basanez_suarez.boundary import Carrier, Piece
+from fmopt.geometry.plane.curve import Arc, LineSegment
+from fmopt.papers.basanez_suarez.boundary import BoundaryPiece, Carrier
 from fmopt.papers.basanez_suarez.gap import segment_arc_gap, wrapped
 from fmopt.papers.basanez_suarez.planar_set import PlanarSet
 from fmopt.papers.basanez_suarez.reach import Reach
@@ -76,7 +76,7 @@ class ArcSum(PlanarSet, start=(2,), end=(2,), labels={"start": "start of the edg
         edge = np.maximum(n @ self.start, n @ self.end)
         return np.asarray(edge + arc_support(n, self.h, self.angle, self.spread) + self.radius * norm(n))
 
-    def candidates(self) -> list[Piece]:
+    def candidates(self) -> list[BoundaryPiece]:
         """The convolution of both sides of the arc with the edge, moved out by the radius: eqs. (20), (21), (25), (26).
 
         A point with outward normal n belongs to the end of the edge that is farther along n; where n is normal to the
@@ -94,7 +94,7 @@ class ArcSum(PlanarSet, start=(2,), end=(2,), labels={"start": "start of the edg
             found += self._run(np.zeros(2), r - self.h, a + math.pi - s, a + math.pi + s, Carrier.NEAR)
         return found
 
-    def _run(self, centre: Array, radius: float, first: float, last: float, on: Carrier) -> list[Piece]:
+    def _run(self, centre: Array, radius: float, first: float, last: float, on: Carrier) -> list[BoundaryPiece]:
         """The part of a circle with outward normals from `first` to `last`; a negative radius curves the other way."""
         e = self.end - self.start
         if not e.any():
@@ -113,7 +113,9 @@ class ArcSum(PlanarSet, start=(2,), end=(2,), labels={"start": "start of the edg
             for turn in turns:
                 n = unit(turn)
                 ends = [self.start + centre + radius * n, self.end + centre + radius * n]
-                found.append(Piece(Segment(*(ends if e[1] * n[0] > e[0] * n[1] else ends[::-1])), Carrier.LINE))
+                found.append(
+                    BoundaryPiece(LineSegment(*(ends if e[1] * n[0] > e[0] * n[1] else ends[::-1])), Carrier.LINE)
+                )
         return found
 
 
@@ -125,14 +127,14 @@ def vertex_position(reference: ArrayLike, phi: float, reach: Reach, spread: floa
     return ArcSum(frozen(reference), frozen(reference), reach.h, phi + reach.gamma, spread, radius)
 
 
-def directed_arc(centre: Array, radius: float, first: float, last: float, on: Carrier) -> Piece:
+def directed_arc(centre: Array, radius: float, first: float, last: float, on: Carrier) -> BoundaryPiece:
     """The arc with normals from `first` to `last`; with a negative radius the set is outside its circle.
 
     The centre is (2,), m, the radius of either sign, m, and the bearings of outward normals are in rad.
     """
     if radius >= 0.0:
-        return Piece(Arc(centre, radius, first, last - first), on)
-    return Piece(Arc(centre, -radius, last + math.pi, first - last), on)
+        return BoundaryPiece(Arc(centre, radius, first, last - first), on)
+    return BoundaryPiece(Arc(centre, -radius, last + math.pi, first - last), on)
 
 
 def arc_support(directions: Array, h: float, angle: float | Array, spread: float) -> Array:

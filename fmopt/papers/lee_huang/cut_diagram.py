@@ -23,7 +23,7 @@ from fmopt.geometry import csg
 from fmopt.geometry.csg import Primitive, Solid
 from fmopt.geometry.plane.boolean import difference, intersection, union
 from fmopt.geometry.plane.conic import ConicArc
-from fmopt.geometry.plane.curve import Arc, Curve, Segment
+from fmopt.geometry.plane.curve import Arc, Curve, LineSegment
 from fmopt.geometry.plane.region import Region
 from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose, cross
@@ -71,7 +71,7 @@ def _section(solid: Solid, leaves: Iterator[Region]) -> Region:
     match solid:
         case csg.Box() | csg.Cylinder() | csg.Cone() | csg.Sphere() | csg.Prism() | csg.Wedge() | csg.Hull():
             return next(leaves)
-        case csg.Placed(inner, _):
+        case csg.Moved(inner, _):
             return _section(inner, leaves)
         case csg.Union(parts):
             return union([_section(part, leaves) for part in parts])
@@ -102,9 +102,9 @@ def instance_sections(primitive: Primitive, pose: Pose) -> tuple[Region, Region]
     """
     match primitive:
         case csg.Cylinder(radius, height, _):
-            return _round(Profile(radius, 0.0, height), pose)
+            return _round(RoundProfile(radius, 0.0, height), pose)
         case csg.Cone(bottom, top, height, _):
-            return _round(Profile(bottom, (top - bottom) / height, height), pose)
+            return _round(RoundProfile(bottom, (top - bottom) / height, height), pose)
         case csg.Sphere(radius, _):
             ball = _ball(radius, pose)
             return ball, ball
@@ -113,7 +113,7 @@ def instance_sections(primitive: Primitive, pose: Pose) -> tuple[Region, Region]
 
 
 @dataclass(frozen=True)
-class Profile:
+class RoundProfile:
     """A round instance: radius a + b z in m for 0 ≤ z ≤ height."""
 
     a: float
@@ -145,7 +145,7 @@ class Slant:
     across: Array
 
 
-def slant(profile: Profile, pose: Pose) -> Slant:
+def slant(profile: RoundProfile, pose: Pose) -> Slant:
     """How z = 0 cuts the round instance placed by `pose` in the frame of that plane, its axis not along z."""
     axis, base = pose.R[:, 2], pose.p
     rise = float(np.hypot(axis[0], axis[1]))
@@ -175,7 +175,7 @@ def _positive(lines: list[tuple[float, float]]) -> tuple[float, float]:
     return first, last
 
 
-def _round(profile: Profile, pose: Pose) -> tuple[Region, Region]:
+def _round(profile: RoundProfile, pose: Pose) -> tuple[Region, Region]:
     axis, base = pose.R[:, 2], pose.p
     reach = 2.0 * max(profile.radius(0.0), profile.radius(profile.height)) + profile.height
     # The axis is square to the plane as far as any of its points can tell.
@@ -193,7 +193,7 @@ def _round(profile: Profile, pose: Pose) -> tuple[Region, Region]:
     return found, found
 
 
-def _disc(profile: Profile, centre: Array, height: float, limit: int) -> Region:
+def _disc(profile: RoundProfile, centre: Array, height: float, limit: int) -> Region:
     """The circle at a height over the instance's base, which the plane approaches from higher (1) or lower (−1)."""
     # The limit is a disc only if the body goes on beyond the plane on that side.
     depth = height if limit < 0 else profile.height - height  # how far the body reaches on the plane's other side
@@ -228,7 +228,7 @@ def _outline(plane: Slant, first: float, last: float, scale: float) -> list[Curv
     for following in (*upper, lower[0]):
         # A cut cap leaves a chord between the two branches; where a branch ends in a point there is none.
         if float(np.hypot(*(following.first - loop[-1].last))) > 0.0:
-            loop.append(Segment(loop[-1].last, following.first))
+            loop.append(LineSegment(loop[-1].last, following.first))
         loop.append(following)
     return loop[:-1]
 
@@ -256,7 +256,7 @@ def _branch(plane: Slant, first: float, last: float, sign: float, scale: float) 
 
     start, end = place(first, xa * ya), place(last, xb * yb)
     if (xa * yb - xb * ya) ** 2 <= _STRAIGHT * own * mixed:
-        return Segment(start, end)
+        return LineSegment(start, end)
     # The shoulder from the ends alone: tangents at a root, where the outline turns back, need no slope.
     shoulder = place(first + (last - first) * xa * ya / own, 0.5 * mixed**2 / own)
     return ConicArc(start, shoulder, end, own / mixed)
@@ -273,7 +273,7 @@ def _polytope(points: Array) -> tuple[Region, Region]:
     outline = _convex_outline(met)
     found = nothing = Region(())
     if len(outline):
-        found = Region((tuple(Segment(p, q) for p, q in zip(outline, np.roll(outline, -1, axis=0), strict=True)),))
+        found = Region((tuple(LineSegment(p, q) for p, q in zip(outline, np.roll(outline, -1, axis=0), strict=True)),))
     # With no corner above, the plane that comes from above meets nothing until it runs in the face.
     return found if len(above) else nothing, found if len(below) else nothing
 

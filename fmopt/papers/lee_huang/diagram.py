@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fmopt.geometry.plane.curve import Arc, Curve, Segment
+from fmopt.geometry.plane.curve import Arc, Curve, LineSegment
 from fmopt.geometry.plane.region import Region
 from fmopt.spatial.values import Array, Value
 
@@ -16,7 +16,7 @@ _SMOOTH = 1e-9  # rad, a turn below which two curves meet without a corner
 
 
 @dataclass(frozen=True, eq=False)
-class Diagram(Value, ends=(None, 2, 2), points=(None, 2), fans=(None, 2)):
+class PlaneDiagram(Value, ends=(None, 2, 2), points=(None, 2), fans=(None, 2)):
     """The features of a region on a plane.
 
     Args:
@@ -53,7 +53,7 @@ class Diagram(Value, ends=(None, 2, 2), points=(None, 2), fans=(None, 2)):
         return np.asarray(along[:, ::-1] * (1.0, -1.0) / np.linalg.norm(along, axis=1)[:, None])
 
 
-def of_region(region: Region, tolerance: float = 0.0) -> Diagram:
+def of_region(region: Region, tolerance: float = 0.0) -> PlaneDiagram:
     """The features of a region of the plane.
 
     Circular arcs stay as they are where the tolerance (m) is 0; else they become polylines within it. Conics always do,
@@ -62,15 +62,15 @@ def of_region(region: Region, tolerance: float = 0.0) -> Diagram:
     loops = [[one for curve in loop for one in _features(curve, tolerance, region.size)] for loop in region.loops]
     curves = [curve for loop in loops for curve in loop]
     corners = [corner for loop in loops for pair in pairwise([*loop, loop[0]]) for corner in _corner(*pair)]
-    return Diagram(
-        np.reshape([(curve.start, curve.end) for curve in curves if isinstance(curve, Segment)], (-1, 2, 2)),
+    return PlaneDiagram(
+        np.reshape([(curve.start, curve.end) for curve in curves if isinstance(curve, LineSegment)], (-1, 2, 2)),
         np.reshape([point for point, _, _ in corners], (-1, 2)),
         np.reshape([fan for _, *fan in corners], (-1, 2)),
         tuple(curve for curve in curves if isinstance(curve, Arc)),
     )
 
 
-def disc(region: Region) -> Diagram | None:
+def disc(region: Region) -> PlaneDiagram | None:
     """The one arc of a region that is a disc about the origin, to 1e-9 of its radius; None for any other region."""
     arcs = [curve for curve in region.curves if isinstance(curve, Arc)]
     if not arcs or len(arcs) < len(region.curves) or len(region.loops) != 1:
@@ -81,14 +81,14 @@ def disc(region: Region) -> Diagram | None:
     return of_region(Region(((Arc(np.zeros(2), radius, 0.0, math.tau),),))) if round_ else None
 
 
-def _features(curve: Curve, tolerance: float, size: float) -> list[Segment | Arc]:
+def _features(curve: Curve, tolerance: float, size: float) -> list[LineSegment | Arc]:
     if isinstance(curve, Arc) and tolerance == 0.0:
         return [curve]
     # On the right, outside of the region: contact is then seen no later than it can occur.
-    return [Segment(a, b) for a, b in pairwise(curve.polyline(tolerance or 1e-9 * size, "right")) if np.any(a != b)]
+    return [LineSegment(a, b) for a, b in pairwise(curve.polyline(tolerance or 1e-9 * size, "right")) if np.any(a != b)]
 
 
-def _corner(one: Segment | Arc, other: Segment | Arc) -> Iterator[tuple[Array, float, float]]:
+def _corner(one: LineSegment | Arc, other: LineSegment | Arc) -> Iterator[tuple[Array, float, float]]:
     """Point, first normal and opening of the corner where a curve ends and the next begins; none when it is reflex."""
     # The sine and cosine of the turn: a reflex corner has a negative one, and touches nothing.
     a, b = one.tangent(1.0), other.tangent(0.0)

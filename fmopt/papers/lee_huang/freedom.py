@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from fmopt.errors import SolverError
 from fmopt.geometry.part import Part
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, Stops, intervals
-from fmopt.papers.lee_huang.touch import Body, Linear, candidates, linear
+from fmopt.papers.lee_huang.touch import Features, Linearised, candidates, linear
 from fmopt.plan.diagnostics import Interval
 from fmopt.spatial.values import Array, Indices, Value, frozen
 
@@ -42,8 +42,8 @@ _EXACT: Any = {"presolve": False, "primal_feasibility_tolerance": 1e-10, "dual_f
 
 @dataclass(frozen=True, eq=False)
 class _Scene(Value):
-    moving: Body
-    fixed: Body
+    moving: Features
+    fixed: Features
     path: NominalTrajectory
     half_widths: Array
     roundness: float
@@ -54,7 +54,7 @@ class _Scene(Value):
         radius = np.linalg.norm(self.moving.vertices, axis=1).max()
         return max(float(np.linalg.norm(self.half_widths[:3]) + radius * np.linalg.norm(self.half_widths[3:])), 1e-6)
 
-    def linear(self, items: Indices, times: Array) -> Linear:
+    def linear(self, items: Indices, times: Array) -> Linearised:
         """The candidates (n, 3) linearised, each at its own time (n,)."""
         return linear(items, self.moving, self.fixed, *self.path.frames(times), self.half_widths)
 
@@ -66,7 +66,7 @@ class _Scene(Value):
         found = [(a, *candidates(self.moving, self.fixed, p[a:b], R[a], self.half_widths)) for a, b in spans]
         return np.concatenate([a + at for a, at, _ in found]), np.concatenate([items for *_, items in found])
 
-    def stops(self, made: Linear) -> Array:
+    def stops(self, made: Linearised) -> Array:
         """Contact wrenches (n, 6) with the components that stop nothing set to 0.
 
         Polygons that stand for circles about the axis give a contact point R off the axis a lever of up to √(2 R s)
@@ -104,7 +104,7 @@ def freedom(moving: Part, fixed: Part, path: NominalTrajectory, box: ArrayLike) 
         Intervals that cover [0, T], neighbours different.
     """
     roundness = float(sum(np.sqrt(part.chord_error + part.form) for part in (moving, fixed)))
-    bodies = Body.of(moving.polyhedron), Body.of(fixed.polyhedron)
+    bodies = Features.of(moving.polyhedron), Features.of(fixed.polyhedron)
     scene = _Scene(*bodies, path, frozen(box, 6, name="half-widths"), roundness)
     grid = _grid(scene)
     runs, remainder = _runs(scene, grid)
@@ -211,7 +211,7 @@ def _turn(scene: _Scene, item: Indices, degree: int, a: float, b: float) -> floa
     return float(brentq(component, a, b, xtol=1e-14))
 
 
-def slack(made: Linear, half_widths: Array, remainder: float, unit: float) -> Array:
+def slack(made: Linearised, half_widths: Array, remainder: float, unit: float) -> Array:
     """φ (n,) of linearised candidates, divided by `unit`.
 
     Where that is negative, its bound min_k (c_k + |B_k|₁), with u = e / a, may stand for it.

@@ -19,7 +19,7 @@ from fmopt.geometry.plane.region import Region
 from fmopt.papers.lee_huang.cut_diagram import cut_diagram, same, section_limit
 from fmopt.papers.lee_huang.diagram import disc, of_region
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, nearest_branch, through
-from fmopt.papers.lee_huang.plane_freedom import Slice, View, freedom_on_planes
+from fmopt.papers.lee_huang.plane_freedom import OperandSlice, PlaneView, freedom_on_planes
 from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_over, frame, section_at
 from fmopt.papers.lee_huang.swept import Body, checked, free_until
 from fmopt.papers.lee_huang.uncertainty_zone import Zone, zones
@@ -60,7 +60,7 @@ class PlaneDiagrams(Value):
     starting: Region | None = None
 
     @cached_property
-    def views(self) -> tuple[View, ...]:
+    def views(self) -> tuple[PlaneView, ...]:
         """What S(t) asks of the plane: exact where operand 1 is a disc about its nominal centre, or nothing is round.
 
         Round edges that meet others become polylines within 1e-6 of the region's size, on the side of contact.
@@ -69,11 +69,11 @@ class PlaneDiagrams(Value):
         for region, heights in self.sections:
             own = disc(region)
             if own is None:
-                other.append(Slice(of_region(region, _CHORD * region.size), heights))
+                other.append(OperandSlice(of_region(region, _CHORD * region.size), heights))
             else:
-                round_.append(Slice(own, heights))
+                round_.append(OperandSlice(own, heights))
         both = ((round_, 0.0), (other, _CHORD * self.fixed.size))
-        return tuple(View(self.zone, of_region(self.fixed, chord), tuple(group)) for group, chord in both if group)
+        return tuple(PlaneView(self.zone, of_region(self.fixed, chord), tuple(group)) for group, chord in both if group)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,11 +99,11 @@ def answered(found: Answer, box: ArrayLike, rho: float) -> Mapping:
     # Where operands are exchanged, what stands in the workcell moves against operand 2 with operand 1.
     (movers if found.exchanged else standing).extend((other.name, other.solid) for other in found.obstacles)
     operands, speed = (found.moving.true, found.fixed.solid), found.task.specification.speed
-    return task_mapping(Task(*operands, found.P0, found.PT, box, speed, rho, movers, standing))
+    return task_mapping(MappingTask(*operands, found.P0, found.PT, box, speed, rho, movers, standing))
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class MappingTask:
     """The T of a T-C mapping: the operands, where one goes in the other, how far it may be off, and how fast it is.
 
     Args:
@@ -133,7 +133,7 @@ class Task:
         return self.movers or [("operand 1", self.moving)], self.standing or [("operand 2", self.fixed)]
 
 
-def task_mapping(task: Task) -> Mapping:
+def task_mapping(task: MappingTask) -> Mapping:
     """The T-C mapping of a task.
 
     Raises:
@@ -178,7 +178,7 @@ def plane_diagrams(
     return tuple(found)
 
 
-def nominal_path(task: Task, planes: Sequence[PlaneDiagrams], margin: float) -> NominalTrajectory:
+def nominal_path(task: MappingTask, planes: Sequence[PlaneDiagrams], margin: float) -> NominalTrajectory:
     """P(t) from pose to pose (6,): nodes visible in GE, turned before the mouth, the whole motion free in space.
 
     N₂ stands as high above the mouth as the uncertain part strays, if the start does, so that the way there is free.

@@ -27,7 +27,7 @@ from itertools import pairwise
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.papers.lee_huang.diagram import Diagram
+from fmopt.papers.lee_huang.diagram import PlaneDiagram
 from fmopt.papers.lee_huang.line_contact import Leg, Lines
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, Stops, intervals, together
 from fmopt.papers.lee_huang.uncertainty_zone import Zone
@@ -41,27 +41,29 @@ _ROUNDING = 1e-12  # of the size
 
 
 @dataclass(frozen=True, eq=False)
-class Slice(Value):
+class OperandSlice(Value):
     """A section of operand 1 about its nominal centre, at the goal's orientation.
 
     The section is in the axes u, v of the plane, m. On the plane x-y `heights` is the stretch of operand 1 (along z,
     from the nominal centre, m) that has this section at its widest; None on the other planes.
     """
 
-    section: Diagram
+    section: PlaneDiagram
     heights: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class View(Value):
+class PlaneView(Value):
     """A plane with the cut-diagram of operand 2, the sections of operand 1, and the radii of ball and cone."""
 
     zone: Zone
-    fixed: Diagram
-    moving: tuple[Slice, ...]
+    fixed: PlaneDiagram
+    moving: tuple[OperandSlice, ...]
 
 
-def freedom_on_planes(views: Sequence[View], path: NominalTrajectory, free_until: float = 0.0) -> tuple[Interval, ...]:
+def freedom_on_planes(
+    views: Sequence[PlaneView], path: NominalTrajectory, free_until: float = 0.0
+) -> tuple[Interval, ...]:
     """S(t) along the nominal trajectory, piecewise constant, switching times exact to rounding.
 
     The intervals cover [0, T], neighbours different. Up to `free_until`, s, the uncertain operand 1 is known to touch
@@ -88,7 +90,7 @@ def freedom_on_planes(views: Sequence[View], path: NominalTrajectory, free_until
     return intervals(together(found), path.duration, _BLUR * path.duration)
 
 
-def _stops(view: View, path: NominalTrajectory, k: int, reach: tuple[float, float]) -> Iterator[Stops]:
+def _stops(view: PlaneView, path: NominalTrajectory, k: int, reach: tuple[float, float]) -> Iterator[Stops]:
     plane, times = view.zone.plane, path.times[k : k + 2]
     a, b = path.nodes[k, [plane.u, plane.v]], path.nodes[k + 1, [plane.u, plane.v]]
     for one in view.moving:
@@ -105,7 +107,7 @@ def _stops(view: View, path: NominalTrajectory, k: int, reach: tuple[float, floa
             yield Stops(start, end, _bits(view, found.stops[on]))
 
 
-def _within(one: Slice, z: np.ndarray, reach: tuple[float, float]) -> tuple[float, float]:
+def _within(one: OperandSlice, z: np.ndarray, reach: tuple[float, float]) -> tuple[float, float]:
     """Shares of a leg on which a stretch of operand 1 can reach into the plane z = 0; none when low > high."""
     assert one.heights is not None
     grow = reach[0] + one.section.width * math.sin(reach[1])
@@ -117,7 +119,7 @@ def _within(one: Slice, z: np.ndarray, reach: tuple[float, float]) -> tuple[floa
     return max(0.0, ends[0]), min(1.0, ends[1])
 
 
-def _bits(view: View, stops: Bits) -> Bits:
+def _bits(view: PlaneView, stops: Bits) -> Bits:
     """Bits (n, 6, 2) of the plane's stops (n, 6): a counter-clockwise turn on x-z goes against rotation about y."""
     plane = view.zone.plane
     bits = np.zeros((len(stops), 6, 2), dtype=bool)
@@ -136,7 +138,7 @@ class Spans(Value):
     stops: Bits
 
 
-def spans(moving: Diagram, fixed: Diagram, leg: Leg) -> Spans:
+def spans(moving: PlaneDiagram, fixed: PlaneDiagram, leg: Leg) -> Spans:
     """Every contact that is possible on a leg, with the shares of the leg and the motions that it stops.
 
     The moving section is about its nominal centre at the nominal angle; the fixed diagram is that of operand 2.
@@ -147,7 +149,7 @@ def spans(moving: Diagram, fixed: Diagram, leg: Leg) -> Spans:
     return Spans(shares[:, 0], shares[:, 1], halted)
 
 
-def _lines(moving: Diagram, fixed: Diagram, half_angle: float) -> Lines:
+def _lines(moving: PlaneDiagram, fixed: PlaneDiagram, half_angle: float) -> Lines:
     """Every pair of a corner and an edge, and of a circle about the nominal centre and what it stays off."""
     edge, corner, turns = _meeting(fixed, moving, -1.0, half_angle)
     own_edge, own_corner, own_turns = _meeting(moving, fixed, 1.0, half_angle)
@@ -173,7 +175,7 @@ def _twice(points: Array) -> Array:
     return np.repeat(points[:, None], 2, axis=1)
 
 
-def _meeting(one: Diagram, other: Diagram, sense: float, half_angle: float) -> tuple[Indices, Indices, Array]:
+def _meeting(one: PlaneDiagram, other: PlaneDiagram, sense: float, half_angle: float) -> tuple[Indices, Indices, Array]:
     """Edges of one and corners of the other that can meet from outside, with opposite normals, at turns of the cone.
 
     The sense is 1 when the edges turn with ψ, −1 when the corners do; half the angle of the cone is s. The answer is
@@ -192,7 +194,7 @@ def _meeting(one: Diagram, other: Diagram, sense: float, half_angle: float) -> t
     return i, j, np.sort(np.stack([low[k, i, j], high[k, i, j]], axis=1), axis=1)
 
 
-def _rounds(radius: float, fixed: Diagram) -> Iterator[tuple[float, ...]]:
+def _rounds(radius: float, fixed: PlaneDiagram) -> Iterator[tuple[float, ...]]:
     """Contacts of a circle about the nominal centre with corners and arcs: its centre stays off them by its radius.
 
     Each is the quarter of an arc on which the centre is then: x and y of the arc's centre, its radius, m, the bearing

@@ -22,14 +22,14 @@ import numpy as np
 
 from fmopt.geometry import csg, section
 from fmopt.geometry.convex_pieces import pieces
-from fmopt.geometry.csg import Placed, Primitive, Solid
+from fmopt.geometry.csg import Moved, Primitive, Solid
 from fmopt.geometry.plane.boolean import union
 from fmopt.geometry.plane.convolution import minkowski_sum
 from fmopt.geometry.plane.region import Region, polygon_region
 from fmopt.geometry.plane.turning import turn_swept
 from fmopt.geometry.polyhedron import Polyhedron, placed
 from fmopt.papers.lee_huang.cut_diagram import cut_diagram, section_limit
-from fmopt.papers.lee_huang.uncertainty_zone import Plane
+from fmopt.papers.lee_huang.uncertainty_zone import BasePlane
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array
 
@@ -56,24 +56,24 @@ def expanded(G: Region, sections: Sequence[Region], tolerance: float | None = No
     return union([minkowski_sum(G, section.moved(-np.eye(2), (0.0, 0.0)), room) for section in solid])
 
 
-def frame(plane: Plane) -> Pose:
+def frame(plane: BasePlane) -> Pose:
     """The frame of a plane in the B-frame: its x along u, its y along v."""
     u, v = np.eye(3)[plane.u], np.eye(3)[plane.v]
     return Pose(np.zeros(3), np.column_stack([u, v, np.cross(u, v)]))
 
 
-def section_at(moving: Solid, plane: Plane, turn: Array) -> Region:
+def section_at(moving: Solid, plane: BasePlane, turn: Array) -> Region:
     """The section of operand 1, turned by a rotation vector (3,), rad, by the plane through its nominal centre.
 
     Where the plane runs in a face of it, the section is that on the side of the body.
     """
-    turned = Placed(moving, Pose(np.zeros(3), exp(turn)))
+    turned = Moved(moving, Pose(np.zeros(3), exp(turn)))
     found = cut_diagram(turned, frame(plane))
     # In a face of operand 1 the section is that of the side where its body is.
     return found if not found.empty else union([section_limit(turned, frame(plane), side) for side in _SIDES])
 
 
-def expanded_over(G: Region, moving: Solid, plane: Plane, first: Array, last: Array) -> Region:
+def expanded_over(G: Region, moving: Solid, plane: BasePlane, first: Array, last: Array) -> Region:
     """GE over every orientation between two, the rotation vector (3,), rad, running straight from one to the other.
 
     A turn in the plane is swept exactly. Of any other, sections of the convex pieces at orientations at most 0.05 rad
@@ -95,7 +95,7 @@ def expanded_over(G: Region, moving: Solid, plane: Plane, first: Array, last: Ar
     return expanded(G, [union([part for hulls in swept for part in hulls])])
 
 
-def _swept_over(body: Polyhedron, plane: Plane, turns: Sequence[Pose]) -> Iterator[Region]:
+def _swept_over(body: Polyhedron, plane: BasePlane, turns: Sequence[Pose]) -> Iterator[Region]:
     """The hulls of neighbouring sections of a convex body."""
     from scipy.spatial import ConvexHull
 
@@ -105,7 +105,7 @@ def _swept_over(body: Polyhedron, plane: Plane, turns: Sequence[Pose]) -> Iterat
             yield polygon_region(points[ConvexHull(points).vertices])
 
 
-def _corners(body: Polyhedron, plane: Plane) -> Array:
+def _corners(body: Polyhedron, plane: BasePlane) -> Array:
     """Corners (n, 2) of the section of a convex body; where the plane runs in a face, of that on the body's side."""
     sides = [section.section_limit([body], frame(plane), side) for side in _SIDES]
     found = [np.asarray(part.exterior.coords) for side in sides for part in side.geoms]

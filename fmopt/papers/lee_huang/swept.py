@@ -19,7 +19,7 @@ import numpy as np
 from fmopt.errors import InterferenceError, SolverError
 from fmopt.geometry.clearance import axes_across, directions, overlap, penetration, towards
 from fmopt.geometry.convex_pieces import pieces
-from fmopt.geometry.csg import Placed, Solid, Sphere, Union, exact_pose, sagitta
+from fmopt.geometry.csg import Moved, Solid, Sphere, Union, exact_pose, sagitta
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory
 from fmopt.papers.lee_huang.shrink_expand import enclosing, finer
@@ -36,7 +36,7 @@ _FINER = (48, 96, 192, 384)  # sides of polygons around round surfaces, when few
 
 
 @dataclass(frozen=True, eq=False)
-class Meeting(Value, pose=(6,), point=(3,)):
+class SweptMeeting(Value, pose=(6,), point=(3,)):
     """Where the nominal motion runs into something.
 
     Args:
@@ -63,7 +63,7 @@ class Meeting(Value, pose=(6,), point=(3,)):
         return f"{self.moving!r} meets {self.fixed!r} at {self.time:.6g} s by up to {1e3 * self.depth:.4g} mm, {place}"
 
 
-def meetings(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajectory) -> tuple[Meeting, ...]:
+def meetings(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajectory) -> tuple[SweptMeeting, ...]:
     """Every pair of bodies that overlaps on the way, where it first does so, in the order of time.
 
     Names and solids that move are in the moving operand's frame, all others, operand 2 and obstacles, in the B-frame.
@@ -150,13 +150,13 @@ def _parted(solid: Solid, at: Pose, balls: list[tuple[Array, float]], rest: list
     match solid:
         case Sphere(radius, _):
             balls.append((at.p, radius))
-        case Placed(inner, own):
+        case Moved(inner, own):
             _parted(inner, at.compose(exact_pose(own)), balls, rest)
         case Union(parts):
             for part in parts:
                 _parted(part, at, balls, rest)
         case _:
-            rest.append(Placed(solid, at))
+            rest.append(Moved(solid, at))
 
 
 def _radius(body: Polyhedron) -> float:
@@ -268,7 +268,7 @@ def _begin(stretch: _Stretch, other: Polyhedron) -> float:
     return met
 
 
-def _meeting(mover: str, name: str, hit: _Hit, path: NominalTrajectory) -> Meeting:
+def _meeting(mover: str, name: str, hit: _Hit, path: NominalTrajectory) -> SweptMeeting:
     """The record of a first meeting, with a point in the middle of the common part when it is deepest on that leg."""
     k = int(np.clip(np.searchsorted(path.times, hit.time, side="right") - 1, 0, len(path.times) - 2))
     end = float(path.times[k + 1])
@@ -281,7 +281,7 @@ def _meeting(mover: str, name: str, hit: _Hit, path: NominalTrajectory) -> Meeti
     for body in (body for body, depth in zip(bodies, depths, strict=True) if depth > _TOUCH):
         planes |= set(_planes(body, hit.other))
     shown = tuple(plane for plane in ("xz", "yz", "xy") if plane in planes)
-    return Meeting(mover, name, hit.time, path.at(hit.time), point, max(0.0, *depths), shown)
+    return SweptMeeting(mover, name, hit.time, path.at(hit.time), point, max(0.0, *depths), shown)
 
 
 def _common(body: Polyhedron, other: Polyhedron) -> tuple[Array, Array]:

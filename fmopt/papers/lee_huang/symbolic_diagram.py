@@ -53,7 +53,7 @@ class SymbolicCurve:
 
 
 @dataclass(frozen=True)
-class Faces:
+class HalfSpaces:
     """A convex polyhedron n·x ≤ o as rows (n_x, n_y, n_z, o); the normals need no unit length."""
 
     rows: tuple[tuple[Expression, Expression, Expression, Expression], ...]
@@ -75,26 +75,26 @@ class Ball:
     radius: Expression
 
 
-Shape: TypeAlias = Faces | Round | Ball
+Shape: TypeAlias = HalfSpaces | Round | Ball
 
 
-def box(x: Expression, y: Expression, z: Expression) -> Faces:
+def box(x: Expression, y: Expression, z: Expression) -> HalfSpaces:
     """The box of `fmopt.geometry.csg.Box`, its size in m."""
     # A wedge whose top is as long as its base.
     return wedge(x, y, z, x)
 
 
-def wedge(x: Expression, y: Expression, z: Expression, top_x: Expression) -> Faces:
+def wedge(x: Expression, y: Expression, z: Expression, top_x: Expression) -> HalfSpaces:
     """The wedge of `fmopt.geometry.csg.Wedge`: full widths x, y, z and width `top_x` along x at its top, m."""
     sides = [(-1, 0, 0, x / 2), (0, -1, 0, y / 2), (0, 1, 0, y / 2), (z, 0, x - top_x, z * x / 2)]
-    return Faces((*_caps(z), *sides))
+    return HalfSpaces((*_caps(z), *sides))
 
 
-def prism(polygon: Sequence[tuple[Expression, Expression]], height: Expression) -> Faces:
+def prism(polygon: Sequence[tuple[Expression, Expression]], height: Expression) -> HalfSpaces:
     """The prism of `fmopt.geometry.csg.Prism`: corners (x, y) counter-clockwise and a height along z, m."""
     ends = zip(polygon, [*polygon[1:], polygon[0]], strict=True)
     sides = [(by - ay, ax - bx, 0, (by - ay) * ax + (ax - bx) * ay) for (ax, ay), (bx, by) in ends]
-    return Faces((*_caps(height), *sides))
+    return HalfSpaces((*_caps(height), *sides))
 
 
 def cylinder(radius: Expression, height: Expression) -> Round:
@@ -138,7 +138,7 @@ def symbolic_diagram(shape: Shape, R: sympy.Matrix, p: sympy.Matrix) -> tuple[Sy
     The instance, and R (3, 3) and p (3, 1), m, which take it to the plane, are of symbols or numbers.
     """
     match shape:
-        case Faces(rows):
+        case HalfSpaces(rows):
             return _polygon(rows, R, p)
         case Round():
             return (_level(shape, R, p), *_slanted(shape, R, p))

@@ -23,7 +23,7 @@ PARALLEL = float(np.sin(np.radians(1.0)))  # edges closer in direction touch whe
 
 
 @dataclass(frozen=True, eq=False)
-class Body(Value):
+class Features(Value):
     """A part's features as arrays, each padded by repeating its last entry.
 
     Attributes:
@@ -47,7 +47,7 @@ class Body(Value):
     tangents: Array
 
     @staticmethod
-    def of(polyhedron: Polyhedron) -> "Body":
+    def of(polyhedron: Polyhedron) -> "Features":
         """The features of a polyhedron."""
         ends = np.array([edge.vertices for edge in polyhedron.edges])
         spans = polyhedron.vertices[ends]
@@ -62,7 +62,7 @@ class Body(Value):
         tangents = _unit(np.sum(n[:, :1] * n[:, 1:], axis=2, keepdims=True) * n - n[:, ::-1])
         plates = [(face.normal, plate) for face in polyhedron.faces for plate in _plates(polyhedron, face)]
         sides = [_unit(cross(normal, np.roll(plate, -1, axis=0) - plate)) for normal, plate in plates]
-        return Body(
+        return Features(
             polyhedron.vertices,
             polyhedron.radii,
             _padded(spokes),
@@ -75,7 +75,7 @@ class Body(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Linear(Value):
+class Linearised(Value):
     """Candidates linearised.
 
     f₀ (n,), N (n, 6), c (n, k), B (n, k, 6), ρ of f and of all gₖ (n, 2), contact points minus p (n, 3).
@@ -95,7 +95,7 @@ class Linear(Value):
         return np.concatenate([force, cross(self.arm, force)], axis=1)
 
 
-def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array) -> tuple[Indices, Indices]:
+def candidates(moving: Features, fixed: Features, p: Array, R: Array, half_widths: Array) -> tuple[Indices, Indices]:
     """The candidates that come near enough within the box, and can meet from outside.
 
     The moving body is in its body frame, at nominal positions p (n, 3), m, the fixed one in the B-frame; the box is a
@@ -137,7 +137,7 @@ def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array
     return np.concatenate([at for at, _ in parts]), np.concatenate([items for _, items in parts])
 
 
-def linear(items: Indices, moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array) -> Linear:
+def linear(items: Indices, moving: Features, fixed: Features, p: Array, R: Array, half_widths: Array) -> Linearised:
     """The candidates linearised in the pose error, each at its own nominal pose.
 
     Items (n, 3) are the kind of the pair, number on `moving`, number on `fixed`; p (n, 3), m, and R (n, 3, 3) are
@@ -145,7 +145,7 @@ def linear(items: Indices, moving: Body, fixed: Body, p: Array, R: Array, half_w
     """
     D, theta = float(np.linalg.norm(half_widths[:3])), float(np.linalg.norm(half_widths[3:]))
     n, k = len(items), max(4, moving.corners.shape[1], fixed.corners.shape[1])
-    made = Linear(*(np.zeros((n, *shape)) for shape in ((), (6,), (k,), (k, 6), (2,), (3,))))
+    made = Linearised(*(np.zeros((n, *shape)) for shape in ((), (6,), (k,), (k, 6), (2,), (3,))))
     for kind, rows_of in enumerate((_vertex_face, _face_vertex, _edge_edge)):
         which = np.flatnonzero(items[:, 0] == kind)
         if not which.size:
@@ -166,12 +166,14 @@ class _At(NamedTuple):
     R: Array
 
 
-def _vertex_face(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, reach: tuple[float, float]) -> Linear:
+def _vertex_face(
+    moving: Features, fixed: Features, i: Indices, j: Indices, at: _At, reach: tuple[float, float]
+) -> Linearised:
     (p, R), (_, theta) = at, reach
     arm = _turned(R, moving.vertices[i])
     normal, inward = fixed.normals[j], fixed.inward[j]
     x = (p + arm)[:, None]
-    return Linear(
+    return Linearised(
         _dot(normal, x[:, 0] - fixed.corners[j, 0]) - moving.radii[i],
         np.concatenate([normal, cross(arm, normal)], axis=1),
         _dot(inward, x - fixed.corners[j]),
@@ -182,12 +184,14 @@ def _vertex_face(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, rea
     )
 
 
-def _face_vertex(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, reach: tuple[float, float]) -> Linear:
+def _face_vertex(
+    moving: Features, fixed: Features, i: Indices, j: Indices, at: _At, reach: tuple[float, float]
+) -> Linearised:
     (p, R), (D, theta) = at, reach
     arm = fixed.vertices[j] - p
     normal, inward = _turned(R, moving.normals[i]), _turned(R, moving.inward[i])
     corners = _turned(R, moving.corners[i])
-    return Linear(
+    return Linearised(
         _dot(normal, arm - corners[:, 0]),
         np.concatenate([-normal, cross(normal, arm)], axis=1),
         _dot(inward, arm[:, None] - corners),
@@ -197,7 +201,9 @@ def _face_vertex(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, rea
     )
 
 
-def _edge_edge(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, reach: tuple[float, float]) -> Linear:
+def _edge_edge(
+    moving: Features, fixed: Features, i: Indices, j: Indices, at: _At, reach: tuple[float, float]
+) -> Linearised:
     """Edges as lines: f = m·(p + Ra − q), m the cross product of their directions over its nominal length.
 
     The ends of each edge lie on two sides of the plane through the other edge and m.
@@ -227,7 +233,7 @@ def _edge_edge(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, reach
     # Sides are measured off the nominal lines: both turn, and the foot moves by distance over the sine.
     of_sides = 0.5 * theta**2 * longest + D * theta + (np.abs(distance) + D + theta * longest) * theta / k
     of_lines = 0.5 * theta**2 * (np.linalg.norm(moment, axis=1) + np.linalg.norm(y, axis=1)) + D * theta
-    return Linear(
+    return Linearised(
         distance,
         np.concatenate([cross(e, g), cross(e, y) + cross(moment, g)], axis=1) / k[:, None],
         heights,
@@ -237,7 +243,7 @@ def _edge_edge(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, reach
     )
 
 
-def _outward(moving: Body, fixed: Body, R: Array, i: Indices, j: Indices) -> Array:
+def _outward(moving: Features, fixed: Features, R: Array, i: Indices, j: Indices) -> Array:
     """m·t (n, 4) for the unit normal m of two edges and the tangents t of their four faces, away from each other.
 
     All of one sign when the edges can meet from outside; all zero for edges that are nearly parallel.

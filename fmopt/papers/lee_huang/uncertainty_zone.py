@@ -19,7 +19,7 @@ PlaneName = Literal["xz", "yz", "xy"]
 
 
 @dataclass(frozen=True)
-class Plane:
+class BasePlane:
     """A plane of the B-frame.
 
     Args:
@@ -40,11 +40,11 @@ class Plane:
         return self.u, self.v, self.turn
 
 
-PLANES = (Plane("xz", 0, 2, 4, -1), Plane("yz", 1, 2, 3, 1), Plane("xy", 0, 1, 5, 1))
+PLANES = (BasePlane("xz", 0, 2, 4, -1), BasePlane("yz", 1, 2, 3, 1), BasePlane("xy", 0, 1, 5, 1))
 
 
 @dataclass(frozen=True, eq=False)
-class Ball(Value):
+class ErrorSquare(Value):
     """B[Φ₀] = {Φ : max(|u − u₀|, |v − v₀|) ≤ r}, a square: centre Φ₀ (2,) and radius r in m."""
 
     centre: Array
@@ -65,7 +65,7 @@ class Ball(Value):
 
 
 @dataclass(frozen=True)
-class Cone:
+class ErrorCone:
     """C[Ψ₀] = {Ψ : d₁(Ψ, Ψ₀) ≤ s}: the nominal angle Ψ₀ and the half-angle s, rad."""
 
     centre: float
@@ -86,8 +86,8 @@ class Cone:
 class Trapezoid(Value):
     """T[Φ₀, Ψ₀] = {L(Φ, Ψ) : Φ ∈ B[Φ₀], Ψ ∈ C[Ψ₀]} for a line of `length` (m) with its lower end in Φ."""
 
-    ball: Ball
-    cone: Cone
+    ball: ErrorSquare
+    cone: ErrorCone
     length: float
 
     def line(self, centre: ArrayLike, angle: float) -> Array:
@@ -127,13 +127,17 @@ class Trapezoid(Value):
 class Zone:
     """The radii of ball and cone on a plane: r in m, s in rad."""
 
-    plane: Plane
+    plane: BasePlane
     radius: float
     half_angle: float
 
     def trapezoid(self, centre: ArrayLike, angle: float, length: float) -> Trapezoid:
         """The trapezoid of a line of a length (m) at its nominal place: Φ₀ (2,), m, and Ψ₀, rad."""
-        return Trapezoid(Ball(np.asarray(centre, dtype=np.float64), self.radius), Cone(angle, self.half_angle), length)
+        return Trapezoid(
+            ErrorSquare(np.asarray(centre, dtype=np.float64), self.radius),
+            ErrorCone(angle, self.half_angle),
+            length,
+        )
 
 
 def zones(box: ArrayLike) -> tuple[Zone, Zone, Zone]:

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.plane.curve import Segment
+from fmopt.geometry.plane.curve import LineSegment
 from fmopt.geometry.plane.region import Region
 from fmopt.papers.lee_huang.diagram import of_region
-from fmopt.papers.lee_huang.uncertainty_zone import PLANES, Plane, PlaneName
+from fmopt.papers.lee_huang.uncertainty_zone import PLANES, BasePlane, PlaneName
 from fmopt.spatial.values import Array
 
 _APART = 1e-9  # m: crossings this close to one another are one
@@ -58,7 +58,7 @@ class Sight:
         near = [region.distance(p[[plane.u, plane.v]])[0] for plane, region in upright if not region.empty]
         return self.blocked_at(p) is None and min(near, default=math.inf) >= room
 
-    def _crosses(self, plane: Plane, a: Array, b: Array) -> bool:
+    def _crosses(self, plane: BasePlane, a: Array, b: Array) -> bool:
         """Whether the projection has a point inside GE: a middle between neighbouring meetings with its boundary."""
         region = self.expanded[plane.name]
         start, end = a[[plane.u, plane.v]], b[[plane.u, plane.v]]
@@ -66,7 +66,7 @@ class Sight:
         # A point: inside or not, with no line to cut.
         if length <= _APART:
             return bool(region.depth(start)[0] > _APART)
-        cuts = np.unique(np.concatenate([[0.0, 1.0], np.clip(region.crossings(Segment(start, end)), 0.0, 1.0)]))
+        cuts = np.unique(np.concatenate([[0.0, 1.0], np.clip(region.crossings(LineSegment(start, end)), 0.0, 1.0)]))
         # Between neighbouring crossings the line is inside or outside altogether.
         wide = np.diff(cuts) * length > _APART
         middle = (0.5 * (cuts[1:] + cuts[:-1]))[wide]

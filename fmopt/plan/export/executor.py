@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 Bools: TypeAlias = NDArray[np.bool_]
-Acts: TypeAlias = Generator["Command", None, Any]
+Acts: TypeAlias = Generator["HandCommand", None, Any]
 
 OUTCOMES = "seated", "stopped on the way", "no attempt seated the part", "bring the part near its start first"
 AXES = ("trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z")
@@ -30,7 +30,7 @@ BEHIND = 0.1  # of the speed on a way, where the part is further behind than the
 HELD, FREE, ZERO = np.zeros(6, bool), np.ones(6, bool), np.zeros(6)
 
 
-class Command(NamedTuple):
+class HandCommand(NamedTuple):
     """Target pose (7,) and wrench (6,) on the part about its origin, N and N·m, in the base; gains in the hole's axes.
 
     Axes (6,) that give way, stiffness (2,) of the others, N/m and N·m/rad, and damping (6,), N·s/m and N·m·s/rad.
@@ -53,7 +53,7 @@ class Executor:
         self._least, self._held = (np.repeat(self.robot[key], 3) for key in ("damping", "held_damping"))
         self._wrench, self._resist, self._trail, self._acts = ZERO, ZERO, list[Array](), self._insert()
 
-    def step(self, time: float, pose: Array, wrench: Array) -> Command:
+    def step(self, time: float, pose: Array, wrench: Array) -> HandCommand:
         """Take the time, s, the pose in the base and the wrench of contacts (as in a command), and command a period."""
         self.seen = self._in_hole(pose)
         if self.time == -inf:
@@ -67,12 +67,12 @@ class Executor:
                 self.outcome = end.value
         return self.hold()
 
-    def hold(self) -> Command:
+    def hold(self) -> HandCommand:
         """Hold the part where it is."""
         self._lead = self.seen
         return self._command()
 
-    def _command(self, gives: Bools = HELD, wrench: Array = ZERO, share: float = 1.0) -> Command:
+    def _command(self, gives: Bools = HELD, wrench: Array = ZERO, share: float = 1.0) -> HandCommand:
         """Let the lead follow the part along axes that give way, and limit that of the others by force and torque."""
         lead, stiffness = np.where(gives, 0.0, _difference(self._lead, self.seen)), np.array(self.robot["stiffness"])
         self._lead, self._behind = _moved(self.seen, lead), False
@@ -84,7 +84,7 @@ class Executor:
         applied = np.concatenate([_turned(q, half) for half in np.split(np.where(gives, wrench, 0.0), 2)])
         stiffness[gives.reshape(2, 3).all(axis=1)] = 0.0
         damping = np.where(gives, np.maximum(self._resist, self._least), self._held)
-        return Command(pose, applied, gives, stiffness, damping)
+        return HandCommand(pose, applied, gives, stiffness, damping)
 
     def _insert(self) -> Acts:
         for number, attempt in enumerate(self.plan["attempts"]):
@@ -259,7 +259,7 @@ def main() -> int:
     wrenches = node.create_publisher(WrenchStamped, f"/{name}/target_wrench", 10)
     parameters = node.create_client(SetParameters, f"/{name}/set_parameters")
 
-    def send(command: Command) -> None:
+    def send(command: HandCommand) -> None:
         frame, wrench, given = PoseStamped(), WrenchStamped(), command.wrench - executor.zero
         for field, axes, values in (
             (frame.pose.position, "xyz", command.pose[:3]),

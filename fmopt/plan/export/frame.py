@@ -12,7 +12,7 @@ from itertools import permutations, product
 import numpy as np
 
 from fmopt.errors import PlanFormatError
-from fmopt.plan.guarded_moves import Move, to_frame
+from fmopt.plan.guarded_moves import PlanMove, to_frame
 from fmopt.spatial.se3 import Pose, exp, hat, log
 from fmopt.spatial.values import Array, Value
 
@@ -29,7 +29,7 @@ class TaskFrame(Value, wrench=(6,)):
     wrench: Array
 
 
-def task_frame(move: Move, rho: float) -> TaskFrame:
+def task_frame(move: PlanMove, rho: float) -> TaskFrame:
     """The task frame of a segment: its compliance frame, turned and shifted as little as its force axes ask for.
 
     It is set where the segment starts, with the wrench that holds the contacts there: at the goal of a long way their

@@ -11,7 +11,7 @@ from fmopt.plan import Plan
 from fmopt.plan.export import ros2
 from fmopt.plan.export.cautions import insertion_words
 from fmopt.plan.export.press_script import DEVIATION, over
-from fmopt.plan.export.urscript import Settings
+from fmopt.plan.export.urscript import ProgramSettings
 from fmopt.plan.press import Press, PressPlan
 from fmopt.runtime import output
 from fmopt.runtime.escape import one_line
@@ -44,7 +44,7 @@ def export(plan: Plan, presses: PressPlan, base: Pose, folder: Path, caution: st
         "frame_id": ros2.BASE_LINK,
         "hole": ros2.pose_message(base),
         "sensor": ros2.pose_message(Pose.identity()),
-        "near": Settings().reach,
+        "near": ProgramSettings().reach,
         "gain": GAIN,
         "robot": {
             **{key: getattr(robot, key) for key in ("stiffness", "damping", "limits", "arm", "back", "cut_off")},

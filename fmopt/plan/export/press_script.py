@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from fmopt.plan import Plan
-from fmopt.plan.export.urscript import Settings, heading, in_axes_of, list_of, number, of_tcp, pose_of, templates
+from fmopt.plan.export.urscript import ProgramSettings, heading, in_axes_of, list_of, number, of_tcp, pose_of, templates
 from fmopt.plan.press import Force, Level, Next, Press, PressPlan, Standstill, Time, Travel
 from fmopt.runtime.escape import one_line
 from fmopt.spatial.se3 import Pose, exp, log
@@ -31,7 +31,7 @@ def program(plan: Plan, presses: PressPlan, base: Pose, caution: str = "nothing 
         PlanFormatError: a number is not finite.
     """
     whole, attempt, again = templates("presses.script")
-    settings, robot, body = Settings(), presses.robot, plan.moving.body
+    settings, robot, body = ProgramSettings(), presses.robot, plan.moving.body
     fans = [(loop[0], a, b) for loops in body.faces for loop in loops for a, b in pairwise(loop[1:])]
     corners = np.array(body.vertices)[fans]
     volumes = np.linalg.det(corners) / 6.0

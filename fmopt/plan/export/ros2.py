@@ -19,7 +19,7 @@ from fmopt.plan import Plan
 from fmopt.plan.export.cautions import insertion_words, turning_words
 from fmopt.plan.export.frame import TaskFrame, task_frame
 from fmopt.plan.export.urscript import in_axes_of
-from fmopt.plan.guarded_moves import Move, moves
+from fmopt.plan.guarded_moves import PlanMove, moves
 from fmopt.plan.position_force import AXES
 from fmopt.runtime import output
 from fmopt.runtime.escape import one_line
@@ -99,7 +99,9 @@ def controllers(stiffness: Mapping[str, float], gains: Mapping[str, Any], notes:
     )
 
 
-def _segments(plan: Plan, rows: tuple[Move, ...], frames: list[TaskFrame], base: Pose, notes: tuple[str, ...]) -> str:
+def _segments(
+    plan: Plan, rows: tuple[PlanMove, ...], frames: list[TaskFrame], base: Pose, notes: tuple[str, ...]
+) -> str:
     begun = accumulate((move.duration for move in rows[:-1]), initial=0.0)
     listed = [_segment(*row, base, plan.rho) for row in zip(rows, frames, begun, strict=True)]
     turning = turning_words([move.twist for move in rows], [move.number for move in rows])
@@ -108,7 +110,7 @@ def _segments(plan: Plan, rows: tuple[Move, ...], frames: list[TaskFrame], base:
     return yaml_text({"plan": plan.sha256, "frame_id": BASE_LINK, "segments": listed}, said)
 
 
-def _segment(move: Move, task: TaskFrame, begun: float, base: Pose, rho: float) -> dict[str, Any]:
+def _segment(move: PlanMove, task: TaskFrame, begun: float, base: Pose, rho: float) -> dict[str, Any]:
     return {
         "segment": move.segment,
         "move": move.number,
@@ -126,7 +128,7 @@ def _segment(move: Move, task: TaskFrame, begun: float, base: Pose, rho: float) 
     }
 
 
-def _request(move: Move, task: TaskFrame, base: Pose, rho: float) -> dict[str, Any]:
+def _request(move: PlanMove, task: TaskFrame, base: Pose, rho: float) -> dict[str, Any]:
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
     speed = float(np.linalg.norm(move.twist * scale))
     reach = max(speed * (move.stop.timeout if move.stop else 2.0 * move.duration), _LEAST)
@@ -154,7 +156,7 @@ def request(frame: Pose, gives: Sequence[float], wrench: Array, speed: Array, de
     }
 
 
-def _stop(move: Move, base: Pose) -> dict[str, Any]:
+def _stop(move: PlanMove, base: Pose) -> dict[str, Any]:
     assert move.stop is not None
     return {
         "contacts": list(move.stop.contacts),

@@ -17,14 +17,14 @@ from fmopt.errors import PlanFormatError
 from fmopt.plan import FRAMES, Plan
 from fmopt.plan.export.cautions import failing_words, insertion_words, turning_words
 from fmopt.plan.export.frame import TaskFrame, task_frame
-from fmopt.plan.guarded_moves import Move, moves
+from fmopt.plan.guarded_moves import PlanMove, moves
 from fmopt.runtime.escape import one_line, urscript_string
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 
 @dataclass(frozen=True)
-class Settings:
+class ProgramSettings:
     """What the program states explicitly and the plan does not know.
 
     Args:
@@ -73,7 +73,7 @@ def program(plan: Plan, base: Pose, caution: str = "") -> str:
     Raises:
         PlanFormatError: a segment cannot be run, or its force axes are not orthogonal in any one frame.
     """
-    settings, rows = Settings(), moves(plan)
+    settings, rows = ProgramSettings(), moves(plan)
     lines = [_head(plan, rows, base, caution), of_tcp(plan), _functions(settings), "def fmopt_insert():"]
     begin = base.compose(rows[0].start).compose(tcp_of(plan))
     lines += _indented(_beginning(begin, plan.specification.speed, settings))
@@ -84,13 +84,13 @@ def program(plan: Plan, base: Pose, caution: str = "") -> str:
     return "\n".join([*lines, "end", "", "fmopt_insert()", ""])
 
 
-def commanded(rows: Sequence[Move]) -> list[Array]:
+def commanded(rows: Sequence[PlanMove]) -> list[Array]:
     """The twist (6,), m/s and rad/s, that the program commands in each move: in guarded ones at the robot's pace."""
-    settings = Settings()
+    settings = ProgramSettings()
     return [move.twist if move.stop is None else _pace(move, settings) * move.twist for move in rows]
 
 
-def _head(plan: Plan, rows: Sequence[Move], base: Pose, caution: str) -> str:
+def _head(plan: Plan, rows: Sequence[PlanMove], base: Pose, caution: str) -> str:
     words = failing_words(plan, base)
     turning = turning_words(commanded(rows), [move.number for move in rows])
     failing = f"# {one_line(words[0].upper() + words[1:])}.\n" if words else ""
@@ -125,7 +125,7 @@ def of_tcp(plan: Plan) -> str:
     return templates("tcp.script")[0].format(part_in_tcp=pose_of(tcp_of(plan).inverse()))
 
 
-def _functions(settings: Settings) -> str:
+def _functions(settings: ProgramSettings) -> str:
     names = ("acceleration", "acceleration_angular", "stop", "stop_angular", "starting", "memory", "averaging", "slow")
     values = {name: number(getattr(settings, name)) for name in names}
     return templates("guarded.script")[1].format(debounce=settings.debounce, **values)
@@ -136,7 +136,7 @@ def templates(name: str) -> list[str]:
     return Path(__file__).with_name(name).read_text("utf-8").split("# ---\n")
 
 
-def _beginning(start: Pose, speed: float, settings: Settings) -> list[str]:
+def _beginning(start: Pose, speed: float, settings: ProgramSettings) -> list[str]:
     pose = pose_of(start)
     return [
         f"if point_dist(get_actual_tcp_pose(), {pose}) > {number(settings.reach)}:",
@@ -153,7 +153,7 @@ def _beginning(start: Pose, speed: float, settings: Settings) -> list[str]:
     ]
 
 
-def _segment(plan: Plan, rows: Sequence[Move], index: int, base: Pose, settings: Settings) -> list[str]:
+def _segment(plan: Plan, rows: Sequence[PlanMove], index: int, base: Pose, settings: ProgramSettings) -> list[str]:
     """A move's pieces follow each other without a stop; once the contact that ends it is felt, the rest is left out.
 
     What a piece takes longer by than it is to, as steps are whole, the next one takes less.
@@ -183,7 +183,9 @@ def _segment(plan: Plan, rows: Sequence[Move], index: int, base: Pose, settings:
     return lines
 
 
-def _guard(rows: Sequence[Move], index: int, base: Pose, rho: float, settings: Settings, pace: float) -> list[str]:
+def _guard(
+    rows: Sequence[PlanMove], index: int, base: Pose, rho: float, settings: ProgramSettings, pace: float
+) -> list[str]:
     """The arguments of a guarded move: twist, what tells its share of a speed, gain, forces, and times, s."""
     move = rows[index]
     stop = move.stop
@@ -204,7 +206,7 @@ def _guard(rows: Sequence[Move], index: int, base: Pose, rho: float, settings: S
     return [*map(list_of, lists), number(force), list_of(held), *map(number, times)]
 
 
-def _pace(move: Move, settings: Settings) -> float:
+def _pace(move: PlanMove, settings: ProgramSettings) -> float:
     """The share of the plan's speed at which a guarded move is run."""
     speeds = float(np.linalg.norm(move.twist[:3])), float(np.linalg.norm(move.twist[3:]))
     return min(1.0, settings.approach / max(speeds[0], 1e-9), settings.turning / max(speeds[1], 1e-9))
@@ -216,12 +218,12 @@ def in_axes_of(base: Pose, six: Array) -> Array:
     return np.concatenate([base.R @ six[:3], base.R @ six[3:]])
 
 
-def _speed(move: Move, rho: float) -> float:
+def _speed(move: PlanMove, rho: float) -> float:
     """m/s in the metric of ρ."""
     return float(np.linalg.norm(move.twist * np.array([1.0, 1.0, 1.0, rho, rho, rho])))
 
 
-def _force_mode(move: Move, task: TaskFrame, base: Pose, rho: float, settings: Settings) -> str:
+def _force_mode(move: PlanMove, task: TaskFrame, base: Pose, rho: float, settings: ProgramSettings) -> str:
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
     speed = _speed(move, rho)
     deviation = max(speed * (move.stop.timeout if move.stop else 2.0 * move.duration), settings.deviation)
@@ -230,7 +232,7 @@ def _force_mode(move: Move, task: TaskFrame, base: Pose, rho: float, settings: S
     return f"force_mode({pose_of(base.compose(task.pose))}, [{selection}], {list_of(task.wrench)}, 2, {list_of(sizes)})"
 
 
-def _released(move: Move, base: Pose, rho: float, settings: Settings) -> str:
+def _released(move: PlanMove, base: Pose, rho: float, settings: ProgramSettings) -> str:
     """What lets the springs of the robot go after a touch: a part that leaves it would begin beside where it is."""
     limit = settings.compliant_speed * _speed(move, rho)
     limits = np.array([limit] * 3 + [limit / rho] * 3)

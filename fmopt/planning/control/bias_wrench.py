@@ -150,7 +150,7 @@ class Balance(NamedTuple):
     `which` of them presses the least pressed contact; t by default.
     """
 
-    program: "Program"
+    program: "PriorityProgram"
     push: "Push"
     rubbed: float
     x: Array
@@ -232,7 +232,7 @@ def turns(displacement: Array, rho: float) -> bool:
     return rho * length(displacement[3:]) > _TURNING * length(displacement * twist_scale(rho))
 
 
-class Program(NamedTuple):
+class PriorityProgram(NamedTuple):
     """Maximise the last of x (n,), and a little the least of the two before, over A x ≤ b (k,), C x = d (p,), x ≥ 0."""
 
     A: Array
@@ -251,7 +251,7 @@ class Push(NamedTuple):
 
 def _program(
     move: GuardedMove, V: Array, rho: float, specification: Specification, push: Push, rubbed: float
-) -> Program:
+) -> PriorityProgram:
     """The linear program of `bias_wrench` over x = (f, g, k, r, m, b, t), m the greatest of f; idle g stay at t."""
     W, m, n, mu = move.held, len(move.held), len(move.made), specification.friction
     h = specification.termination_force if n else 0.0
@@ -276,10 +276,10 @@ def _program(
         friction = mu * rubbing(slid, move.points - move.reference.p)
         C = np.vstack([C, spread @ (r - f) + basis @ (friction / scale).T @ r])
     d = np.concatenate([[0.0 if push.hold is Hold.PUSH else h], np.zeros(len(C) - 1)])
-    return Program(A, limits, C, d)
+    return PriorityProgram(A, limits, C, d)
 
 
-def _with_reserve(move: GuardedMove, program: Program, rho: float) -> tuple[Program, Array] | None:
+def _with_reserve(move: GuardedMove, program: PriorityProgram, rho: float) -> tuple[PriorityProgram, Array] | None:
     """The best x whose push also does the work that its forces may take, with the program that asks so; None without.
 
     The forces decide how much that is; a few rounds settle it. A push so large that the least force would fall below
@@ -287,7 +287,7 @@ def _with_reserve(move: GuardedMove, program: Program, rho: float) -> tuple[Prog
     """
     m, length = len(move.held), move.length(rho)
 
-    def solved(reserve: float) -> tuple[Program, Array] | None:
+    def solved(reserve: float) -> tuple[PriorityProgram, Array] | None:
         limits = program.b.copy()
         limits[3 * m] -= reserve  # the row of the push
         asked = program._replace(b=limits)
@@ -342,7 +342,7 @@ def rubbing(slid: Array, arms: Array) -> Array:
     return np.hstack([against, cross(arms, against)])
 
 
-def _best(program: Program) -> Array | None:
+def _best(program: PriorityProgram) -> Array | None:
     """The best x; None where there is none."""
     A, b, C, d = program
     cost, lower, upper = np.zeros(A.shape[1]), np.zeros(A.shape[1]), np.full(A.shape[1], np.inf)

@@ -33,7 +33,7 @@ from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.planning.control.bias_wrench import GuardedMove, firmness, steadiness, turns
-from fmopt.planning.control.hybrid_strategy import HybridStrategy, JamFree, hybrid_strategy, jam_free
+from fmopt.planning.control.hybrid_strategy import HybridStrategy, JamMargin, hybrid_strategy, jam_free
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array, Value, remembered, there
@@ -69,7 +69,7 @@ class ControlledPiece:
     held: tuple[PrimitiveContact, ...]
     made: tuple[PrimitiveContact, ...]
     impact: dict[str, Any] | None = None
-    jam_free: JamFree | None = None
+    jam_free: JamMargin | None = None
 
     def document(self) -> dict[str, Any]:
         """The strategy as the plan file holds it."""

@@ -24,7 +24,7 @@ from fmopt.planning.control.bias_wrench import STILL, SURE, Balance, GuardedMove
 from fmopt.planning.control.bias_wrench import Hold as Pressed
 from fmopt.planning.control.compliance_frame import twist_scale
 from fmopt.planning.control.controlled_motion import bounded, guarded
-from fmopt.planning.placement.sequence_rows import Hold
+from fmopt.planning.placement.sequence_rows import HoldMargin
 from fmopt.spatial.se3 import Pose, cross, left_jacobian
 from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem, Specification
@@ -36,12 +36,12 @@ _RANK = 1e-9  # of the largest singular value: smaller ones are zero
 
 def holds(
     problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance, least: tuple[float, float]
-) -> list[Hold]:
+) -> list[HoldMargin]:
     """How surely the pieces of a motion hold their contacts, of those that hold them by little.
 
     Slides have to be as firm and turns as steady as `least` says, shares of the contact force; 0 asks for nothing.
     """
-    found = list[Hold]()
+    found = list[HoldMargin]()
     for number, (claim, bound) in enumerate(bounded(claims, tolerance.rho)):
         piece = claim.piece
         asked = least[turns(piece.start.local(piece.goal), tolerance.rho)]
@@ -55,7 +55,7 @@ def holds(
         if share < _FAR * asked:
             changing = move_derivatives(assembly, claim, held, made)
             slopes = hold_derivatives(move, balance, changing, tolerance.rho, problem.specification)
-            found.append(Hold(number, share, asked, slopes))
+            found.append(HoldMargin(number, share, asked, slopes))
     return found
 
 

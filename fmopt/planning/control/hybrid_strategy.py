@@ -104,7 +104,7 @@ def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification)
 
 
 @dataclass(frozen=True, eq=False)
-class JamFree(Value, twists=(None, 6)):
+class JamMargin(Value, twists=(None, 6)):
     """The `jam_free` entry of a segment's strategy.
 
     Args:
@@ -132,12 +132,12 @@ class JamFree(Value, twists=(None, 6)):
         return {**_plain(self), "planes": planes}
 
 
-def _plain(value: Termination | HybridStrategy | JamFree) -> dict[str, Any]:
+def _plain(value: Termination | HybridStrategy | JamMargin) -> dict[str, Any]:
     """The fields of a value, arrays as lists."""
     return {name: x.tolist() if isinstance(x, np.ndarray) else x for name, x in asdict(value).items()}
 
 
-def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specification: Specification) -> JamFree | None:
+def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specification: Specification) -> JamMargin | None:
     """The jam-free range of a strategy's applied wrench; None where nothing is held, or nothing can be pushed.
 
     Raises:
@@ -153,7 +153,7 @@ def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specificat
     push = strategy.push if len(move.made) else specification.contact_force
     inner = cones.inner()
     if inner is None:
-        return JamFree(push, None, 0.0, (), np.zeros((0, 6)))
+        return JamMargin(push, None, 0.0, (), np.zeros((0, 6)))
     proofs = _Proofs(cones, inner)
     held = strategy.bias_wrench / scale - strategy.push * along
     freeing = cones.freeing(held, along)
@@ -171,7 +171,7 @@ def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specificat
     least = min(least_push(v, held, along) for v in proofs.scaled)
     angle = max(cone_angle(v, a) for v in proofs.scaled) if sides else 0.0
     planes = tuple((name, (proofs.reach(a, -d), proofs.reach(a, d))) for name, d in sides)
-    return JamFree(push, least if math.isfinite(least) else None, angle, planes, np.array(proofs.stated))
+    return JamMargin(push, least if math.isfinite(least) else None, angle, planes, np.array(proofs.stated))
 
 
 class _Proofs:

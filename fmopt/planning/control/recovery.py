@@ -25,7 +25,7 @@ from fmopt.certificate.claim import Claim
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.plan import diagnostics, rounded_down
 from fmopt.plan.guarded_moves import NOISE
-from fmopt.planning.robustness.unplanned_contacts import UnplannedContact, images_of, unplanned_contacts
+from fmopt.planning.robustness.unplanned_contacts import UnplannedCandidate, images_of, unplanned_contacts
 from fmopt.spatial.se3 import Pose, cross, log
 from fmopt.spatial.values import Array
 from fmopt.task.problem import Specification
@@ -163,7 +163,7 @@ def covered(box: Array) -> list[float]:
     return [*sure, *map(float, box[2:])]
 
 
-def told_apart(found: UnplannedContact, specification: Specification, rho: float) -> bool:
+def told_apart(found: UnplannedCandidate, specification: Specification, rho: float) -> bool:
     """Whether noise of the force signal leaves a contact apart from the wanted one: by its angle, or without one."""
     if found.angle is None:
         return True
@@ -174,7 +174,7 @@ def told_apart(found: UnplannedContact, specification: Specification, rho: float
 def order(
     assembly: Assembly,
     claims: Sequence[Claim],
-    found: Sequence[UnplannedContact],
+    found: Sequence[UnplannedCandidate],
     box: Array,
     retries: Sequence[Sequence[float]],
 ) -> dict[str, list[int]]:

@@ -68,7 +68,7 @@ class _Wall:
 
 
 @dataclass(frozen=True, eq=False)
-class _Known:
+class _HeldContacts:
     """Held contacts, each once, and the fixed faces that they press a face or an edge of the moving part on."""
 
     owner: ref[Assembly]  # which has this with it
@@ -77,7 +77,7 @@ class _Known:
 
 
 @remembered(_MEMORY)
-def _known(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> _Known:
+def _known(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> _HeldContacts:
     """What held contacts say of walls but those with holes, whose corners have to stay where they are."""
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
     known, found = facts(assembly, held), []
@@ -90,7 +90,7 @@ def _known(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> _Known:
             own = tuple(sorted(i for i in wall.points if i < len(body)))
         if len(own) > 1 and _is_convex(fixed, number):
             found.append(_wall(assembly, number, bool(wall.flush), own))
-    return _Known(ref(assembly), tuple(dict.fromkeys(held)), tuple(found))
+    return _HeldContacts(ref(assembly), tuple(dict.fromkeys(held)), tuple(found))
 
 
 @remembered(_MEMORY)
@@ -167,7 +167,7 @@ def _pattern(wall: _Wall, p: Array, R: Array, errors: ErrorSet) -> bytes:
 
 
 @remembered(_MEMORY)
-def _redescribed(known: _Known, patterns: tuple[bytes, ...]) -> tuple[PrimitiveContact, ...]:
+def _redescribed(known: _HeldContacts, patterns: tuple[bytes, ...]) -> tuple[PrimitiveContact, ...]:
     """What is held where this touches the walls: the same contacts, not just equal ones, whenever the same does."""
     assembly, kept = there(known.owner), list(known.held)
     touching = [_touching(assembly, wall, found) for wall, found in zip(known.walls, patterns, strict=True)]

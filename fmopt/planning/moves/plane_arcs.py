@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.planning.moves.swept_piece import Moving, Places, Reached, lower_bound, nominal, reached_by
+from fmopt.planning.moves.swept_piece import Moving, Places, SweptReach, lower_bound, nominal, reached_by
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.kernels import Vector, dot, row, size
 from fmopt.spatial.values import Array
@@ -61,7 +61,7 @@ class Kept(NamedTuple):
 
 
 @part
-def _hopeful(edges: Edges, reached: Reached, heights: Array) -> NDArray[np.bool_]:
+def _hopeful(edges: Edges, reached: SweptReach, heights: Array) -> NDArray[np.bool_]:
     """Which of all normals may have the largest margin of a pair in some piece of motion."""
     found, rooms = np.zeros(len(edges.normals), dtype=np.bool_), np.empty(len(edges.normals))
     which, offsets, cuts = edges.which, edges.offsets, edges.cuts
@@ -96,7 +96,7 @@ def _roomiest(room: Array, first: int, last: int, found: Places) -> None:
 
 
 @part
-def _first(edges: Edges, reached: Reached, heights: Array) -> Kept:
+def _first(edges: Edges, reached: SweptReach, heights: Array) -> Kept:
     """The roomiest edges of each pair, by the planes that all edges share."""
     hopeful, count, pairs = _hopeful(edges, reached, heights), len(reached.turn), len(edges.corners)
     shape = (count, pairs, _REFINED)
@@ -164,7 +164,7 @@ def _narrow(edges: Edges, vertices: Array, kept: Kept, m: int, rooms: Array) -> 
 
 
 @part
-def _refine(edges: Edges, reached: Reached, kept: Kept, m: int, rooms: Array, last: bool) -> None:
+def _refine(edges: Edges, reached: SweptReach, kept: Kept, m: int, rooms: Array, last: bool) -> None:
     """The best of planes with room (n, e, shares) through each edge that is kept of a pair, and of the pair.
 
     Those of each edge are left out at last. No margin exceeds its plane's room.
@@ -188,7 +188,7 @@ def _refine(edges: Edges, reached: Reached, kept: Kept, m: int, rooms: Array, la
 
 
 @part
-def _refine_all(edges: Edges, reached: Reached, kept: Kept) -> None:
+def _refine_all(edges: Edges, reached: SweptReach, kept: Kept) -> None:
     """Refines the planes of all pairs, pass by pass, as long as there is room for better ones."""
     count, pairs = kept.margin.shape
     rooms = np.empty((pairs, count, _REFINED, SHARES))
@@ -203,7 +203,7 @@ def _refine_all(edges: Edges, reached: Reached, kept: Kept) -> None:
 
 
 @part
-def _refine_tightest(edges: Edges, reached: Reached, kept: Kept, asked: tuple[float, float]) -> NDArray[np.bool_]:
+def _refine_tightest(edges: Edges, reached: SweptReach, kept: Kept, asked: tuple[float, float]) -> NDArray[np.bool_]:
     """Refines the planes of pairs that may be the tightest, those tightest so far first.
 
     Returns which pairs (m) have the best planes now: those of others keep at least as much as the tightest of these.

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from fmopt.certificate.assembly import Assembly, edge_along
 from fmopt.certificate.kernels_rows import ROW
 from fmopt.certificate.level_rims import edges_beside, edges_level, level_rims
-from fmopt.certificate.piece_pairs import BEHIND, Facing, Pair, Witness, free_plane
-from fmopt.certificate.remainder import Course
+from fmopt.certificate.piece_pairs import BEHIND, FacingPairs, Pair, PlaneWitness, free_plane
+from fmopt.certificate.remainder import EndsBatch
 from fmopt.certificate.row_bounds import Places, Sides, best_sides
 from fmopt.certificate.separating_plane import Block, Candidates, Separation, face_planes, settled
 from fmopt.contact.primitive import Kind
@@ -33,7 +33,7 @@ _SPREAD = np.linspace(0.0, 1.0, SHARES)
 _FANS = 256
 
 
-def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> list[list[Separation | None]]:
+def choose_separations(assembly: Assembly, facing: FacingPairs, course: EndsBatch) -> list[list[Separation | None]]:
     """The best plane between each two pieces over pieces of motion, None where they are not apart nominally.
 
     Pieces in touch are kept apart by a plane that the contacts themselves lie in; others by any plane through an edge
@@ -42,7 +42,7 @@ def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> li
     return _choice(assembly, facing, course, math.nan).chosen
 
 
-def choose_tightest(assembly: Assembly, facing: Facing, course: Course) -> list[list[Separation | None]]:
+def choose_tightest(assembly: Assembly, facing: FacingPairs, course: EndsBatch) -> list[list[Separation | None]]:
     """Planes of which the tightest pair's is the best one, and those of other pairs good enough for that to be so.
 
     For a search that asks for the least margin alone, which is the same as of `choose_separations`; arguments likewise.
@@ -70,7 +70,7 @@ class _Choice:
         self.chosen[n][m], self.least[n, m] = found, found.margin
 
 
-def _choice(assembly: Assembly, facing: Facing, course: Course, enough: float) -> _Choice:
+def _choice(assembly: Assembly, facing: FacingPairs, course: EndsBatch, enough: float) -> _Choice:
     """The planes of all pairs, the best ones of those with no margin above `enough`, m, or of all if that is nan."""
     shape = len(course.motion.twist), len(facing.listed)
     choice = _Choice([[None] * shape[1] for _ in range(shape[0])], np.full(shape, -np.inf), np.ones(shape[1], np.bool_))
@@ -107,7 +107,7 @@ class _Found(NamedTuple):
     margin: float
     clearance: float
 
-    def of(self, witnesses: Sequence[Witness]) -> Separation:
+    def of(self, witnesses: Sequence[PlaneWitness]) -> Separation:
         """What it stands for among witnesses."""
         return Separation(witnesses[self.number], self.margin, self.clearance)
 
@@ -132,7 +132,7 @@ class _Touched:
 
 
 @remembered(_MEMORY)
-def _touched(assembly: Assembly, facing: Facing) -> _Touched:
+def _touched(assembly: Assembly, facing: FacingPairs) -> _Touched:
     told = [(m, pair) for m, (_, _, pair) in enumerate(facing.listed) if pair.told]
     silent = _silent(assembly, [pair for _, pair in told])
     walls: dict[Polyhedron, list[tuple[int, Pair, Places]]] = {}
@@ -175,13 +175,13 @@ def _faces_count(assembly: Assembly, pair: Pair) -> bool:
 
 
 @remembered(_MEMORY)
-def _fans(facing: Facing, places: tuple[int, ...]) -> Fans:
+def _fans(facing: FacingPairs, places: tuple[int, ...]) -> Fans:
     pairs = [facing.listed[n][2] for n in places]
     return fans(pairs[0].moving, tuple(pair.fixed for pair in pairs))
 
 
 @remembered(1)
-def _facing_faces(assembly: Assembly, facing: Facing) -> tuple[Faces, ...]:
+def _facing_faces(assembly: Assembly, facing: FacingPairs) -> tuple[Faces, ...]:
     """The faces of each moving piece with the pairs of it for which all of their rows count."""
     found: dict[Polyhedron, list[int]] = {}
     for n, (_, _, pair) in enumerate(facing.listed):
@@ -195,15 +195,15 @@ class Faces:
     """Faces of pieces of the one part as planes that may keep off pieces of the other, by the places of these pairs."""
 
     places: list[int]
-    witnesses: tuple[Witness, ...]
+    witnesses: tuple[PlaneWitness, ...]
     sides: Sides
 
     @staticmethod
-    def of(facing: Facing, moving: Polyhedron, places: list[int]) -> Faces:
+    def of(facing: FacingPairs, moving: Polyhedron, places: list[int]) -> Faces:
         """The faces of a moving piece in some pairs."""
         pieces = [facing.listed[n][2].fixed for n in places]
         offsets, corners = _reach(moving), np.concatenate([piece.vertices for piece in pieces])
-        witnesses = tuple(Witness("moving-face", face.loops[0], ()) for face in moving.faces)
+        witnesses = tuple(PlaneWitness("moving-face", face.loops[0], ()) for face in moving.faces)
         faces, levers = np.tile((0, len(offsets)), (len(pieces), 1)), (np.zeros(len(offsets)), np.zeros(len(corners)))
         points = _spans([len(piece.vertices) for piece in pieces])
         sides = Sides(np.array(moving.normals), offsets, corners, levers, faces, points, moving=True)
@@ -218,22 +218,22 @@ class Faces:
         corners, points = np.array(moving.vertices), np.tile((0, len(moving.vertices)), (len(own), 1))
         faces = _spans([len(which) for _, _, which in own])
         sides = Sides(normals, offsets, corners, (lengths(normals), lengths(corners)), faces, points, moving=False)
-        return Faces([m for m, _, _ in own], tuple(Witness("fixed-face", (), loop) for loop in loops), sides)
+        return Faces([m for m, _, _ in own], tuple(PlaneWitness("fixed-face", (), loop) for loop in loops), sides)
 
-    def best(self, course: Course, least: Array, grazing: float) -> tuple[Places, Array, Array]:
+    def best(self, course: EndsBatch, least: Array, grazing: float) -> tuple[Places, Array, Array]:
         """For each piece the face with the largest margin over pieces of motion; see `best_sides`."""
         return best_sides(self.sides, np.zeros(1, ROW), course.motion, np.ascontiguousarray(least), grazing)
 
 
-def _candidates(assembly: Assembly, pair: Pair, silent: frozenset[int]) -> tuple[Witness, ...]:
+def _candidates(assembly: Assembly, pair: Pair, silent: frozenset[int]) -> tuple[PlaneWitness, ...]:
     """Planes of faces, those of the fixed piece but for some, and those along both edges of the pair's crossings."""
     moving = () if _faces_count(assembly, pair) else pair.moving.faces
-    own = [Witness("moving-face", face.loops[0], ()) for face in moving]
-    faces = [Witness("fixed-face", (), f.loops[0]) for k, f in enumerate(pair.fixed.faces) if k not in silent]
+    own = [PlaneWitness("moving-face", face.loops[0], ()) for face in moving]
+    faces = [PlaneWitness("fixed-face", (), f.loops[0]) for k, f in enumerate(pair.fixed.faces) if k not in silent]
     return (*faces, *own, *_contact_edges(assembly, pair))
 
 
-def _contact_edges(assembly: Assembly, pair: Pair) -> list[Witness]:
+def _contact_edges(assembly: Assembly, pair: Pair) -> list[PlaneWitness]:
     found = []
     for contact in (*pair.held, *pair.opening):
         if contact.kind is Kind.EDGE_EDGE:
@@ -245,7 +245,7 @@ def _contact_edges(assembly: Assembly, pair: Pair) -> list[Witness]:
     if assembly.several:
         found += edges_beside(assembly, pair.moving, pair.fixed, pair.state, pair.beside)
         found += edges_level(assembly, pair.moving, pair.fixed, level_rims(assembly, pair.state, pair.beside))
-    return [Witness("edges", *both) for both in dict.fromkeys(found)]
+    return [PlaneWitness("edges", *both) for both in dict.fromkeys(found)]
 
 
 def _spans(counts: Sequence[int]) -> Places:
@@ -287,7 +287,7 @@ class Fans:
     edges: Edges
     radius: float = 0.0
 
-    def best(self, course: Course, enough: float = math.nan) -> FreePlanes:
+    def best(self, course: EndsBatch, enough: float = math.nan) -> FreePlanes:
         """For each fixed piece the plane with the largest certified margin over pieces of motion.
 
         Above `enough`, m, no pair is the tightest; best are the planes of those that may be, or all.

@@ -18,10 +18,10 @@ _ROUNDING, _ROOM = 1.0 + 1e-9, 1e-15  # of bounds that leave vertices out: a fac
 
 Places = NDArray[np.intp]
 Moving = tuple[Array, Array, Array, Places, Array, Array, Array]
-"""Pieces of motion (n), as `fmopt.certificate.row_bounds.Motion` lists them, but for tolerances of form."""
+"""Pieces of motion (n), as `fmopt.certificate.row_bounds.PieceMotions` lists them, but for tolerances of form."""
 
 
-class Reached(NamedTuple):
+class SweptReach(NamedTuple):
     """How far a moving piece reaches at both ends of pieces of motion (n)."""
 
     vertices: Array  # where they are (2, n, 3, v), m
@@ -36,7 +36,7 @@ class Reached(NamedTuple):
 
 
 @part
-def reached_by(body: Array, motion: Moving) -> Reached:
+def reached_by(body: Array, motion: Moving) -> SweptReach:
     """How far vertices (v, 3) of the moving piece reach."""
     p, R, columns, cuts, twist, half, coupling = motion
     pieces, count = p.shape[1], len(body)
@@ -69,7 +69,7 @@ def reached_by(body: Array, motion: Moving) -> Reached:
             linked[n, v] = coupling[n, 0] + coupling[n, 1] * size(row(body, v))
             turned_most = size(box) * tilted[n, v] + size(turn) * arc[n, v]
             most[n, v] = _ROUNDING * (farthest + turned_most + linked[n, v]) + _ROOM
-    return Reached(vertices, moved, cuts, tilted, arc, linked, most, angles, turns)
+    return SweptReach(vertices, moved, cuts, tilted, arc, linked, most, angles, turns)
 
 
 @part
@@ -85,7 +85,7 @@ def nominal(normal: Vector, vertices: Array, n: int) -> tuple[float, Vector]:
 
 
 @part
-def lower_bound(normal: Vector, reached: Reached, n: int, heights: Array) -> float:
+def lower_bound(normal: Vector, reached: SweptReach, n: int, heights: Array) -> float:
     """The certified lower bound of n·v over all vertices v, m, for a unit normal; `heights` is scratch (2, v)."""
     vertices, count = reached.vertices, reached.vertices.shape[3]
     lowest, first = np.inf, 0
@@ -107,7 +107,7 @@ def lower_bound(normal: Vector, reached: Reached, n: int, heights: Array) -> flo
 
 
 @part
-def _of_vertex(normal: Vector, reached: Reached, n: int, v: int, heights: Array, lean: tuple[float, float]) -> float:
+def _of_vertex(normal: Vector, reached: SweptReach, n: int, v: int, heights: Array, lean: tuple[float, float]) -> float:
     """The certified lower bound of n·v of one vertex, m; `lean` is how much errors and motion turn the plane, rad."""
     moved, cuts, found = reached.moved, reached.cuts, np.inf
     for e in range(2):

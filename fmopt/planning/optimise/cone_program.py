@@ -68,7 +68,7 @@ class Sizes(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Stack:
+class NormStack:
     """Norms one below the other: F (Σq, n) and g (Σq,), where each begins (K,), and how many rows it has (K,)."""
 
     F: Array
@@ -134,12 +134,12 @@ class ConeProgram(Value, c=("c",), A=("b", "c"), b=("b",), G=("h", "c"), h=("h",
         return Sizes(equalities, rows, norms, float(np.abs(self.c * units).max()) or 1.0)
 
     @cached_property
-    def stacked(self) -> Stack:
+    def stacked(self) -> NormStack:
         """All norms one below the other."""
         widths = np.array([len(norm.g) for norm in self.norms], dtype=np.intp)
         F = np.concatenate([np.zeros((0, len(self.c))), *(norm.F for norm in self.norms)])
         g = np.concatenate([np.zeros(0), *(norm.g for norm in self.norms)])
-        return Stack(F, g, widths.cumsum() - widths, widths)
+        return NormStack(F, g, widths.cumsum() - widths, widths)
 
     def slacks(self, x: Array) -> Array:
         """G x + h − W (norms), shape (m,)."""
@@ -165,7 +165,9 @@ class ConeProgram(Value, c=("c",), A=("b", "c"), b=("b",), G=("h", "c"), h=("h",
             upper=self.upper / units,
             units=np.ones_like(units),
         )
-        scaled.__dict__["stacked"] = Stack(F, g, stack.begins, stack.widths)  # of which its norms are slices already
+        scaled.__dict__["stacked"] = NormStack(
+            F, g, stack.begins, stack.widths
+        )  # of which its norms are slices already
         return scaled
 
     def relaxed(self) -> ConeProgram:

@@ -36,7 +36,7 @@ _RANK = 1e-9  # of the largest singular value, what counts as none
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivity:
+class GeneratorDerivatives:
     """The generators (k, 6) that a piece carries on, at both ends, and their derivatives (k, 6, n).
 
     Derivatives are with respect to displacements (d, δ) of all poses one after the other, n = 6 (moves + 1).
@@ -61,10 +61,10 @@ class Sensitivity:
 @remembered(1)  # rows of the same sequence ask twice: those of the certificate, then those of holds
 def sensitivities(
     assembly: Assembly, claims: tuple[Claim, ...], tolerance: Tolerance, drifting: bool = False
-) -> tuple[Sensitivity, ...]:
+) -> tuple[GeneratorDerivatives, ...]:
     """How generators change along a sequence of moves, piece by piece, with drift that grows with the moves or not."""
     n = 6 + 6 * sum(claim.piece.progress[0] == 0.0 for claim in claims)
-    found, number = list[Sensitivity](), -1
+    found, number = list[GeneratorDerivatives](), -1
     brought, longer, begun = np.zeros((0, 6, 6)), np.zeros((0, n)), Pose(np.zeros(3), np.eye(3))
     translation, rotation = tolerance.velocity_error
     rates = translation, rotation / tolerance.rho
@@ -84,7 +84,7 @@ def sensitivities(
         changed = moved.carried(core, before)
         onward, now = moved.projector @ brought, (ends.goal_set.generators[: len(core)], changed)
         held = np.eye(6) - moved.way.start_dual @ moved.way.held[0].N, moved.way.hold
-        found.append(Sensitivity((core, before), now, held, moved.compliant, (brought, onward), longer, rates))
+        found.append(GeneratorDerivatives((core, before), now, held, moved.compliant, (brought, onward), longer, rates))
         brought, begun = onward, piece.start if piece.progress[0] == 0.0 else begun
         if piece.last and drifting:
             brought = np.concatenate([onward, np.eye(6)[None]])

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.certificate.assembly import Assembly, contact_forms
-from fmopt.certificate.remainder import Course
+from fmopt.certificate.remainder import EndsBatch
 from fmopt.certificate.rows import Forms, Rows, points_above, stacked
 from fmopt.certificate.separating_plane import counted_rows
 from fmopt.errors import InfeasibleError, OverdueError, SolverError
@@ -224,7 +224,7 @@ def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float) -> tuple
             if separation.witness.kind == "edges" or separation.margin > placed.margin + near:
                 continue
             own = counted_rows(assembly, pair, separation.witness).forms
-            rows = Course.of((claim.advance.ends,)).over(own)
+            rows = EndsBatch.of((claim.advance.ends,)).over(own)
             loss = rows.f[:, 0].min(axis=0) - rows.lower[0]
             which = rows.f[int(ending), 0] - loss < placed.margin + near
             forms.append(Forms(own.table[which]))

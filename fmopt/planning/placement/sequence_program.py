@@ -23,7 +23,7 @@ from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.geometry.section import lowest_point
 from fmopt.planning.moves.moves import Care, Move, Reached, in_a_row, onto_surfaces, unroll
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solver
-from fmopt.planning.placement.sequence_rows import Hold, SequenceRows, hold_rows, sequence_rows
+from fmopt.planning.placement.sequence_rows import HoldMargin, SequenceRows, hold_rows, sequence_rows
 from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose, length
 from fmopt.spatial.values import Array
@@ -103,7 +103,7 @@ class Aim:
     # Height of the lowest point above the mouth at the start, m, where the start may be displaced at that height; None
     # where it stays
     lift: float | None = None
-    holds: Callable[[Sequence[Claim]], list[Hold]] = lambda _: []
+    holds: Callable[[Sequence[Claim]], list[HoldMargin]] = lambda _: []
 
     def rows(self, placed: Placed, near: float) -> SequenceRows:
         """All rows of a sequence that are within `near` (m) of binding, and those of its holds."""
@@ -185,12 +185,12 @@ def surer(aim: Aim, placed: Placed, solver: Solver, settings: Refinement) -> Pla
     return best
 
 
-def _surest(holds: list[Hold]) -> float:
+def _surest(holds: list[HoldMargin]) -> float:
     """The least of what contacts are held by, as a share of what is asked."""
     return min((hold.share / hold.least for hold in holds), default=math.inf)
 
 
-def _surer(aim: Aim, placed: Placed, holds: list[Hold], least: float, radius: float) -> ConeProgram:
+def _surer(aim: Aim, placed: Placed, holds: list[HoldMargin], least: float, radius: float) -> ConeProgram:
     """The program that raises the least of some holds in a trust region (m), and leaves a margin of so much (m).
 
     Its last variable is by how much more of what is asked contacts come to be held, times the radius.

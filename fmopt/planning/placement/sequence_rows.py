@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from fmopt.certificate.assembly import Assembly, contact_rows, made_form, made_scale
 from fmopt.certificate.claim import Claim, facet_rows
 from fmopt.certificate.piece_pairs import Pair, facing
-from fmopt.certificate.remainder import Course, Curvature
+from fmopt.certificate.remainder import Curvature, EndsBatch
 from fmopt.certificate.rows import Forms
 from fmopt.certificate.segment_linearisation import Growth, Tolerance
 from fmopt.certificate.separating_plane import Separation, counted_rows
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.planning.moves.contact_transition import DOUBTED, within_rims
 from fmopt.planning.moves.moves import Reached, claims_of_moves
-from fmopt.planning.placement.error_derivatives import Sensitivity, pose_derivatives, sensitivities
+from fmopt.planning.placement.error_derivatives import GeneratorDerivatives, pose_derivatives, sensitivities
 from fmopt.spatial.values import Array
 
 _STEPS = 4  # steps of the trust region that a row is kept away from where contacts are described otherwise
@@ -125,7 +125,7 @@ def sequence_rows(
     shape = max((len(each.start[0]) for each in found), default=0), 6 * (len(moves) + 1)
     parts = [SequenceRows.none(*shape)]
     for number, claims in enumerate(moves):
-        courses = [Course.of((claim.advance.ends,)) for claim in claims]
+        courses = [EndsBatch.of((claim.advance.ends,)) for claim in claims]
         sure = _surely(assembly, claims[0].piece.held, courses)
         for claim, course in zip(claims, courses, strict=True):
             changing = next(sensitivity)
@@ -138,7 +138,11 @@ def sequence_rows(
 
 
 def _rows(
-    blocks: Sequence[_Block], course: Course, claim: Claim, sensitivity: Sensitivity, among: tuple[int, int, int]
+    blocks: Sequence[_Block],
+    course: EndsBatch,
+    claim: Claim,
+    sensitivity: GeneratorDerivatives,
+    among: tuple[int, int, int],
 ) -> SequenceRows:
     """Blocks of rows of a piece as functions of displacements (n): `among` are its move's number, generators and n."""
     each = [(*block[:4], *(np.full(len(block.values), number) for number in block[4:])) for block in blocks]
@@ -174,7 +178,7 @@ class _Gain:
 
 
 def _growing(
-    gains: list[_Gain], claim: Claim, ending: Sensitivity, number: int, shape: tuple[int, int]
+    gains: list[_Gain], claim: Claim, ending: GeneratorDerivatives, number: int, shape: tuple[int, int]
 ) -> SequenceRows:
     """The rows that let errors be carried through a move, and its end be felt.
 
@@ -223,7 +227,7 @@ def _gains(assembly: Assembly, claim: Claim, felt: bool) -> Iterator[_Gain]:
         yield gain(Growth(pushed, float(pushed @ twist), 0.0, turned), float(np.abs(pushed * twist).sum()))
 
 
-def _near(assembly: Assembly, claim: Claim, course: Course, rho: float, most: float) -> Iterator[_Block]:
+def _near(assembly: Assembly, claim: Claim, course: EndsBatch, rho: float, most: float) -> Iterator[_Block]:
     """The rows of a piece that are below `most` (m)."""
     piece = claim.piece
     for pair, kept in pairs_of(assembly, claim):
@@ -253,7 +257,7 @@ def _near(assembly: Assembly, claim: Claim, course: Course, rho: float, most: fl
         yield _Block(N, early, scale * made.f - early, np.zeros(1), 0)
 
 
-def _described(course: Course, sure: Sequence[tuple[Forms, NDArray[np.intp]]], near: float) -> Iterator[_Block]:
+def _described(course: EndsBatch, sure: Sequence[tuple[Forms, NDArray[np.intp]]], near: float) -> Iterator[_Block]:
     """The rows of a piece that keep the description of its contacts, below `near` (m)."""
     for forms, which in sure:
         rows = course.over(forms)
@@ -273,7 +277,7 @@ def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
 
 
 def _surely(
-    assembly: Assembly, held: tuple[PrimitiveContact, ...], courses: Sequence[Course]
+    assembly: Assembly, held: tuple[PrimitiveContact, ...], courses: Sequence[EndsBatch]
 ) -> list[tuple[Forms, NDArray[np.intp]]]:
     """How far vertices are within convex rims of walls that they lie in, and which are so for sure all along a move."""
     found = []
@@ -285,7 +289,7 @@ def _surely(
     return found
 
 
-class Hold(NamedTuple):
+class HoldMargin(NamedTuple):
     """How surely a piece of a motion holds its contacts; slopes (12,) by its start and goal, 1/m and 1/rad."""
 
     claim: int
@@ -295,7 +299,7 @@ class Hold(NamedTuple):
 
 
 def hold_rows(
-    assembly: Assembly, reached: Reached, tolerance: Tolerance, holds: Sequence[Hold], width: int
+    assembly: Assembly, reached: Reached, tolerance: Tolerance, holds: Sequence[HoldMargin], width: int
 ) -> SequenceRows:
     """A row for each hold: that it is no less than it has to be, or than it is where it is less; shares on an arm of ρ.
 

@@ -24,7 +24,7 @@ _NEAR = 0.1  # of the size, from a seat to the walls that are at it
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
+class TiltedEntry:
     """A tilted start pose whose lowest point comes down inside the mouth."""
 
     pose: Pose  # of the moving part
@@ -52,7 +52,7 @@ def support(task: PressTask, direction: Array, arm: Array) -> float:
 
 def corner_entry(
     task: PressTask, corner: Corner, tilt: float, lean: float, distance: float, below: float, yaw: float = 0.0
-) -> Entry:
+) -> TiltedEntry:
     """The tip beside a corner: at a distance (m) from its walls, inside of all others, for every start error.
 
     The part leans out over the mouth still where its tip is `below` it, m; angles are in rad, yaw is from the goal.
@@ -92,7 +92,7 @@ def corner_entry(
             wanted.append(max(keeps, distance) if pressed and vertex is tip else keeps)
     place, share = _placed(np.array(walls), np.array(offsets), np.array(wanted))
     height = lowest_height(task, R, tip)
-    return Entry(Pose(np.append(place, height) - R @ tip, R), height, share)
+    return TiltedEntry(Pose(np.append(place, height) - R @ tip, R), height, share)
 
 
 def lowest_height(task: PressTask, R: Array, tip: Array) -> float:

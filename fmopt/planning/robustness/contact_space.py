@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.contact.facet_bounds import INSIDE, BoundTable, cell, touching
-from fmopt.contact.polytope import Faces
+from fmopt.contact.polytope import PolytopeFaces
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.realisation import Measures, Met, Neighbourhood, Poses, meet, project
-from fmopt.contact.state_graph import Cell, ContactGraph, LocalSpace, Scale, contact_graph, faces, local_space
+from fmopt.contact.state_graph import ContactCell, ContactGraph, LocalSpace, Scale, contact_graph, faces, local_space
 from fmopt.errors import SolverError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.papers.lee_huang.nominal_trajectory import CriticalPose
@@ -64,7 +64,7 @@ class Space:
     def state(self, contacts: frozenset[str]) -> int | None:
         """The confirmed state with exactly these contacts, None without."""
         index = self._places.get(contacts)
-        return index if index is not None and self.found[index].verdict is Verdict.CONFIRMED else None
+        return index if index is not None and self.found[index].verdict is StateAdvice.CONFIRMED else None
 
     @cached_property
     def _places(self) -> dict[frozenset[str], int]:
@@ -85,7 +85,7 @@ class Space:
             contacts=tuple(c.id for c in self.graph.space.contacts),
             enumerated=self.enumerated,
             states_by_dimension={str(d): n for d, n in sorted(self.graph.count().items())},
-            states_by_verdict={verdict.name.lower(): verdicts.count(verdict) for verdict in Verdict},
+            states_by_verdict={verdict.name.lower(): verdicts.count(verdict) for verdict in StateAdvice},
         )
 
     def graph_near(self, chosen: Sequence[int]) -> Graph:
@@ -140,15 +140,17 @@ def space_at(
             break
     heed()
     kept, limits = cell(near, body, fixed, reference, scale.reach + scale.angle * scale.rho)
-    space = local_space(kept, body, fixed, reference, scale, Cell(limits, wide * scale.reach, wide * scale.angle))
+    space = local_space(
+        kept, body, fixed, reference, scale, ContactCell(limits, wide * scale.reach, wide * scale.angle)
+    )
     states = _enumerated(space)
     # Free space is the only face that is told of a space whose states are not enumerated.
-    free = Faces(np.zeros((1, len(kept)), dtype=np.bool_), np.full(1, 6), np.zeros((1, 6)), 0)
+    free = PolytopeFaces(np.zeros((1, len(kept)), dtype=np.bool_), np.full(1, 6), np.zeros((1, 6)), 0)
     graph = contact_graph(space, free if states is None else states)
     return Space(name, pose.vector(), graph, confirm(graph, body, fixed), states is not None)
 
 
-def _enumerated(space: LocalSpace) -> Faces | None:
+def _enumerated(space: LocalSpace) -> PolytopeFaces | None:
     """All faces of a space; None where there are too many of them or of contacts, or Qhull cannot tell them apart."""
     if len(space.contacts) > _CONTACTS:
         return None
@@ -177,7 +179,7 @@ def _regular(assembly: Assembly, near: Sequence[PrimitiveContact], pose: Pose) -
     return True
 
 
-class Verdict(StrEnum):
+class StateAdvice(StrEnum):
     """What the true surfaces say of a state; the value is the advice."""
 
     CONFIRMED = "the state exists: its contacts touch, the others are apart, all within bounds"
@@ -194,7 +196,7 @@ class Confirmation(Value):
     """A state on the true surfaces."""
 
     state: str
-    verdict: Verdict
+    verdict: StateAdvice
     pose: Pose
     residual: float  # largest |f| of its contacts there, m; of a split one, in the middle of its linear facet
     clearance: float  # least f of the other contacts within their bounds, m; inf when there are none
@@ -293,14 +295,14 @@ def _verdicts(
     against = _refuted(graph, near, on, best, facets)
     found = []
     for i, state in enumerate(graph.states):
-        verdict, by, pose, residual = against.get(i, (Verdict.CONFIRMED, "", poses[i], residuals[i]))
+        verdict, by, pose, residual = against.get(i, (StateAdvice.CONFIRMED, "", poses[i], residuals[i]))
         found.append(Confirmation(state.id, verdict, pose, unit * residual, clearances[i], insides[i], by))
     return tuple(found)
 
 
 def _refuted(
     graph: ContactGraph, near: Neighbourhood, on: Bits, best: _Best, facets: Poses
-) -> dict[int, tuple[Verdict, str, Pose, float]]:
+) -> dict[int, tuple[StateAdvice, str, Pose, float]]:
     """For each state that was not found: the verdict, what stands against it, the pose to look at, and |f| there.
 
     A state is split when its contacts do not meet in the middle of its linear facet, short of leaving it: what joins
@@ -315,18 +317,18 @@ def _refuted(
     for n, i in enumerate(left.tolist()):
         if half.residual[n] > RESIDUAL:
             by = _least(near, meeting, n)[1] if meeting.residual[n] <= RESIDUAL else ""
-            found[i] = Verdict.SPLIT, by, middles[n], float(half.residual[n])
+            found[i] = StateAdvice.SPLIT, by, middles[n], float(half.residual[n])
         else:
-            verdict, by = _least(near, at, n) if best.settled[i] else (Verdict.UNDECIDED, "")
+            verdict, by = _least(near, at, n) if best.settled[i] else (StateAdvice.UNDECIDED, "")
             found[i] = verdict, by, best.poses.pose(i), float(at.residual[n])
     return found
 
 
-def _least(near: Neighbourhood, at: Measures, i: int) -> tuple[Verdict, str]:
+def _least(near: Neighbourhood, at: Measures, i: int) -> tuple[StateAdvice, str]:
     """What has least room at a pose: another contact, the bound of an own one, or the limits of the local space."""
     if at.limits[i].min(initial=np.inf) < at.slack[i]:
-        return Verdict.UNDECIDED, ""
+        return StateAdvice.UNDECIDED, ""
     if at.clearance[i] <= at.inside[i]:
-        return Verdict.BLOCKED, near.space.contacts[int(np.argmin(at.others[i]))].id
+        return StateAdvice.BLOCKED, near.space.contacts[int(np.argmin(at.others[i]))].id
     where = np.unravel_index(int(np.argmin(at.depths[i])), at.depths[i].shape)
-    return Verdict.OUT_OF_BOUNDS, near.table.listed[int(at.binding[i][where])].contact.id
+    return StateAdvice.OUT_OF_BOUNDS, near.table.listed[int(at.binding[i][where])].contact.id

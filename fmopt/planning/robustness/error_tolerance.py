@@ -31,7 +31,7 @@ _SHARE = 0.02  # of a tolerance, by which it is widened
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class Proved:
     """What is certified of a motion, or of the moves before one that is impossible for a reason."""
 
     reached: Reached
@@ -45,7 +45,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class WholeMotion:
     """A motion that can be certified under other start errors.
 
     `box` (6,) has the half-widths of its own, m and rad; `turn` is the greatest turn of one piece, rad.
@@ -59,7 +59,7 @@ class Motion:
     framing: Framing = IN_THE_WORLD
     known: Reached | None = None
 
-    def under(self, errors: Array) -> "Motion":
+    def under(self, errors: Array) -> "WholeMotion":
         """The motion under start errors with other half-widths (6,)."""
         return replace(self, box=errors, known=None)
 
@@ -77,31 +77,31 @@ class Motion:
         return certified(self.assembly, self.moves, self.start, self.tolerance, self.turn)
 
     @cached_property
-    def begun(self) -> Outcome:
+    def begun(self) -> Proved:
         """What is certified of it, as far as the first move without a margin."""
         if self.known is not None:
             claims = claims_of_moves(self.known.claims)
-            return Outcome(self.known, tuple(min(of_move, key=lambda claim: claim.margin) for of_move in claims))
-        return self._followed(Outcome(self.start), beyond=False)
+            return Proved(self.known, tuple(min(of_move, key=lambda claim: claim.margin) for of_move in claims))
+        return self._followed(Proved(self.start), beyond=False)
 
     @cached_property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> Proved:
         """What is certified of it, as far as it is possible."""
         return self._followed(self.begun, beyond=True)
 
-    def _followed(self, begun: Outcome, beyond: bool) -> Outcome:
+    def _followed(self, begun: Proved, beyond: bool) -> Proved:
         """What is certified of it after the moves that it begins with; `beyond` the first without a margin, too."""
         reached, least = begun.reached, begun.least
         for move in () if begun.reason else self.moves[len(least) :]:
             try:
                 after = unroll(self.assembly, move, reached, self.tolerance, self.turn)
             except InfeasibleError as error:
-                return Outcome(reached, least, error.message)
+                return Proved(reached, least, error.message)
             least = (*least, min(after.claims[len(reached.claims) :], key=lambda claim: claim.margin))
             reached = after
             if least[-1].margin <= 0.0 and not beyond:
                 break
-        return Outcome(reached, least, begun.reason)
+        return Proved(reached, least, begun.reason)
 
     @property
     def margin(self) -> float | None:
@@ -140,14 +140,14 @@ class CertifiedMotion:
         return self.placed.reached.claims
 
 
-def error_tolerance(motion: Motion, clearance: tuple[float, float]) -> ErrorTolerance:
+def error_tolerance(motion: WholeMotion, clearance: tuple[float, float]) -> ErrorTolerance:
     """How much error a motion, with its clearance (x, y) a side, m, tolerates and what each tolerance costs it."""
     factor, beyond = factors(motion)
     end = None if beyond is None else what_fails(beyond)
     return ErrorTolerance(factor, numbers(factor * motion.box), sensitivities(motion, clearance), end)
 
 
-def what_fails(motion: Motion) -> ToleranceEnd:
+def what_fails(motion: WholeMotion) -> ToleranceEnd:
     """The inequality of least margin of a motion and the move that it belongs to, or why a move is impossible."""
     found = motion.outcome
     if found.reason:
@@ -156,12 +156,12 @@ def what_fails(motion: Motion) -> ToleranceEnd:
     return ToleranceEnd(number, claim.binding, "")
 
 
-def largest_factor(motion: Motion) -> float:
+def largest_factor(motion: WholeMotion) -> float:
     """The largest factor of the whole start box at which the motion still has a margin, to 1/64, at most 64."""
     return factors(motion)[0]
 
 
-def factors(motion: Motion) -> tuple[float, Motion | None]:
+def factors(motion: WholeMotion) -> tuple[float, WholeMotion | None]:
     """The largest factor at which the motion still has a margin, to 1/64, and the motion at the next one, without.
 
     There is none of the latter where a factor of 64 leaves a margin.
@@ -169,7 +169,7 @@ def factors(motion: Motion) -> tuple[float, Motion | None]:
     pieces = [len(claims) for claims in claims_of_moves(motion.begun.reached.claims)]
 
     @cache  # a motion keeps what is certified of it, and that with which the factor ends is asked for again
-    def under(share: float) -> Motion:
+    def under(share: float) -> WholeMotion:
         return motion if share == 1.0 else motion.under(share * motion.box)
 
     def holds(share: float) -> bool:
@@ -181,14 +181,14 @@ def factors(motion: Motion) -> tuple[float, Motion | None]:
     return share, None if beyond is None else under(beyond)
 
 
-def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensitivity, ...]:
+def sensitivities(motion: WholeMotion, clearance: tuple[float, float]) -> tuple[Sensitivity, ...]:
     """What the margin loses as each tolerance grows by a fiftieth, and gains as the clearance does; arguments above."""
     now, rate = motion.margin, motion.tolerance.velocity_error
     if now is None:
         return ()
     found = []
 
-    def compared(name: str, value: float, other: Motion) -> None:
+    def compared(name: str, value: float, other: WholeMotion) -> None:
         then = other.margin
         found.append(Sensitivity(name, value, _SHARE * value, None if then is None else then - now))
 
@@ -207,7 +207,7 @@ def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensi
     return tuple(found)
 
 
-def _slimmer(motion: Motion, gap: float) -> Motion | None:
+def _slimmer(motion: WholeMotion, gap: float) -> WholeMotion | None:
     """The motion with the moving part slimmer by `gap` (m) on each side, its poses put back onto the surfaces.
 
     Sides that run askew between x and y leave the surfaces where the two are not slimmed alike. None where the contacts

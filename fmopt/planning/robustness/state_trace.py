@@ -36,7 +36,7 @@ _Reached = tuple[float, frozenset[str]]  # a share of a piece, and the contacts 
 
 
 @dataclass(frozen=True, eq=False)
-class Visit:
+class StateVisit:
     """A contact state on the way, the claim with which it begins, or −1, and the contact spaces that hold it."""
 
     contacts: frozenset[str]
@@ -51,7 +51,7 @@ class Visited:
     """A motion in its contact graphs: all contact spaces, those of the nominal path first, and the states visited."""
 
     spaces: tuple[Space, ...]
-    visits: tuple[Visit, ...]
+    visits: tuple[StateVisit, ...]
 
     def space_of(self, claim: int) -> int:
         """The contact space in which a claim runs: one that holds the state at its start, the last of them if several.
@@ -135,7 +135,7 @@ def _holding(
     return None
 
 
-def _held(visit: Visit, at: int, spaces: Sequence[Space]) -> Visit:
+def _held(visit: StateVisit, at: int, spaces: Sequence[Space]) -> StateVisit:
     """The visit with a space that holds it, if it does."""
     state = spaces[at].state(visit.contacts)
     if state is None or at in visit.spaces:
@@ -149,17 +149,17 @@ def _arrival(piece: Piece) -> tuple[Pose, list[Pose]]:
     return piece.goal, [piece.goal.moved(share * x) for share in _BACK]
 
 
-def _visits(assembly: Assembly, pieces: Sequence[Piece]) -> list[Visit]:
+def _visits(assembly: Assembly, pieces: Sequence[Piece]) -> list[StateVisit]:
     """The states of a motion without their spaces."""
-    found = [Visit(_touching(assembly, pieces[0].start, pieces[0].start), -1, "start")]
+    found = [StateVisit(_touching(assembly, pieces[0].start, pieces[0].start), -1, "start")]
     for k, piece in enumerate(pieces):
         if piece.left and piece.progress[0] == 0.0:
-            found.append(Visit(found[-1].contacts - {c.id for c in piece.left}, k, "left"))
+            found.append(StateVisit(found[-1].contacts - {c.id for c in piece.left}, k, "left"))
         after = _touching(assembly, piece.goal, piece.start)
         along = after - frozenset(c.id for c in piece.making if piece.last)
-        found += [Visit(state, k, change) for change, state in _passed(assembly, piece, found[-1].contacts, along)]
+        found += [StateVisit(state, k, change) for change, state in _passed(assembly, piece, found[-1].contacts, along)]
         if after != along:
-            found.append(Visit(after, k, "made"))
+            found.append(StateVisit(after, k, "made"))
     return found
 
 

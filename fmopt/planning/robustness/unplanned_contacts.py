@@ -48,7 +48,7 @@ _OPEN = 1e-9  # m: a contact nearer than this touches
 
 
 @dataclass(frozen=True, eq=False)
-class UnplannedContact(Value, row=(6,), wrench=(6,)):
+class UnplannedCandidate(Value, row=(6,), wrench=(6,)):
     """A contact that a move does not plan, and what error would make it."""
 
     contact: PrimitiveContact
@@ -101,7 +101,7 @@ class _Met(NamedTuple):
 
 def unplanned_contacts(
     assembly: Assembly, claims: Sequence[Claim], box: Array, friction: float, rho: float
-) -> tuple[UnplannedContact, ...]:
+) -> tuple[UnplannedCandidate, ...]:
     """The contacts that errors, half-widths (6,) at the start, would make first on a move, the first of them first."""
     best: dict[PrimitiveContact, _Met] = {}
     for claim, place in _places(claims, np.flatnonzero(box)):
@@ -204,7 +204,7 @@ def _alone(gap: float, r: Array, rows: Sequence[tuple[Array, Array]]) -> tuple[f
 
 def _unplanned(
     assembly: Assembly, contact: PrimitiveContact, met: _Met, friction: float, rho: float
-) -> UnplannedContact:
+) -> UnplannedCandidate:
     body, fixed, pose = assembly.moving.polyhedron, assembly.fixed.polyhedron, met.place.pose
     piece, scale = met.claim.piece, np.array([1.0, 1.0, 1.0, *[1.0 / rho] * 3])
     angle = None
@@ -216,7 +216,7 @@ def _unplanned(
         angle = min((found for found in angles if found is not None), default=None)
     wrench = contact_wrench(contact, body, fixed, pose)
     factor, axis = met.alone
-    return UnplannedContact(contact, met.factor, axis, factor, met.gap, met.row @ met.place.images, wrench, angle)
+    return UnplannedCandidate(contact, met.factor, axis, factor, met.gap, met.row @ met.place.images, wrench, angle)
 
 
 def _cone(assembly: Assembly, contact: PrimitiveContact, pose: Pose, friction: float) -> Array:

@@ -23,9 +23,9 @@ from fmopt.contact.c_surface import Surfaces
 from fmopt.errors import OverdueError, SearchError
 from fmopt.planning.moves.moves import Care, Move, Reached
 from fmopt.planning.search.entry import Entry, Leant
-from fmopt.planning.search.guarded_move import Freedom, Place, guarded, insides, meetings, neighbourhood, tips
-from fmopt.planning.search.successors import ASKEW, Costs, Node, Task, successor_by, successors, ways_on
-from fmopt.planning.search.symmetry import Searched, SearchedState
+from fmopt.planning.search.guarded_move import ContactPose, Freedom, guarded, insides, meetings, neighbourhood, tips
+from fmopt.planning.search.successors import ASKEW, Costs, Node, SearchTask, successor_by, successors, ways_on
+from fmopt.planning.search.symmetry import Searched, SearchNode
 from fmopt.runtime.clock import clock
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -48,7 +48,7 @@ class MoveSequence:
     cost: float
     lower_bound: float
     expanded: int
-    states: tuple[SearchedState, ...]
+    states: tuple[SearchNode, ...]
     way: tuple[int, ...]
 
     @property
@@ -62,7 +62,7 @@ class MoveSequence:
 class Closest:
     """The state that came closest to the seated part in a search for a task that found no sequence."""
 
-    task: Task
+    task: SearchTask
     node: Node
 
     @property
@@ -86,7 +86,7 @@ class _Open:
 
 
 def best_sequences(
-    task: Task,
+    task: SearchTask,
     rounds: Iterator[Sequence[Entry]],
     deadline: float = math.inf,
     progress: Callable[[str], None] = lambda _: None,
@@ -123,7 +123,7 @@ def best_sequences(
 
 
 def _first_sequences(
-    task: Task, rounds: Iterator[Sequence[Entry]], deadline: float, progress: Callable[[str], None]
+    task: SearchTask, rounds: Iterator[Sequence[Entry]], deadline: float, progress: Callable[[str], None]
 ) -> tuple[MoveSequence, ...]:
     found: list[MoveSequence] = []
     failures: list[SearchError] = []
@@ -151,7 +151,10 @@ def farther(error: SearchError, before: SearchError | None = None) -> SearchErro
 
 
 def search(
-    task: Task, entries: Sequence[Entry], deadline: float = math.inf, progress: Callable[[str], None] = lambda _: None
+    task: SearchTask,
+    entries: Sequence[Entry],
+    deadline: float = math.inf,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> MoveSequence:
     """The cheapest sequence of guarded moves to the goal.
 
@@ -258,16 +261,16 @@ class _Frontier:
             return entry.node
         return None
 
-    def graph(self, found: Node) -> tuple[tuple[SearchedState, ...], tuple[int, ...]]:
+    def graph(self, found: Node) -> tuple[tuple[SearchNode, ...], tuple[int, ...]]:
         """All states that were come to, and the numbers of those on the way to one that was found."""
-        numbers, states = {node: k for k, node in enumerate(self._origins)}, list[SearchedState]()
+        numbers, states = {node: k for k, node in enumerate(self._origins)}, list[SearchNode]()
         for node, origin in self._origins.items():
             begun = 0 if origin is None else len(origin.names)
             names = tuple(name.rstrip(ASKEW) for name in node.names[begun:])
             told = Searched(node.entry.heading, names, node.cost, node.cost, 0).of(node.moves[begun:])
             way = None if origin is None else numbers[origin], told.names, node.place.held, node.rank
             expanded = node in self._popped and node is not found
-            states.append(SearchedState(*way, node.cost, node.reached.margin, expanded))
+            states.append(SearchNode(*way, node.cost, node.reached.margin, expanded))
         back = [numbers[found]]
         while (at := states[back[-1]].origin) is not None:
             back.append(at)
@@ -278,13 +281,13 @@ class _Frontier:
         return min([found.cost, self._dropped, *(entry.bound for entry in self._queue)])
 
 
-def begin(task: Task, entry: Entry) -> Node | None:
+def begin(task: SearchTask, entry: Entry) -> Node | None:
     """The state with a corner inside, None when the approach cannot be certified.
 
     With a pose above the mouth the corner first goes down to touch the top, or the part is laid flat there, and leaves
     it to get there.
     """
-    place = Place(entry.start, (), (), entry.corner)
+    place = ContactPose(entry.start, (), (), entry.corner)
     # The approach itself is no transition.
     above = Node(entry, place, Reached(task.start, (), ()), (), (), -task.costs.transition, 0)
     if entry.over is None:
@@ -301,7 +304,7 @@ def begin(task: Task, entry: Entry) -> Node | None:
     return None if lifted is None else successor_by(task, lifted, Move(entry.over, entry.inside, (), ()), "enter")
 
 
-def _from_flat(task: Task, above: Node, entry: Entry, over: Pose, leant: Leant) -> Node | None:
+def _from_flat(task: SearchTask, above: Node, entry: Entry, over: Pose, leant: Leant) -> Node | None:
     """The state with a corner inside after the part has lain flat on the top, on one corner first, then on an edge."""
     node: Node | None = replace(above, place=replace(above.place, pivot=leant.edge[0]))
     height = float(entry.start.apply(leant.edge[0])[2])
@@ -327,7 +330,7 @@ def _from_flat(task: Task, above: Node, entry: Entry, over: Pose, leant: Leant) 
     return None if node is None else replace(node, place=replace(node.place, pivot=entry.corner))
 
 
-def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node | None:
+def _onto_top(task: SearchTask, node: Node, freedom: Freedom, corners: Array) -> Node | None:
     """The state after a guarded move that brings one of some corners (n, 3) of the body onto a face.
 
     Of several that come down together, one that comes down well inside the face counts, the farther the better, and

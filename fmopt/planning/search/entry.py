@@ -46,7 +46,7 @@ _DEEPER, _ASIDE = (2.6, 3.2, 4.5), (0.5, 0.0)
 
 
 @dataclass(frozen=True)
-class Shape:
+class Approach:
     """A tilted way to begin, by numbers that may be varied."""
 
     about_y: float  # tilt about y that lowers the leading corner, rad
@@ -72,11 +72,11 @@ class Shape:
         more = self.touch or self.flat or ()
         return np.array([self.about_y, self.about_x, self.turn, self.depth, *self.room, *more])
 
-    def varied(self, numbers: Array) -> Shape:
+    def varied(self, numbers: Array) -> Approach:
         """The shape with other such numbers, rad and m."""
         about_y, about_x, turn, depth, x, y, *more = numbers.tolist()
         touch, flat = (tuple(more) if own else None for own in (self.touch, self.flat))
-        return Shape(about_y, about_x, turn, depth, (x, y), touch, flat, self.heading, self.between)
+        return Approach(about_y, about_x, turn, depth, (x, y), touch, flat, self.heading, self.between)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class Entry:
     start: Pose
     inside: Pose
     corner: Array  # that corner (3,) in the body
-    shape: Shape | None = None  # what it was made of
+    shape: Approach | None = None  # what it was made of
     # Whether the corner is still among the slopes of the mouth; caught on one, it may go in deeper
     shallow: bool = False
     # Pose above the mouth to which it goes after the corner has touched the top below the start; None where it goes in
@@ -116,7 +116,7 @@ class Leant:
     axes: Array
 
 
-def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape: Shape) -> Entry:
+def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape: Approach) -> Entry:
     """The entry of a shape."""
     tip, axes = leading_corners(moving), turned_axes(shape.heading)
     corner = lowest(tip, shape)
@@ -142,7 +142,7 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
     return replace(entry, start=above.moved([*mouth.outwards(place, beyond), 0.0, 0.0, 0.0, 0.0]), over=over)
 
 
-def _laid_flat(moving: Part, approach: float, shape: Shape, mouth: _Mouth, entry: Entry) -> Entry:
+def _laid_flat(moving: Part, approach: float, shape: Approach, mouth: _Mouth, entry: Entry) -> Entry:
     """The entry of a part that lies flat on the top first, its leading corner over the mouth.
 
     It leans on a corner opposite to that, comes down on a long edge that ends there, and then altogether.
@@ -265,7 +265,7 @@ class _Mouth:
     offsets: Array
 
     @staticmethod
-    def of(moving: Part, corner: Array, play: tuple[float, float], shape: Shape) -> _Mouth:
+    def of(moving: Part, corner: Array, play: tuple[float, float], shape: Approach) -> _Mouth:
         """The walls that the part's sides face. Next to a corner the first is the one that faces more along x."""
         if shape.between is None:
             along = turned_axes(shape.heading)[:2, 0]
@@ -296,7 +296,7 @@ def turned_axes(heading: float) -> Array:
     return se3.exp([0.0, 0.0, heading])
 
 
-def lowest(tip: Array, shape: Shape) -> Array:
+def lowest(tip: Array, shape: Approach) -> Array:
     """The corner (3,) that a shape's tilts and heading make the lowest, of those next to the walls at −x and −y."""
     x, y, _ = turned_axes(shape.heading).T @ tip.T
     return np.asarray(tip[int(np.argmin(np.sin(shape.about_y) * x + np.sin(shape.about_x) * y))])

@@ -20,10 +20,10 @@ from fmopt.geometry.part import Part
 from fmopt.geometry.section import corner_walls, leading_corners, outline, walls_around
 from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.search.best_first import begin
-from fmopt.planning.search.entry import Entry, Shape, lowest, start_spread, swung_by, turned_axes
+from fmopt.planning.search.entry import Approach, Entry, lowest, start_spread, swung_by, turned_axes
 from fmopt.planning.search.entry_room import funnel
-from fmopt.planning.search.guarded_move import Place
-from fmopt.planning.search.successors import Node, Task, successor_by
+from fmopt.planning.search.guarded_move import ContactPose
+from fmopt.planning.search.successors import Node, SearchTask, successor_by
 from fmopt.spatial.values import Array
 
 # Between which values numbers are drawn, evenly in their logarithms: each spans what can be certified at all.
@@ -47,7 +47,7 @@ _Towards = tuple[float, tuple[int, int] | None]
 
 
 @dataclass(frozen=True, eq=False)
-class Drawing:
+class EntryDraws:
     """What ways to begin are drawn for."""
 
     moving: Part
@@ -57,7 +57,7 @@ class Drawing:
     rate: float
     max_tilt: float  # greatest tilt about each axis, rad
 
-    def shapes(self, seed: int) -> Iterator[Shape]:
+    def shapes(self, seed: int) -> Iterator[Approach]:
         """Shapes of entries without end, the same for the same seed."""
         rng = np.random.default_rng(seed)
         while True:
@@ -79,26 +79,26 @@ class Drawing:
             pairs.append((math.atan2(y, x) + 0.75 * math.pi, pair))  # outwards is −135° then
         return [ways for ways in (corners, pairs) if ways] or [[(0.0, None)]]
 
-    def _tilted(self, way: _Towards, rng: np.random.Generator) -> Shape:
+    def _tilted(self, way: _Towards, rng: np.random.Generator) -> Approach:
         """A shape without a depth."""
         about_y, about_x = (self.max_tilt * drawn(rng, _TILT) for _ in range(2))
         room = self._spread * drawn(rng, _ROOM), self._spread * drawn(rng, _ROOM)
         turn = float(rng.uniform(-_TURN, _TURN))
-        return Shape(about_y, about_x, turn, 0.0, room, heading=way[0], between=way[1])
+        return Approach(about_y, about_x, turn, 0.0, room, heading=way[0], between=way[1])
 
-    def _at_once(self, shape: Shape, rng: np.random.Generator) -> Shape:
+    def _at_once(self, shape: Approach, rng: np.random.Generator) -> Approach:
         """With the corner going in at once."""
         uncertain = float(self.start_box[2]) + self._swing(shape)
         return replace(shape, depth=self._funnel[0] + drawn(rng, _DEEP) * uncertain)
 
-    def _touching(self, shape: Shape, rng: np.random.Generator) -> Shape:
+    def _touching(self, shape: Approach, rng: np.random.Generator) -> Approach:
         """With the corner touching the top first."""
         beyond = self._funnel[1] + drawn(rng, _AWAY) * self._lateral(shape)
         way = min(shape.room) + beyond
         depth = self._funnel[0] + drawn(rng, _DEEP_TOLD) * self.rate * way
         return replace(shape, depth=depth, touch=(beyond, drawn(rng, _RISE) * way))
 
-    def _flat(self, shape: Shape, rng: np.random.Generator) -> Shape:
+    def _flat(self, shape: Approach, rng: np.random.Generator) -> Approach:
         """With the part lying flat on the top first."""
         away = self._funnel[1] + drawn(rng, _AWAY) * self._lateral(shape)
         corner = lowest(leading_corners(self.moving), shape)
@@ -118,10 +118,10 @@ class Drawing:
         """How deep below the mouth the walls begin, and how far outside them the top does, m."""
         return funnel(self.fixed)
 
-    def _swing(self, shape: Shape) -> float:
+    def _swing(self, shape: Approach) -> float:
         return swung_by(lowest(leading_corners(self.moving), shape)[None], self.start_box)
 
-    def _lateral(self, shape: Shape) -> float:
+    def _lateral(self, shape: Approach) -> float:
         return float(self.start_box[:2].max()) + self._swing(shape)
 
 
@@ -155,7 +155,7 @@ def drawn(rng: np.random.Generator, between: tuple[float, float]) -> float:
 
 
 def beginnings(
-    task: Task, shapes: Iterator[Shape], entry_of: Callable[[Shape], Entry], count: int
+    task: SearchTask, shapes: Iterator[Approach], entry_of: Callable[[Approach], Entry], count: int
 ) -> tuple[Entry, ...]:
     """Of so many ways to begin those that can be certified with a margin, one of each cell and of each kind in turn."""
     cells: dict[tuple[int, float, tuple[int, ...], int], tuple[float, Entry]] = {}
@@ -174,7 +174,7 @@ def beginnings(
     return tuple(entry for entry in chain.from_iterable(zip_longest(*kinds)) if entry is not None)
 
 
-def _could_enter(task: Task, entry: Entry) -> bool:
+def _could_enter(task: SearchTask, entry: Entry) -> bool:
     """Whether a part that has lain flat could go in from there with the errors that this leaves for sure.
 
     These are sideways and about the vertical. Lying flat takes far more to certify, and that is mostly in vain.
@@ -182,6 +182,6 @@ def _could_enter(task: Task, entry: Entry) -> bool:
     if entry.leant is None or entry.over is None:
         return True
     left = ErrorSet.from_box(_LEFT_FLAT * task.start.support(np.eye(6)))
-    over = Node(entry, Place(entry.over, (), (), entry.corner), Reached(left, (), ()), (), (), 0.0, 0)
+    over = Node(entry, ContactPose(entry.over, (), (), entry.corner), Reached(left, (), ()), (), (), 0.0, 0)
     inside = successor_by(task, over, Move(entry.over, entry.inside, (), ()), "enter")
     return inside is not None and inside.reached.margin > 0.0

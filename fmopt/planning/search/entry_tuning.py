@@ -14,8 +14,8 @@ import numpy as np
 
 from fmopt.errors import OverdueError
 from fmopt.planning.search.best_first import MoveSequence, begin
-from fmopt.planning.search.entry import Entry, Shape
-from fmopt.planning.search.successors import Node, Task, follow
+from fmopt.planning.search.entry import Approach, Entry
+from fmopt.planning.search.successors import Node, SearchTask, follow
 from fmopt.runtime.clock import clock
 from fmopt.spatial.values import Array
 
@@ -25,7 +25,7 @@ _ENOUGH, _PATIENCE = 0.25, 10  # share of what is enough below which a margin is
 
 
 @dataclass(frozen=True)
-class Limits:
+class TuningLimits:
     """Until when (`clock()`) an entry is varied, how often it may be tried, at most, and for what margin, m, at most.
 
     The last is the unit of gains as well, such as the clearance a side. An entry with next to no margin is tried ten
@@ -38,10 +38,10 @@ class Limits:
 
 
 def tuned(
-    task: Task,
+    task: SearchTask,
     candidates: Sequence[MoveSequence],
-    entry_of: Callable[[Shape], Entry],
-    limits: Limits,
+    entry_of: Callable[[Approach], Entry],
+    limits: TuningLimits,
     progress: Callable[[float], None] = lambda _: None,
     steady: Callable[[MoveSequence], bool] = lambda _: True,
 ) -> MoveSequence:
@@ -64,11 +64,11 @@ def tuned(
 
 
 def _varied(
-    task: Task,
+    task: SearchTask,
     found: MoveSequence,
-    shape: Shape,
-    entry_of: Callable[[Shape], Entry],
-    limits: Limits,
+    shape: Approach,
+    entry_of: Callable[[Approach], Entry],
+    limits: TuningLimits,
     progress: Callable[[float], None],
     kept: Callable[[MoveSequence], bool],
 ) -> MoveSequence:
@@ -109,7 +109,7 @@ def _varied(
     return best
 
 
-def replayed(task: Task, entry: Entry, names: Sequence[str], least: float) -> Node | None:
+def replayed(task: SearchTask, entry: Entry, names: Sequence[str], least: float) -> Node | None:
     """The state after the same moves from another entry; None where one fails, ends elsewhere or lacks margin, m."""
     node = begin(task, entry)
     for name in names[len(node.names) if node else 0 :]:

@@ -66,7 +66,7 @@ def freedoms(
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class ContactPose:
     """A nominal pose in a contact state: the pose, all held contacts, their basis, and the pivot (3,) in the body."""
 
     pose: Pose
@@ -88,7 +88,7 @@ class _Course:
     motion: tuple[Array, Array, Array, Array]
 
     @staticmethod
-    def of(assembly: Assembly, place: Place, freedom: Freedom) -> "_Course":
+    def of(assembly: Assembly, place: ContactPose, freedom: Freedom) -> "_Course":
         """From a place along a freedom."""
         pivot, at = place.pivot, place.pose.apply(place.pivot)
         motion = _own(place.pose.R), _own(pivot), _own(at), _own(freedom.twist)
@@ -115,7 +115,7 @@ class _Course:
         return found
 
 
-def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> Surfaces:
+def neighbourhood(assembly: Assembly, place: ContactPose, freedom: Freedom, reach: float) -> Surfaces:
     """The primitive contacts within `reach`, m, that a move along a freedom, or one of its kind and limit, may meet.
 
     A turn is not taken to bring parts nearer than `reach` (m) do.
@@ -130,13 +130,13 @@ def _range(freedom: Freedom, reach: float) -> tuple[float, float]:
     return (reach, 1.2 * freedom.limit) if turning else (1.2 * freedom.limit, _STILL)
 
 
-def tips(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> tuple[PrimitiveContact, ...]:
+def tips(assembly: Assembly, place: ContactPose, freedom: Freedom, reach: float) -> tuple[PrimitiveContact, ...]:
     """Those of a `neighbourhood` that are of a moving vertex on a fixed face."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     return near_tips(body, fixed, place.pose, *_range(freedom, reach))
 
 
-def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Surfaces) -> Move | None:
+def guarded(assembly: Assembly, place: ContactPose, freedom: Freedom, near: Surfaces) -> Move | None:
     """The move along a freedom until the first new contact.
 
     None when it meets none, or two independent ones at once, or cannot keep the held contacts. Where these cannot be
@@ -148,7 +148,7 @@ def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Surfaces) 
     return None
 
 
-def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Surfaces) -> Iterator[Move]:
+def meetings(assembly: Assembly, place: ContactPose, freedom: Freedom, near: Surfaces) -> Iterator[Move]:
     """The guarded move along a freedom, once for each contact of those that come together as the one that is met.
 
     Which of them errors leave sure to be met is for the certificate to say. Arguments as of `guarded`.
@@ -165,7 +165,7 @@ def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Surfaces)
             yield other
 
 
-def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Surfaces) -> Move | None:
+def _first_contact(assembly: Assembly, place: ContactPose, freedom: Freedom, near: Surfaces) -> Move | None:
     course = _Course.of(assembly, place, freedom)
     # A floor that lies at the limit, as the goal's does, is met there, whatever rounding makes of it.
     amounts = np.append(np.linspace(0.0, freedom.limit, _SAMPLES + 1), freedom.limit + _TOUCH)
@@ -197,7 +197,9 @@ def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Sur
     return _arrival(assembly, place, best[2], near.contacts[best[1]], near)
 
 
-def _arrival(assembly: Assembly, place: Place, goal: Pose, first: PrimitiveContact, near: Surfaces) -> Move | None:
+def _arrival(
+    assembly: Assembly, place: ContactPose, goal: Pose, first: PrimitiveContact, near: Surfaces
+) -> Move | None:
     pairs = zip(near.contacts, near.values(goal).tolist(), strict=True)
     grazing = [c for c, f in pairs if abs(f) <= 10.0 * _TOUCH and c not in place.held]
     touching = {first, *_touching(assembly, [c for c in grazing if c != first], goal)}

@@ -20,8 +20,8 @@ from fmopt.planning.moves.contact_transition import described, on_wall
 from fmopt.planning.moves.moves import Care, Move, Reached, Tried, fresh, unroll
 from fmopt.planning.search.entry import Entry, deeper, turned_axes
 from fmopt.planning.search.guarded_move import (
+    ContactPose,
     Freedom,
-    Place,
     freedoms,
     guarded,
     implied,
@@ -62,7 +62,7 @@ class Costs:
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class SearchTask:
     """What a search is about.
 
     Moves turn by at most `max_turn`, rad. If `askew`, they go along sides that lie askew, too; walls far apart then
@@ -114,7 +114,7 @@ class Node:
     """A contact state with its errors, and how it was reached: entry, moves with the names of their freedoms, cost."""
 
     entry: Entry
-    place: Place
+    place: ContactPose
     reached: Reached
     moves: tuple[Move, ...]
     names: tuple[str, ...]
@@ -155,7 +155,7 @@ def signature(assembly: Assembly, move: Move, tolerance: Tolerance, errors: Erro
     return float(np.clip(max(alike), 0.0, 1.0))
 
 
-def successor_by(task: Task, node: Node, move: Move, name: str, care: Care = Care.NONE) -> Node | None:
+def successor_by(task: SearchTask, node: Node, move: Move, name: str, care: Care = Care.NONE) -> Node | None:
     """The state after a move, None when it cannot be certified."""
     costs = task.costs
     try:
@@ -170,7 +170,7 @@ def successor_by(task: Task, node: Node, move: Move, name: str, care: Care = Car
     held = described(task.assembly, (*move.held, *move.making), move.goal, move.goal, reached.errors)
     if _slid_off(task.assembly, held, move.goal):
         return None
-    place = Place(move.goal, held, reached.basis, node.place.pivot)
+    place = ContactPose(move.goal, held, reached.basis, node.place.pivot)
     # Contacts that are given up before the seat take no freedom away for good: with them a search runs into wedges.
     lasting = [contact for contact in held if lasts(task.assembly, contact, task.mates)] if task.care else held
     rank = pinned(task.assembly, move.goal, lasting)
@@ -197,7 +197,7 @@ def _instead(assembly: Assembly, one: PrimitiveContact, other: PrimitiveContact)
     return vertex.moving_feature in edge.moving and on_wall(assembly, edge, vertex.fixed_feature)
 
 
-def successors(task: Task, node: Node) -> Iterator[Node]:
+def successors(task: SearchTask, node: Node) -> Iterator[Node]:
     """The states that guarded moves from a state lead to."""
     tried: Tried = set()
     for freedom, near in _nearby(task, node):
@@ -207,7 +207,7 @@ def successors(task: Task, node: Node) -> Iterator[Node]:
     yield from _given_up(task, node)
 
 
-def ways_on(task: Task, node: Node) -> Iterator[tuple[str, Move]]:
+def ways_on(task: SearchTask, node: Node) -> Iterator[tuple[str, Move]]:
     """The first guarded move along each freedom from a state, whether or not it can be certified, with its name."""
     for freedom, near in _nearby(task, node):
         move = guarded(task.assembly, node.place, freedom, near)
@@ -215,7 +215,7 @@ def ways_on(task: Task, node: Node) -> Iterator[tuple[str, Move]]:
             yield freedom.name, move
 
 
-def _nearby(task: Task, node: Node) -> Iterator[tuple[Freedom, Surfaces]]:
+def _nearby(task: SearchTask, node: Node) -> Iterator[tuple[Freedom, Surfaces]]:
     """The freedoms from a state, each with the contacts that a move along it may meet."""
     near: dict[tuple[bool, float], Surfaces] = {}
     for freedom in _freedoms(task, node):
@@ -225,7 +225,7 @@ def _nearby(task: Task, node: Node) -> Iterator[tuple[Freedom, Surfaces]]:
         yield freedom, near[kind]
 
 
-def _given_up(task: Task, node: Node) -> Iterator[Node]:
+def _given_up(task: SearchTask, node: Node) -> Iterator[Node]:
     """The states after all contacts of a corner caught on a slope of the mouth are given up, once on a way."""
     place = node.place
     if not (node.entry.shallow and place.held) or any(move.left for move in node.moves):
@@ -239,7 +239,7 @@ def _given_up(task: Task, node: Node) -> Iterator[Node]:
             yield after
 
 
-def follow(task: Task, node: Node, name: str) -> Node | None:
+def follow(task: SearchTask, node: Node, name: str) -> Node | None:
     """The state that the guarded move along one freedom leads to, None when it cannot be certified."""
     for freedom in _freedoms(task, node):
         if freedom.name == name:
@@ -248,7 +248,7 @@ def follow(task: Task, node: Node, name: str) -> Node | None:
     return None
 
 
-def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
+def _freedoms(task: SearchTask, node: Node) -> tuple[Freedom, ...]:
     """Both ways along and about the axes of the entry, and those of the sides next to its corner that lie askew."""
     depth = float(node.place.pose.p[2] - task.goal.p[2])
     found = list[Freedom]()
@@ -259,7 +259,7 @@ def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
     return tuple(found)
 
 
-def _headings(task: Task, node: Node) -> list[float]:
+def _headings(task: SearchTask, node: Node) -> list[float]:
     """Turns about z of the axes that moves go along and about, rad: the entry's, and by an eighth at most others."""
     found = [node.entry.heading]
     if not task.askew or task.assembly.planar or task.rounded:
@@ -273,7 +273,7 @@ def _headings(task: Task, node: Node) -> list[float]:
     return found
 
 
-def _along(task: Task, node: Node, freedom: Freedom, near: Surfaces, tried: Tried) -> Node | None:
+def _along(task: SearchTask, node: Node, freedom: Freedom, near: Surfaces, tried: Tried) -> Node | None:
     moves = meetings(task.assembly, node.place, freedom, near)
     first = next(moves, None)
     if first is None and freedom.name == "-z":
@@ -283,7 +283,7 @@ def _along(task: Task, node: Node, freedom: Freedom, near: Surfaces, tried: Trie
     return next((after for after in afters if after is not None), None)
 
 
-def _straight_down(task: Task, place: Place, twist: Array) -> Move | None:
+def _straight_down(task: SearchTask, place: ContactPose, twist: Array) -> Move | None:
     """The last move where nothing stops it: as far as the goal's depth, when the part stands upright.
 
     It needs contacts on all other freedoms, or none at all: then the errors have to fit into the clearance.

@@ -46,7 +46,7 @@ Loops = tuple[tuple[int, ...], ...]
 
 
 @dataclass(frozen=True)
-class SearchedState:
+class SearchNode:
     """A contact state that the search came to from that of a number, or by an entry, with the least margin on it, m."""
 
     origin: int | None
@@ -71,7 +71,7 @@ class Searched:
     cost: float
     lower_bound: float
     expanded: int
-    states: tuple[SearchedState, ...] = ()
+    states: tuple[SearchNode, ...] = ()
     way: tuple[int, ...] = ()
 
     def of(self, moves: Sequence[Move]) -> "Searched":

@@ -8,7 +8,7 @@ import numpy as np
 
 from fmopt.plan import Plan, Segment
 from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH, Axes, Drawing, Figure, legend
-from fmopt.report.moves import Move, margin_name, margin_words, moves, turn_of, way_of
+from fmopt.report.moves import MoveWords, margin_name, margin_words, moves, turn_of, way_of
 from fmopt.report.naming import binding_label
 from fmopt.spatial.values import Array
 
@@ -62,14 +62,14 @@ def _length(plan: Plan, piece: Segment) -> float:
     return 1e3 * float(np.hypot(way, plan.rho * angle))
 
 
-def _edges(plan: Plan, move: Move, left: int) -> Array:
+def _edges(plan: Plan, move: MoveWords, left: int) -> Array:
     """Where the pieces of a move begin and end on the axis: shares of its length, from `left` to `left` + 1."""
     passed = np.concatenate([[0.0], np.cumsum([_length(plan, piece) for piece in move.segments])])
     # Pieces of a move without any length share it evenly.
     return left + (passed / passed[-1] if passed[-1] > 0.0 else np.linspace(0.0, 1.0, len(passed)))
 
 
-def _steps(axes: Axes, move: Move, places: Array) -> None:
+def _steps(axes: Axes, move: MoveWords, places: Array) -> None:
     clearance, margin = _micrometres(move)
     stairs: dict[str, Any] = {"baseline": None}  # no closing lines down to zero
     axes.stairs(clearance, places, color=GREY, linestyle="--", linewidth=1.2, **stairs)
@@ -78,12 +78,12 @@ def _steps(axes: Axes, move: Move, places: Array) -> None:
     axes.stairs(margin, places, color=BLUE, linewidth=2.0, **stairs)
 
 
-def _micrometres(move: Move) -> Array:
+def _micrometres(move: MoveWords) -> Array:
     """Clearances and margins (2, n) of a move's pieces, µm."""
     return 1e6 * np.array([(piece.clearance, piece.margin) for piece in move.segments]).T
 
 
-def _point_at_smallest(axes: Axes, run: tuple[Move, ...], edges: list[Array]) -> None:
+def _point_at_smallest(axes: Axes, run: tuple[MoveWords, ...], edges: list[Array]) -> None:
     move = min(run, key=lambda m: m.margin)
     _, margins = _micrometres(move)
     piece = int(np.argmin(margins))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.plan import Plan
-from fmopt.plan.error_sets import ErrorSet
+from fmopt.plan.error_sets import PlanErrorSet
 from fmopt.plan.position_force import AXES
 from fmopt.report.drawing import BLUE, INK, WIDTH, Axes, Drawing, Figure, legend
 from fmopt.report.moves import moves
@@ -24,7 +24,7 @@ _LITTLE = 1e-6  # m or rad; smaller errors are not worth a word
 _FINE = 0.004  # of an axis's half-length: two points this close are drawn as one
 
 
-def error_sets(plan: Plan) -> dict[str, ErrorSet]:
+def error_sets(plan: Plan) -> dict[str, PlanErrorSet]:
     """The set at the start and at the end of every move, as far as they can be derived, by name."""
     ends, end = {"start": 0}, 0
     for move in moves(plan):
@@ -64,7 +64,7 @@ def drawing(plan: Plan) -> Drawing:
     return Drawing("tube", "The set of errors at every move's end", alt, (WIDTH, height), partial(_paint, sets))
 
 
-def _paint(sets: Sequence[tuple[str, ErrorSet]], figure: Figure) -> None:
+def _paint(sets: Sequence[tuple[str, PlanErrorSet]], figure: Figure) -> None:
     blocks = [sets[k : k + _PER_ROW] for k in range(0, len(sets), _PER_ROW)]
     figure.set_layout_engine("none")
     # How far the axes go on each side, mm and degrees: no outline is clipped.
@@ -109,7 +109,7 @@ def outline(generators: ArrayLike, growth: ArrayLike) -> Array:
     return np.asarray(np.sign(u @ G.T) @ G + round_)
 
 
-def _panel(axes: Axes, errors: ErrorSet, plane: tuple[int, int], reach: Array) -> None:
+def _panel(axes: Axes, errors: PlanErrorSet, plane: tuple[int, int], reach: Array) -> None:
     from matplotlib.colors import to_rgb
     from matplotlib.patches import Polygon
 

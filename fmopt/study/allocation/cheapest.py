@@ -52,7 +52,7 @@ class Cheapest(Value, u=(None,)):
 
 
 @dataclass(frozen=True, eq=False)
-class _Cut:
+class _MarginCut:
     """value + slope·(u − at) ≥ required, in µm, from the margin of a name."""
 
     name: str
@@ -64,7 +64,7 @@ class _Cut:
         """What the tangent promises at u, µm."""
         return self.value + float(self.slope @ (u - self.at))
 
-    def belies(self, other: _Cut) -> bool:
+    def belies(self, other: _MarginCut) -> bool:
         """Whether there is more at the other's point than this one says there can be."""
         return other.value > self.promises(other.at) + _BENT
 
@@ -72,7 +72,7 @@ class _Cut:
         """Its least value in a box."""
         return self.value + float(np.minimum(self.slope * (low - self.at), self.slope * (high - self.at)).sum())
 
-    def says_more(self, than: list[_Cut]) -> bool:
+    def says_more(self, than: list[_MarginCut]) -> bool:
         """Whether those of its name promise more at its point than there is."""
         others = [cut.promises(self.at) for cut in than if cut.name == self.name]
         return self.value < min(others, default=np.inf) - _NOISE
@@ -156,7 +156,7 @@ class _Search:
         wide = found[name] > self._required * (1.0 + _NEAR) + 1e-6
         return found[name], self._words if wide and self._words else name
 
-    def cuts(self, u: Array, here: Mapping[str, float]) -> list[_Cut]:
+    def cuts(self, u: Array, here: Mapping[str, float]) -> list[_MarginCut]:
         """Tangents of all margins at u, by differences towards tighter tolerances."""
         slopes = {name: np.zeros(len(u)) for name in here}
         for i in range(len(u)):
@@ -166,7 +166,9 @@ class _Search:
             for name, slope in slopes.items():
                 # A move may be cut into other pieces there: a margin without a counterpart counts as level.
                 slope[i] = (here[name] - there.get(name, here[name])) / step
-        return [_Cut(name, u, _MICRO * here[name], _MICRO * slope) for name, slope in slopes.items() if slope.any()]
+        return [
+            _MarginCut(name, u, _MICRO * here[name], _MICRO * slope) for name, slope in slopes.items() if slope.any()
+        ]
 
 
 def _evaluable(search: _Search, good: Array, wanted: Array) -> Array:
@@ -202,7 +204,7 @@ def _one_by_one(search: _Search, good: Array, weights: Array, high: Array) -> Ar
     return u
 
 
-def _program(cuts: list[_Cut], weights: Array, low: Array, high: Array, required: float) -> tuple[Array, float]:
+def _program(cuts: list[_MarginCut], weights: Array, low: Array, high: Array, required: float) -> tuple[Array, float]:
     """The cheapest u under all cuts, and its cost: least w·s with s_i u_i ≥ 1, or |(2, s_i − u_i)| ≤ s_i + u_i."""
     p = len(weights)
     eye = np.eye(p)

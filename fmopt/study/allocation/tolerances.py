@@ -8,7 +8,7 @@ from typing import Any
 
 from fmopt.errors import Fault, InputError
 from fmopt.study.axes import unusable
-from fmopt.study.study_file import AllocationFile, Tolerance
+from fmopt.study.study_file import AllocationFile, ToleranceTable
 from fmopt.study.targets import UNIT_NAMES, Base, Target, assigned, in_file, target
 from fmopt.task.loading import problem_of
 from fmopt.task.problem import Problem, load
@@ -82,7 +82,7 @@ def load_allocation(path: Path) -> Question:
     return Question(file, base, tuple(one for one in found if isinstance(one, Allowed)))
 
 
-def _allowed(source: Source, reading: Reading, base: Base, table: Tolerance, n: int) -> Allowed | Fault:
+def _allowed(source: Source, reading: Reading, base: Base, table: ToleranceTable, n: int) -> Allowed | Fault:
     # Present values are in the units of the problem file, low and high in those of this one.
     here = Reading(factors(base.problem.data.get("units")))
     targets, values = [], []

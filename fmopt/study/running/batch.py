@@ -14,7 +14,7 @@ Assigned = str | int | float | bool
 
 
 @dataclass(frozen=True)
-class Question:
+class StudyContext:
     """What all runs of a study have in common; files of problem and plan are relative to the folder of inputs."""
 
     problem: str
@@ -33,7 +33,7 @@ class Run:
 
     key: str
     assigned: tuple[tuple[Key, Assigned], ...]
-    question: Question
+    question: StudyContext
 
 
 Evaluate = Callable[[Run, Path], Row]

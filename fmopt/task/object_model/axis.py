@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from fmopt.geometry.csg import Difference, Placed, Primitive, Solid, Union, convex_polyhedron
+from fmopt.geometry.csg import Difference, Moved, Primitive, Solid, Union, convex_polyhedron
 from fmopt.spatial.se3 import Pose
 
 Intervals: TypeAlias = tuple[tuple[float, float], ...]
@@ -15,7 +15,7 @@ def on_axis(solid: Solid, pose: Pose | None = None) -> Intervals:
     """Stretches (from, to) in m of the z axis inside the solid, ascending and apart."""
     pose = pose or Pose.identity()
     match solid:
-        case Placed(inner, move):
+        case Moved(inner, move):
             return on_axis(inner, pose.compose(move))
         case Union(parts):
             return _combined([on_axis(part, pose) for part in parts], [])

@@ -14,7 +14,7 @@ from fmopt.geometry.csg import Solid, Union
 from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.spatial.se3 import Pose
 from fmopt.task.object_model.axis import length, on_axis
-from fmopt.task.object_model.tree import Chain, Feature, FeatureClass, ObjectTree, Sign, Term, instances, moved
+from fmopt.task.object_model.tree import Chain, FeatureClass, ObjectTree, Sign, Term, TreeFeature, instances, moved
 
 MADE = "a feature is made of instances of its own sign"
 _HOLES, _PEGS = "holes", "pegs"
@@ -22,24 +22,26 @@ _PLURALS = {"box": "boxes", "body": "bodies"}
 
 
 @dataclass(frozen=True)
-class Claim:
+class FeatureClaim:
     """What a model file says of a mating feature beyond its frame."""
 
     classification: str = ""  # name of its feature class; "" for holes or pegs, by its kind
     terms: tuple[str, ...] = ()  # names of the terms that it is made of; none to have them found on its axis
 
 
-def object_tree(name: str, terms: Chain, mating: Sequence[MatingFeature], claims: Mapping[str, Claim]) -> ObjectTree:
+def object_tree(
+    name: str, terms: Chain, mating: Sequence[MatingFeature], claims: Mapping[str, FeatureClaim]
+) -> ObjectTree:
     """The tree of an object from its solids and its mating features, its frame the global reference frame.
 
     Raises:
         TaskError: a mating feature that no term makes up, or that does not own one it names.
     """
     left = list(terms)
-    made: dict[int, tuple[str, Feature]] = {}
+    made: dict[int, tuple[str, TreeFeature]] = {}
     bodies: dict[int, tuple[Solid, ...]] = {}
     for feature in mating:
-        claim = claims.get(feature.name, Claim())
+        claim = claims.get(feature.name, FeatureClaim())
         sign: Sign = "-" if feature.kind == "hollow" else "+"
         owned = _named(left, claim.terms, feature.name, sign) if claim.terms else _found(left, feature)
         # What features share counts once: bodies of bodies would double from each to the next.
@@ -49,7 +51,7 @@ def object_tree(name: str, terms: Chain, mating: Sequence[MatingFeature], claims
         # A mating feature that this one is made of stays one: both have its body.
         left = [other for other in left if other not in owned or id(other) in made]
         group = claim.classification or (_HOLES if sign == "-" else _PEGS)
-        whole = Feature(feature.name, sign, feature.frame, term.body, feature.length, feature.through)
+        whole = TreeFeature(feature.name, sign, feature.frame, term.body, feature.length, feature.through)
         made[id(term)], bodies[id(term)] = (group, whole), shared
     used = {feature.name for _, feature in made.values()}
     nodes = [made[id(term)] if id(term) in made else _bulk(term, used) for term in left]
@@ -105,7 +107,7 @@ def _found(left: Sequence[Term], feature: MatingFeature) -> list[Term]:
     return list(left[first : last + 1])
 
 
-def _bulk(term: Term, used: set[str]) -> tuple[str, Feature]:
+def _bulk(term: Term, used: set[str]) -> tuple[str, TreeFeature]:
     """A feature that gives shape only, with its class; its frame is that of its first instance.
 
     Its name is added to those in use, with a number when another feature has it.
@@ -116,4 +118,4 @@ def _bulk(term: Term, used: set[str]) -> tuple[str, Feature]:
     name = next(name for name in chain([term.name], (f"{term.name}-{i}" for i in count(2))) if name not in used)
     used.add(name)
     group = _PLURALS.get(kind, f"{kind}s")
-    return (group if term.sign == "+" else f"cut {group}"), Feature(name, term.sign, leaves[0].pose, term.body)
+    return (group if term.sign == "+" else f"cut {group}"), TreeFeature(name, term.sign, leaves[0].pose, term.body)

@@ -20,8 +20,8 @@ from fmopt.geometry.polyhedron import Polyhedron, placed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value
 from fmopt.task.object_model.goal import Goal, Settled, check_goal, settle
-from fmopt.task.object_model.tree import Feature, moved
-from fmopt.task.object_model.workcell import EXIST, Link, LowerPair, Operand, Ref, Workcell, operand_of
+from fmopt.task.object_model.tree import TreeFeature, moved
+from fmopt.task.object_model.workcell import EXIST, AnswerSide, Link, LowerPair, Ref, Workcell, operand_of
 
 KINDS = "an insertion has one solid and one hollow feature"
 APART = "the operands are joined by nothing but the pair between them"
@@ -33,7 +33,7 @@ _FACING = Pose(np.zeros(3), np.diag([1.0, -1.0, -1.0]))
 
 
 @dataclass(frozen=True)
-class Specification:
+class CommandLimits:
     """The miscellaneous attribute: greatest speed (m/s), contact force (N), greatest torque (N·m).
 
     Raises:
@@ -64,7 +64,7 @@ class Task(Value):
     fixed: Ref
     goal: Goal
     attachment: LowerPair
-    specification: Specification
+    specification: CommandLimits
     grasp: Pose = field(default_factory=Pose.identity)
 
 
@@ -91,8 +91,8 @@ class Answer(Value, P0=(6,), PT=(6,)):
 
     task: Task
     exchanged: bool
-    moving: Operand
-    fixed: Operand
+    moving: AnswerSide
+    fixed: AnswerSide
     P0: Array
     PT: Array
     settled: tuple[Settled, ...]
@@ -168,12 +168,12 @@ def grasped_pose(found: Answer, P: ArrayLike) -> Pose:
     return pose.inverse() if found.exchanged else pose
 
 
-def _given(found: Answer) -> Operand:
+def _given(found: Answer) -> AnswerSide:
     """The operand that stays, as the task was given."""
     return found.moving if found.exchanged else found.fixed
 
 
-def _feature(workcell: Workcell, ref: Ref) -> Feature:
+def _feature(workcell: Workcell, ref: Ref) -> TreeFeature:
     tree, feature = workcell.resolve(ref)
     if feature is None:
         named = ", ".join(feature.name for feature in tree.features if feature.length is not None) or "none"
@@ -185,7 +185,7 @@ def _feature(workcell: Workcell, ref: Ref) -> Feature:
     return feature
 
 
-def _is_exchanged(task: Task, one: Feature, other: Feature) -> bool:
+def _is_exchanged(task: Task, one: TreeFeature, other: TreeFeature) -> bool:
     """Whether the hollow part is grasped and the solid one fixed."""
     if task.moving.object == task.fixed.object:
         message = f"both operands belong to {task.moving.object!r}"
@@ -197,7 +197,9 @@ def _is_exchanged(task: Task, one: Feature, other: Feature) -> bool:
     return one.hollow
 
 
-def _goal(task: Task, one: Feature, other: Feature, start: Pose, exchanged: bool) -> tuple[Pose, tuple[Settled, ...]]:
+def _goal(
+    task: Task, one: TreeFeature, other: TreeFeature, start: Pose, exchanged: bool
+) -> tuple[Pose, tuple[Settled, ...]]:
     peg, hole = (other, one) if exchanged else (one, other)
     reach = peg.length or 0.0
     full = min(reach, hole.length or 0.0)

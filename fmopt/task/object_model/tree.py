@@ -19,7 +19,7 @@ from typing import Literal, TypeAlias
 from fmopt.errors import GeometryError, TaskError
 from fmopt.geometry.clearance import deepest
 from fmopt.geometry.convex_pieces import pieces
-from fmopt.geometry.csg import Difference, Placed, Primitive, Solid, Union, operands
+from fmopt.geometry.csg import Difference, Moved, Primitive, Solid, Union, operands
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Value
 
@@ -43,7 +43,7 @@ Chain: TypeAlias = tuple[Term, ...]
 def chain_of(solid: Solid, name: str) -> Chain:
     """The chain of a CSG tree; terms are called after it, taken-away ones `name`-cut-1 and so on."""
     match solid:
-        case Placed(inner, pose):
+        case Moved(inner, pose):
             return moved_chain(chain_of(inner, name), pose)
         case Union(parts):
             return _numbered(parts, name)
@@ -81,7 +81,7 @@ def moved(solid: Solid, pose: Pose) -> Solid:
     """The solid moved by a pose, placements composed."""
     if not pose.vector().any():
         return solid  # the object itself, with what is remembered of it
-    return Placed(solid.solid, pose.compose(solid.pose)) if isinstance(solid, Placed) else Placed(solid, pose)
+    return Moved(solid.solid, pose.compose(solid.pose)) if isinstance(solid, Moved) else Moved(solid, pose)
 
 
 def moved_chain(chain: Chain, pose: Pose) -> Chain:
@@ -137,7 +137,7 @@ def instances(body: Solid) -> tuple[Instance, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Feature(Value):
+class TreeFeature(Value):
     """A feature: a body that the object has (+) or lacks (−), with its frame, both in the object's frame.
 
     Args:
@@ -178,7 +178,7 @@ class FeatureClass(Value):
     """A feature classification of the second level, such as holes or cubes, with its features."""
 
     name: str
-    features: tuple[Feature, ...]
+    features: tuple[TreeFeature, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,11 +216,11 @@ class ObjectTree(Value):
             raise TaskError(message, name, "an object begins with a solid feature", "put a feature prefixed + first")
 
     @property
-    def features(self) -> tuple[Feature, ...]:
+    def features(self) -> tuple[TreeFeature, ...]:
         """The features in the order in which the object is combined from them."""
         return tuple(self.feature(name) for name in self.order)
 
-    def feature(self, name: str) -> Feature:
+    def feature(self, name: str) -> TreeFeature:
         """The feature of that name.
 
         Raises:

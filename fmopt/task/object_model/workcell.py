@@ -13,7 +13,7 @@ from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.csg import Difference, Solid, Union
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Value
-from fmopt.task.object_model.tree import UNIQUE, Feature, ObjectTree, chain_solid, moved
+from fmopt.task.object_model.tree import UNIQUE, ObjectTree, TreeFeature, chain_solid, moved
 
 LowerPair: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute"]
 LinkKind: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute", "attached"]
@@ -79,7 +79,7 @@ class Workcell(Value):
         known = ", ".join(tree.name for tree in self.objects) or "none"
         raise TaskError(f"the workcell has no object {name!r}", name, EXIST, f"its objects: {known}")
 
-    def resolve(self, ref: Ref) -> tuple[ObjectTree, Feature | None]:
+    def resolve(self, ref: Ref) -> tuple[ObjectTree, TreeFeature | None]:
         """The object and feature of a node.
 
         Raises:
@@ -148,7 +148,7 @@ def _touch(one: Solid, other: Solid) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Operand(Value):
+class AnswerSide(Value):
     """One side of an answer.
 
     Args:
@@ -160,7 +160,7 @@ class Operand(Value):
     """
 
     ref: Ref
-    feature: Feature
+    feature: TreeFeature
     members: tuple[Ref, ...]
     solid: Solid
     true: Solid
@@ -168,7 +168,7 @@ class Operand(Value):
     frame: Pose
 
 
-def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose) -> Operand:
+def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose) -> AnswerSide:
     """The operand of a feature, whose frame is given in the global reference frame."""
     feature = workcell.object(ref.object).feature(ref.feature)
     around = members = workcell.operand(ref, frozenset(tree.name for tree in workcell.objects) - set(group))
@@ -183,7 +183,7 @@ def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose
     # One object where solids are the same, so that its pieces are found once.
     solid = whole if list(some_of.items()) == list(all_of.items()) else _together(workcell, some_of, into)
     true = solid if true_of == some_of else whole if true_of == all_of else _together(workcell, true_of, into)
-    return Operand(ref, feature, members, solid, true, whole, frame)
+    return AnswerSide(ref, feature, members, solid, true, whole, frame)
 
 
 def _together(workcell: Workcell, features: Mapping[str, frozenset[str]], into: Pose) -> Solid:

@@ -45,7 +45,7 @@ class PlacedTable(Table):
     """How it is turned about its origin first: a rotation vector (axis times angle)."""
 
 
-class Box(PlacedTable):
+class BoxTable(PlacedTable):
     """A cuboid centred in x and y, standing on z = 0."""
 
     shape: Literal["box"]
@@ -55,7 +55,7 @@ class Box(PlacedTable):
     """Leg of the 45° cut on the four upright edges."""
 
 
-class Turned(PlacedTable):
+class TurnedTable(PlacedTable):
     """A solid of revolution, for which a polyhedron stands: by `sides` the inscribed one, or one by `sagitta`."""
 
     sides: Annotated[int, Field(ge=3, le=1998)] = 64  # and two ends: 2,000 faces are the most of a part
@@ -65,13 +65,13 @@ class Turned(PlacedTable):
     is solid, inside what is taken away. A twentieth of the clearance a side, say, or less."""
 
     @model_validator(mode="after")
-    def _one_of_both(self) -> "Turned":
+    def _one_of_both(self) -> "TurnedTable":
         if {"sides", "sagitta"} <= self.model_fields_set:
             raise fault("conflict", "both sides and sagitta are given", "give one of them")
         return self
 
 
-class Cylinder(Turned):
+class CylinderTable(TurnedTable):
     """A cylinder about z, standing on z = 0."""
 
     shape: Literal["cylinder"]
@@ -79,7 +79,7 @@ class Cylinder(Turned):
     height: Length
 
 
-class Cone(Turned):
+class ConeTable(TurnedTable):
     """A truncated cone about z, standing on z = 0; one radius may be zero."""
 
     shape: Literal["cone"]
@@ -88,7 +88,7 @@ class Cone(Turned):
     height: Length
 
 
-class Sphere(PlacedTable):
+class SphereTable(PlacedTable):
     """A ball about its origin; the planner sees the inscribed polyhedron with `sides` meridians."""
 
     shape: Literal["sphere"]
@@ -100,7 +100,7 @@ class Sphere(PlacedTable):
 Polygon: TypeAlias = Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3, max_length=4096)]
 
 
-class Prism(PlacedTable):
+class PrismTable(PlacedTable):
     """An upright prism over a simple polygon, convex or not, standing on z = 0."""
 
     shape: Literal["prism"]
@@ -120,7 +120,7 @@ class Section(Table):
     """Corners of a simple polygon, counter-clockwise seen from above."""
 
 
-class Stack(PlacedTable):
+class StackTable(PlacedTable):
     """A stepped, tapered or chamfered part: outlines one above the other, walls straight from each to the next."""
 
     shape: Literal["stack"]
@@ -129,7 +129,7 @@ class Stack(PlacedTable):
     two at one height are a step, where the outline may change."""
 
 
-class Wedge(PlacedTable):
+class WedgeTable(PlacedTable):
     """A box whose top is only `top_x` long: the face at negative x is upright, the opposite one leans."""
 
     shape: Literal["wedge"]
@@ -137,21 +137,21 @@ class Wedge(PlacedTable):
     top_x: Distance
 
 
-class Hull(PlacedTable):
+class HullTable(PlacedTable):
     """The convex hull of points."""
 
     shape: Literal["hull"]
     points: Annotated[tuple[Vector, ...], Field(min_length=4, max_length=4096)]
 
 
-class Union(PlacedTable):
+class UnionTable(PlacedTable):
     """The union of named solids."""
 
     shape: Literal["union"]
     of: Annotated[tuple[Name, ...], Field(min_length=1, max_length=256)]
 
 
-class Difference(PlacedTable):
+class DifferenceTable(PlacedTable):
     """A named solid without others."""
 
     shape: Literal["difference"]
@@ -159,12 +159,14 @@ class Difference(PlacedTable):
     minus: Annotated[tuple[Name, ...], Field(min_length=1, max_length=256)]
 
 
-Primitive: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Stack | Wedge | Hull
-Shape: TypeAlias = Primitive | Union | Difference
+Primitive: TypeAlias = (
+    BoxTable | CylinderTable | ConeTable | SphereTable | PrismTable | StackTable | WedgeTable | HullTable
+)
+Shape: TypeAlias = Primitive | UnionTable | DifferenceTable
 Solids: TypeAlias = Annotated[dict[Name, Annotated[Shape, Field(discriminator="shape")]], Field(max_length=100)]
 
 
-class Ball(Table):
+class BallTable(Table):
     """An exact ball that the part has besides its solids, which it may reach into: no facets stand for it."""
 
     at: Vector
@@ -193,7 +195,7 @@ class Mesh(Table):
         return self.file.lower().endswith(STEP)
 
 
-class Profile(Table):
+class ProfileTable(Table):
     """A part that moves in a plane only, in place of solids: convex polygons in x and z whose union it is."""
 
     polygons: Annotated[
@@ -239,11 +241,11 @@ class ModelFile(Table):
     """The solid that the part is."""
     solids: Solids = Field(default_factory=dict)
     """Named solids; an instance may be used several times."""
-    balls: Annotated[dict[Name, Ball], Field(max_length=16)] = Field(default_factory=dict)
+    balls: Annotated[dict[Name, BallTable], Field(max_length=16)] = Field(default_factory=dict)
     """Exact balls of the part besides its solids, by name: of what moves, such as the tip of a ball-ended pin."""
     mesh: Mesh | None = None
     """A mesh file in place of solids."""
-    profile: Profile | None = None
+    profile: ProfileTable | None = None
     """The profile of a part in the plane, in place of solids."""
     features: Annotated[dict[Name, MatingFeature], Field(max_length=64)] = Field(default_factory=dict)
     """Mating features by name; found if there are none: peg and hole, or hole_1, hole_2 and so on. A profile states

@@ -79,7 +79,7 @@ class OfFile(Table):
     """Values that replace the model's; plain numbers are lengths."""
 
 
-class Operand(OfFile):
+class OperandTable(OfFile):
     """One of the two parts, and its feature that mates."""
 
     feature: Name | None = None
@@ -134,7 +134,7 @@ class FrameTable(Table):
     turn: Rotation = (0.0, 0.0, 0.0)
 
 
-class Clearance(Table):
+class ClearanceTable(Table):
     """Clearance on each side as the drawing declares it; measured on the parts if not given, and in any case."""
 
     x: Distance
@@ -156,7 +156,7 @@ class Start(Table):
     """How the moving feature is turned there: a rotation vector."""
 
 
-class Box(Table):
+class ErrorBoxTable(Table):
     """Half-widths of the error in the tilted start pose: shift of the leading face's centre, rotation about it."""
 
     frame: Literal["world", "hole", "hand"] = "world"
@@ -175,7 +175,7 @@ class Box(Table):
     rz: ErrorAngle | None = None
 
 
-class Deviation(Table):
+class DeviationTable(Table):
     """Greatest deviation in position (a distance) and in orientation (an angle about any axis)."""
 
     position: Distance
@@ -185,9 +185,9 @@ class Deviation(Table):
 class Handling(Table):
     """A robot that grasped the part and put it down."""
 
-    robot: Deviation
+    robot: DeviationTable
     """Deviation of its end effector, ε_pr and ε_φr; it counts twice."""
-    slide: Deviation | None = None
+    slide: DeviationTable | None = None
     """Slide in its gripper, ε_td and ε_φd."""
     at: Vector = (0.0, 0.0, 0.0)
     """Grasping point, in the frame of the mating feature."""
@@ -241,7 +241,7 @@ class Sources(Table):
     """Of the fixed part as it was put down, ε_pp and ε_φp."""
     feeder: Configuration | None = None
     """Of the moving part before it was grasped, ε_pp and ε_φp."""
-    robot: Deviation
+    robot: DeviationTable
     """Deviation of the robot's end effector, ε_pr and ε_φr."""
     grasp: Grasp
 
@@ -253,7 +253,7 @@ class Velocity(Table):
     rotation: Ratio = 0.01
 
 
-class Trapezoid(Table):
+class TrapezoidTable(Table):
     """Ball and cone of the nominal trajectory's S(t), [LeeHuang1985] section 4.1.2, on all three planes."""
 
     ball: Distance
@@ -265,15 +265,15 @@ class Trapezoid(Table):
 class Uncertainty(Table):
     """Errors: at the start, either as a box or by their sources, and of the velocity."""
 
-    start: Annotated[Box, Short()] | None = None
+    start: Annotated[ErrorBoxTable, Short()] | None = None
     """Text such as "1 mm, 1 deg" stands for position and angle."""
     sources: Sources | None = None
-    trapezoid: Trapezoid | None = None
+    trapezoid: TrapezoidTable | None = None
     """For what errors S(t) says what stops the part; those of the start when not given. Nothing is proved for them."""
     velocity: Velocity = Field(default_factory=Velocity)
 
 
-class Specification(Table):
+class MotionSpecificationTable(Table):
     """Speed, forces and friction of the motion."""
 
     speed: Speed = 0.02
@@ -343,7 +343,7 @@ class ToolTable(Table):
     of all obstacles. Text stands for a file."""
 
 
-class Settings(Table):
+class SettingsTable(Table):
     """How the plan is computed."""
 
     method: Literal["sound", "dakin1993"] = "sound"
@@ -385,12 +385,12 @@ class ProblemFile(Table):
     title: Title | None = None
     """For people; the names of the parts if not given."""
     units: ProblemUnits | None = None
-    moving: Annotated[Operand, Short()]
+    moving: Annotated[OperandTable, Short()]
     """Text stands for the model alone."""
-    fixed: Annotated[Operand, Short()]
+    fixed: Annotated[OperandTable, Short()]
     """Text stands for the model alone."""
     goal: Goal = Field(default_factory=Goal)
-    clearance: Clearance | None = None
+    clearance: ClearanceTable | None = None
     start: Start = Field(default_factory=Start)
     grasp: FrameTable = Field(default_factory=FrameTable)
     """The frame of the moving feature in the frame of the hand."""
@@ -400,12 +400,12 @@ class ProblemFile(Table):
     of."""
     uncertainty: Uncertainty = Field(default_factory=Uncertainty)
     """How far off the part may start, which nobody but you can know: [uncertainty] start, or its sources."""
-    specification: Specification = Field(default_factory=Specification)
+    specification: MotionSpecificationTable = Field(default_factory=MotionSpecificationTable)
     robot: Annotated[RobotTable, Short()] = Field(default_factory=RobotTable)
     """Text stands for the preset alone."""
-    settings: Settings = Field(default_factory=Settings)
+    settings: SettingsTable = Field(default_factory=SettingsTable)
 
-    def operand(self, side: str) -> Operand:
+    def operand(self, side: str) -> OperandTable:
         """The part that moves, or the fixed one."""
         return self.moving if side == "moving" else self.fixed
 

@@ -172,7 +172,7 @@ class Measured:
         return fault("out-of-range", f"{text} is too {side}", advice)
 
 
-class Interval(Measured):
+class NumberOrInterval(Measured):
     """Annotation of a field that is a number, or both ends of the interval that it lies in."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -182,7 +182,7 @@ class Interval(Measured):
 
     def _validate(self, value: Any, info: ValidationInfo) -> Any:
         if isinstance(value, list | tuple) and len(value) == 2:
-            return tuple(super(Interval, self)._validate(one, info) for one in value)
+            return tuple(super(NumberOrInterval, self)._validate(one, info) for one in value)
         return super()._validate(value, info)
 
 
@@ -210,7 +210,7 @@ Turn: TypeAlias = Annotated[float, Measured(si.ANGLE, -_TURN, _TURN)]
 Tilt: TypeAlias = Annotated[float, Measured(si.ANGLE, 0.0, math.pi / 4.0)]
 ErrorAngle: TypeAlias = Annotated[float, Measured(si.ANGLE, 0.0, 0.5)]  # likewise, the most of a start error
 Ratio: TypeAlias = Annotated[float, Measured(RATIO, 0.0, 1.0)]
-Friction: TypeAlias = Annotated[float | tuple[float, float] | None, Interval(RATIO, 0.0, 5.0)]
+Friction: TypeAlias = Annotated[float | tuple[float, float] | None, NumberOrInterval(RATIO, 0.0, 5.0)]
 Speed: TypeAlias = Annotated[float, Measured(si.SPEED, 1e-6, 100.0)]
 Force: TypeAlias = Annotated[float, Measured(si.FORCE, 1e-9, 1e6)]
 Torque: TypeAlias = Annotated[float, Measured(si.TORQUE, 1e-9, 1e6)]

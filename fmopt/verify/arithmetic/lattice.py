@@ -27,7 +27,7 @@ class TooMuchWork(Exception):
     """The bodies would take more steps to compare than bodies of their size may."""
 
 
-class Work:
+class WorkLeft:
     """Steps of work left."""
 
     def __init__(self, steps: int) -> None:

@@ -41,15 +41,15 @@ from fmopt.verify.arithmetic.rational import (
     times,
     vector,
 )
-from fmopt.verify.certificate.contact_implications import Facts
-from fmopt.verify.certificate.error_set import ErrorSet, image, row_of, start_errors
+from fmopt.verify.certificate.contact_implications import CheckedFacts
+from fmopt.verify.certificate.error_set import ErrorShape, image, row_of, start_errors
 from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.findings import ALLOWANCE, LEFT_ASIDE, Notes, micrometres
-from fmopt.verify.parts.assembly import Assembly, Task, Touch
+from fmopt.verify.parts.assembly import PartPair, Passage, Touch
 from fmopt.verify.parts.incidence import LARGEST_ERROR
 from fmopt.verify.parts.rows import pose
 from fmopt.verify.parts.solids import Plane
-from fmopt.verify.reading.document import Plan, Segment
+from fmopt.verify.reading.document import Segment, StatedPlan
 
 Basis = tuple[tuple[Touch, Row], ...]
 _DIRECTION_FLOOR = 1e-11  # stated directions differ from derived ones by the rounding of doubles
@@ -60,13 +60,13 @@ class Broken(ValueError):
 
 
 @dataclass(frozen=True)
-class Link:
+class SegmentLink:
     """What a segment hands on."""
 
-    errors: ErrorSet
+    errors: ErrorShape
     thick_along: tuple[Row, ...]  # directions in whose span its thickness generators lie
     basis: Basis
-    facts: Facts | None
+    facts: CheckedFacts | None
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Stage:
 
     segment: Segment
     motion: Motion
-    facts: Facts
+    facts: CheckedFacts
     state: tuple[Touch, ...]
     goal_state: tuple[Touch, ...]
     made: Touch | None
@@ -91,14 +91,14 @@ class Stage:
 class Chain:
     """Follows a plan segment by segment."""
 
-    def __init__(self, plan: Plan, assembly: Assembly) -> None:
+    def __init__(self, plan: StatedPlan, assembly: PartPair) -> None:
         self.plan = plan
         self.assembly = assembly
-        self.link = Link(start_errors(plan), (), (), None)
+        self.link = SegmentLink(start_errors(plan), (), (), None)
         self.previous: Segment | None = None
-        self._legs: list[Leg] = []
+        self._legs: list[CheckedLeg] = []
         self._late = 0
-        self._facts: dict[tuple[int, tuple[str, ...]], Facts] = {}
+        self._facts: dict[tuple[int, tuple[str, ...]], CheckedFacts] = {}
 
     def follow(self, segment: Segment, notes: Notes) -> Stage:
         """Derives a segment from the one before it.
@@ -128,7 +128,7 @@ class Chain:
         # Old thickness lies along directions of its own: it is measured anew where all of them still give way.
         errors = self._without_thickness(held)
         s0, s1 = (fixed(s) for s in segment.progress)
-        task = Task(
+        task = Passage(
             start,
             goal,
             held,
@@ -257,35 +257,35 @@ class Chain:
         """Contacts may only be left out of a state when the others imply them, or the move gives them up."""
         lost = before - {t.id for t in after}
         if lost:
-            facts = Facts(self.assembly, after, R)
+            facts = CheckedFacts(self.assembly, after, R)
             for name in sorted(lost):
                 if not facts.implies(self.assembly.touches[name]):
                     raise Broken(f"loses {name}, which the other contacts do not imply")
 
-    def _known(self, move: int, held: Sequence[Touch], R: Matrix) -> Facts:
+    def _known(self, move: int, held: Sequence[Touch], R: Matrix) -> CheckedFacts:
         key = move, tuple(t.id for t in held)
-        return self._facts.get(key) or self._facts.setdefault(key, Facts(self.assembly, held, R))
+        return self._facts.get(key) or self._facts.setdefault(key, CheckedFacts(self.assembly, held, R))
 
-    def _without_thickness(self, held: Basis) -> ErrorSet:
+    def _without_thickness(self, held: Basis) -> ErrorShape:
         """The start set; its old thickness is dropped when every direction that it lies along still gives way."""
         errors = self.link.errors
         directions = [c for _, c in held]
         # Nothing to give up where no direction has thickness.
         if all(c in directions for c in self.link.thick_along):
             return errors
-        return ErrorSet(errors.core + errors.thick, (), errors.slide, errors.swing, errors.shape, errors.linkage)
+        return ErrorShape(errors.core + errors.thick, (), errors.slide, errors.swing, errors.shape, errors.linkage)
 
     def _fit(self, motion: Motion, progress: int, notes: Notes) -> None:
         """Collects the pieces of a move that makes a contact; at its end they must fit together."""
         # Without a contact to make executions go as far as commanded.
         if motion.task.made is None:
             return
-        self._legs.append(Leg(motion.twist, progress, motion.overtravel, motion.directions, motion.hold))
+        self._legs.append(CheckedLeg(motion.twist, progress, motion.overtravel, motion.directions, motion.hold))
         if motion.task.last:
             check_fit(self._legs, notes)
             self._legs = []
 
-    def _hand_on(self, segment: Segment, task: Task, motion: Motion, goal_state: Sequence[Touch]) -> None:
+    def _hand_on(self, segment: Segment, task: Passage, motion: Motion, goal_state: Sequence[Touch]) -> None:
         along = motion.directions
         basis: Basis = task.held
         after = task.state
@@ -300,7 +300,7 @@ class Chain:
             after = tuple(goal_state)
         held = [t for t, _ in basis]
         held += [t for t in after if all(t.id != s.id for s in held)]
-        self.link = Link(motion.goal_errors, along, basis, self._known(segment.move, held, task.goal.R))
+        self.link = SegmentLink(motion.goal_errors, along, basis, self._known(segment.move, held, task.goal.R))
         self.previous = segment
 
 
@@ -311,7 +311,7 @@ def _aim(segment: Segment) -> tuple[list[str], list[str], tuple[str, ...]]:
 
 
 @dataclass(frozen=True)
-class Leg:
+class CheckedLeg:
     """A piece of a move, as far as the fit of the pieces is concerned."""
 
     twist: Row  # V = (Δ, ω)
@@ -321,7 +321,7 @@ class Leg:
     hold: Square  # projector along C
 
 
-def misfit(legs: Sequence[Leg]) -> tuple[int, int]:
+def misfit(legs: Sequence[CheckedLeg]) -> tuple[int, int]:
     """Bounds of translation (m) and rotation (rad) by which executions can differ from a move's stretched pieces."""
     rates = [row_of(over(x, leg.progress) for x in leg.twist) for leg in legs]
     # Where pieces join, an execution that is late still moves at the old rate while the claim has it at the new one.
@@ -337,7 +337,7 @@ def misfit(legs: Sequence[Leg]) -> tuple[int, int]:
     return translation + SLACK, rotation + SLACK
 
 
-def check_fit(legs: Sequence[Leg], notes: Notes) -> None:
+def check_fit(legs: Sequence[CheckedLeg], notes: Notes) -> None:
     """Notes when a move that makes a contact relies on its pieces, which come in order, being stretched alike."""
     if any(leg.directions != legs[0].directions for leg in legs):
         notes.add("pieces of the move", "do not give way along the same directions")

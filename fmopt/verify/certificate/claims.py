@@ -33,7 +33,7 @@ from fmopt.verify.certificate.form import made_lever, varied
 from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.certificate.separating_plane import Apart, WitnessError, apart
 from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
-from fmopt.verify.parts.assembly import Assembly
+from fmopt.verify.parts.assembly import PartPair
 from fmopt.verify.parts.rows import Distance, Function, PointAbove, size
 
 _NORMAL_FLOOR = 1e-14  # of unit normals, and of their torques on arms in m
@@ -42,7 +42,7 @@ _RECIPROCAL = 1e-9  # power that rounding may leave a force axis on a position a
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SegmentOutcome:
     """What a segment comes to: its least derived margin, fixed point, None when a claim could not be derived.
 
     Failed are pairs that are not shown to be apart, with the row that is tightest.
@@ -52,7 +52,7 @@ class Outcome:
     failed: tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
 
 
-def check_segment(assembly: Assembly, stage: Stage, notes: Notes) -> Outcome:
+def check_segment(assembly: PartPair, stage: Stage, notes: Notes) -> SegmentOutcome:
     """Compares every stated number of a segment with the derived one."""
     _tube(stage, notes)
     # All margins by name: the least is that of the segment, and what is said to bind has to be as small.
@@ -64,7 +64,7 @@ def check_segment(assembly: Assembly, stage: Stage, notes: Notes) -> Outcome:
     _after(assembly, stage, notes)
     _hybrid(stage, notes)
     if not complete:
-        return Outcome(None, failed)
+        return SegmentOutcome(None, failed)
     segment = stage.segment
     margin = min(value for value, _ in named)
     notes.at_most("margin", segment.margin, margin)
@@ -72,7 +72,7 @@ def check_segment(assembly: Assembly, stage: Stage, notes: Notes) -> Outcome:
     tied = number(margin) * (1.0 + RELATIVE) + MARGIN_FLOOR
     if not any(name == segment.binding and number(value) <= tied for value, name in named):
         notes.add("binding_contact", f"{segment.binding!r} is not what is tightest")
-    return Outcome(margin, failed)
+    return SegmentOutcome(margin, failed)
 
 
 def _tube(stage: Stage, notes: Notes) -> None:
@@ -85,7 +85,7 @@ def _tube(stage: Stage, notes: Notes) -> None:
 
 
 def _separations(
-    assembly: Assembly, stage: Stage, named: list[tuple[int, str]], notes: Notes
+    assembly: PartPair, stage: Stage, named: list[tuple[int, str]], notes: Notes
 ) -> tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]:
     segment = stage.segment
     pairs = [(i, j) for i in range(len(assembly.moving_pieces)) for j in range(len(assembly.fixed_pieces))]
@@ -119,7 +119,7 @@ def _separations(
     return tuple(failed)
 
 
-def _contacts(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], notes: Notes) -> None:
+def _contacts(assembly: PartPair, stage: Stage, named: list[tuple[int, str]], notes: Notes) -> None:
     segment, motion = stage.segment, stage.motion
     last = motion.task.last
     new = [t for t in stage.goal_state if t.id not in segment.state] if last else []
@@ -143,7 +143,7 @@ def _contacts(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], no
         notes.at_least(f"remainder of {touch.id}", stated.remainder, lost, ALLOWANCE)
 
 
-def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], notes: Notes) -> None:
+def _before(assembly: PartPair, stage: Stage, named: list[tuple[int, str]], notes: Notes) -> None:
     """That the contact being made is not there when the move starts, and comes nearer all along.
 
     Its row then has one zero on every execution's way, at which the execution stops.
@@ -168,7 +168,7 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
         notes.add(stage.made.id, "some executions may move away from it before they touch")
 
 
-def _after(assembly: Assembly, stage: Stage, notes: Notes) -> None:
+def _after(assembly: PartPair, stage: Stage, notes: Notes) -> None:
     """That the contacts given up, touched when the move starts, open all along, and what lies flat with them."""
     motion = stage.motion
     for touch in stage.leaving:

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 
 from fmopt.verify.arithmetic.exact import height, inner, one_way, outer, parallel, turned_over
 from fmopt.verify.arithmetic.rational import ONE, Matrix, Vector, dot, length, neg, scaled, sub, times, turned, unit
-from fmopt.verify.parts.assembly import Assembly, Touch, taken_turns
+from fmopt.verify.parts.assembly import PartPair, Touch, taken_turns
 from fmopt.verify.parts.incidence import Flush, Turn, about, cancel, crossing, directed, image_of, steep
 from fmopt.verify.parts.solids import DEVIATION, ROUNDING, Line, Plane, line, near, short
 from fmopt.verify.remembered import remembered
 
 
 @dataclass
-class Wall:
+class CheckedWall:
     """A fixed plane and what is known to lie on it."""
 
     plane: Plane
@@ -31,14 +31,14 @@ class Wall:
     looked: tuple[int, int, int] = (0, 0, 0)
     _lines: tuple[int, int, tuple[Line, ...]] = (0, 0, ())
 
-    def lines(self, assembly: Assembly) -> tuple[Line, ...]:
+    def lines(self, assembly: PartPair) -> tuple[Line, ...]:
         """Body lines in the wall: two points, or an end of an edge and a point within the edge."""
         known = len(self.points), len(self.between)
         if self._lines[:2] != known:
             self._lines = *known, tuple(self._distinct(assembly))
         return self._lines[2]
 
-    def _distinct(self, assembly: Assembly) -> list[Line]:
+    def _distinct(self, assembly: PartPair) -> list[Line]:
         pairs = [(self.points[i], self.points[j]) for i in range(len(self.points)) for j in range(i)]
         pairs += [(a, b) for a, b in self.between if a in self.points or b in self.points]
         distinct: list[Line] = []
@@ -48,18 +48,18 @@ class Wall:
         return distinct
 
 
-class Facts:
+class CheckedFacts:
     """What a set of contacts, held exactly, implies.
 
     Their bounds (that edges cross inside) are checked elsewhere; R, a nominal rotation while they are held, only tells
     the two sides of a flush face apart.
     """
 
-    def __init__(self, assembly: Assembly, held: Sequence[Touch], R: Matrix) -> None:
+    def __init__(self, assembly: PartPair, held: Sequence[Touch], R: Matrix) -> None:
         self.assembly = assembly
         self.held = tuple(held)
         self.R = R
-        self.walls: list[Wall] = []
+        self.walls: list[CheckedWall] = []
         self.turns: list[Turn] = []
         self._wholes: tuple[int, tuple[Turn, Turn] | None] = (0, None)
         for touch in held:
@@ -77,19 +77,19 @@ class Facts:
         while self._grow() or self._turn_edge():
             pass
 
-    def _wall(self, plane: Plane) -> Wall:
+    def _wall(self, plane: Plane) -> CheckedWall:
         for wall in self.walls:
             if self.assembly.agree(wall.plane, plane):
                 return wall
-        self.walls.append(Wall(plane))
+        self.walls.append(CheckedWall(plane))
         return self.walls[-1]
 
-    def on(self, plane: Plane) -> Wall:
+    def on(self, plane: Plane) -> CheckedWall:
         """What is known about a plane."""
-        return next((w for w in self.walls if self.assembly.agree(w.plane, plane)), Wall(plane))
+        return next((w for w in self.walls if self.assembly.agree(w.plane, plane)), CheckedWall(plane))
 
     @staticmethod
-    def _point(wall: Wall, v: Vector) -> bool:
+    def _point(wall: CheckedWall, v: Vector) -> bool:
         if v in wall.points:
             return False
         wall.points.append(v)
@@ -115,7 +115,7 @@ class Facts:
                     grown |= self._point(wall, v)
         return grown
 
-    def _planes(self, wall: Wall, l: Line) -> bool:
+    def _planes(self, wall: CheckedWall, l: Line) -> bool:
         """Body planes spanned in the wall by a line and something known off it."""
         candidates = list(wall.points)
         for a, b in wall.between:

@@ -12,15 +12,15 @@ from typing import NamedTuple
 
 from fmopt.verify.arithmetic.exact import height
 from fmopt.verify.arithmetic.rational import ONE, Vector, add, cross, dot, length, neg, scaled, sub, times, unit
-from fmopt.verify.certificate.contact_implications import Facts
+from fmopt.verify.certificate.contact_implications import CheckedFacts
 from fmopt.verify.certificate.propagation import Motion
-from fmopt.verify.parts.assembly import Assembly, Rim, Touch, middle
+from fmopt.verify.parts.assembly import PartPair, Rim, Touch, middle
 from fmopt.verify.parts.rows import DirectionAlong, EdgesApart, Function, PointAbove
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, line, near
-from fmopt.verify.reading.document import Witness
+from fmopt.verify.reading.document import StatedWitness
 
 
-class LevelRim(NamedTuple):
+class CheckedLevelRim(NamedTuple):
     """A rim that contacts keep level with a face of the moving part, and from going behind it."""
 
     touch: Touch
@@ -40,7 +40,7 @@ class LevelRim(NamedTuple):
 class Known:
     """What contacts say during the piece: facts of the held ones, and those that open or close but never pass."""
 
-    facts: Facts
+    facts: CheckedFacts
     made: Touch | None
     hinge: tuple[Plane, Vector, Vector] | None  # its hinge, when it has one among the held contacts
     leaving: tuple[Touch, ...]  # contacts that the move gives up; none of them has a hinge among the held ones
@@ -58,7 +58,7 @@ class Known:
         return (*self.facts.held, *self.beside)
 
     @cached_property
-    def rims(self) -> tuple[LevelRim, ...]:
+    def rims(self) -> tuple[CheckedLevelRim, ...]:
         """The rims that contacts keep level with faces of the moving part.
 
         Two edges of a face that are held on one rim put it into the face's plane. One does where what is known of turns
@@ -67,7 +67,7 @@ class Known:
         assembly, held = self.facts.assembly, self.facts.held
         return () if assembly.form else (*_crossed(assembly, held), *self._turned())
 
-    def _turned(self) -> Iterator[LevelRim]:
+    def _turned(self) -> Iterator[CheckedLevelRim]:
         assembly = self.facts.assembly
         for touch in self.all:
             sides = assembly.moving.edge(*touch.indices[0]) if touch.kind == "edge-edge" else None
@@ -78,14 +78,14 @@ class Known:
             for side in sides:
                 face = assembly.moving.faces[side].plane
                 if self.facts.across(along, assembly.exact(face)[:3]):
-                    yield LevelRim(touch, face, touch in self.facts.held)
+                    yield CheckedLevelRim(touch, face, touch in self.facts.held)
 
-    def presses(self, assembly: Assembly, centre: Vector, plane: Plane) -> bool:
+    def presses(self, assembly: PartPair, centre: Vector, plane: Plane) -> bool:
         """Whether a contact keeps the ball about a body point, m, on a plane, or from crossing it."""
         balls = (t for t in self.all if t.kind == "ball-face" and t.moving[0] == centre)
         return any(assembly.agree(t.faces[0], plane) for t in balls)
 
-    def above(self, assembly: Assembly, plane: Plane) -> list[Vector]:
+    def above(self, assembly: PartPair, plane: Plane) -> list[Vector]:
         """Body points that contacts not yet made, or given up, keep from crossing a plane, or that lay flat there."""
         points = [t.moving[0] for t in self.beside if t.kind == "vertex-face" and assembly.agree(t.faces[0], plane)]
         if self.hinge is not None and assembly.agree(self.hinge[0], plane):
@@ -93,17 +93,17 @@ class Known:
         return points + [v for wall, v in self.coming_off if assembly.agree(wall, plane)]
 
 
-def _crossed(assembly: Assembly, held: Sequence[Touch]) -> Iterator[LevelRim]:
+def _crossed(assembly: PartPair, held: Sequence[Touch]) -> Iterator[CheckedLevelRim]:
     """Rims on which two edges of a face are held."""
     for n, touch in enumerate(held):
         for other in held[:n]:
             level = assembly.level(touch, (other,))
             if level is not None:
-                yield from (LevelRim(each, level.face, True) for each in (touch, other))
+                yield from (CheckedLevelRim(each, level.face, True) for each in (touch, other))
 
 
 def edge_rows(
-    assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known
+    assembly: PartPair, M: Shape, F: Shape, witness: StatedWitness, motion: Motion, known: Known
 ) -> tuple[list[Function], int]:
     """The rows of a plane along an edge of each of two pieces that contacts do not settle, and what scales them."""
     own, other = [M.vertices[i] for i in witness.moving], [F.vertices[i] for i in witness.fixed]
@@ -143,14 +143,14 @@ def edge_rows(
 class _Beside(NamedTuple):
     """Two edges that are kept apart as a level rim and a face are: the plane of the moving one, and both lines."""
 
-    rim: LevelRim
+    rim: CheckedLevelRim
     plane: Plane
     moving: Line
     base: Line
 
 
 def _beside_rims(
-    assembly: Assembly, known: Known, M: Shape, own: Sequence[Vector], other: Sequence[Vector]
+    assembly: PartPair, known: Known, M: Shape, own: Sequence[Vector], other: Sequence[Vector]
 ) -> Iterator[_Beside]:
     """Level rims that keep a fixed edge from going behind the plane of a face through a moving edge.
 
@@ -176,7 +176,7 @@ def _beside_rims(
 
 
 def _level_rows(
-    assembly: Assembly, M: Shape, F: Shape, beside: _Beside, motion: Motion, known: Known
+    assembly: PartPair, M: Shape, F: Shape, beside: _Beside, motion: Motion, known: Known
 ) -> tuple[list[Function], int]:
     """Rows of a plane through a moving edge and along a fixed one, which a level rim keeps from going behind it.
 
@@ -198,7 +198,7 @@ def _level_rows(
 
 
 def _fixed_rows(
-    assembly: Assembly, F: Shape, motion: Motion, moving: Line, base: Line, turns: Iterator[tuple[Vector, Plane, Plane]]
+    assembly: PartPair, F: Shape, motion: Motion, moving: Line, base: Line, turns: Iterator[tuple[Vector, Plane, Plane]]
 ) -> Iterator[Function]:
     """The rows of a fixed piece under a plane along its edge `base` and a moving one."""
     # Vertices on the fixed edge are on the plane by its construction.
@@ -216,7 +216,7 @@ def _fixed_rows(
             yield _relative(assembly, neg(cross(base.direction, d)), moving.direction)
 
 
-def _relative(assembly: Assembly, u: Vector, k: Vector) -> DirectionAlong:
+def _relative(assembly: PartPair, u: Vector, k: Vector) -> DirectionAlong:
     return DirectionAlong(u, k, times(assembly.reach(u), assembly.reach(k)) + 2)
 
 
@@ -248,7 +248,7 @@ def _lines(known: Known, own: Sequence[Vector], other: Sequence[Vector]) -> tupl
     return moving, base
 
 
-def _level(facts: Facts, along: Vector, d: Vector) -> bool:
+def _level(facts: CheckedFacts, along: Vector, d: Vector) -> bool:
     """Whether a body vector can neither rise nor fall along a unit direction of the world, see `Facts.rises`."""
     return facts.rises(along, d) and facts.rises(along, neg(d))
 
@@ -258,7 +258,7 @@ def _along(found: Line, asked: Line) -> Line:
     return found if dot(found.direction, asked.direction) > 0 else line(found.far, found.point)
 
 
-def _between(assembly: Assembly, touch: Touch, moving: Line, base: Line) -> bool:
+def _between(assembly: PartPair, touch: Touch, moving: Line, base: Line) -> bool:
     """Whether a contact is one of just these two edges."""
     return (
         touch.kind == "edge-edge"
@@ -267,7 +267,7 @@ def _between(assembly: Assembly, touch: Touch, moving: Line, base: Line) -> bool
     )
 
 
-def _anchors(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[bool]:
+def _anchors(assembly: PartPair, known: Known, moving: Line, base: Line) -> Iterator[bool]:
     """Contacts of just these two edges: True for a held one, False for one being made or given up."""
     for touch in known.all:
         if not _between(assembly, touch, moving, base):
@@ -280,7 +280,7 @@ def _anchors(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iter
             yield held
 
 
-def _levels(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[Rim]:
+def _levels(assembly: PartPair, known: Known, moving: Line, base: Line) -> Iterator[Rim]:
     """Faces along the moving edge, held on the fixed one, that another edge holds level with it, or will."""
     for held in known.facts.held:
         if not _between(assembly, held, moving, base):
@@ -292,7 +292,7 @@ def _levels(assembly: Assembly, known: Known, moving: Line, base: Line) -> Itera
 
 
 def _turned_onto(
-    assembly: Assembly, known: Known, base: Line, lies: Callable[[Vector], bool]
+    assembly: PartPair, known: Known, base: Line, lies: Callable[[Vector], bool]
 ) -> Iterator[tuple[Vector, Plane, Plane]]:
     """Points in the plane of both edges known to be on or above a wall along the fixed one: (point, rim plane, wall).
 

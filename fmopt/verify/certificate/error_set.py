@@ -47,7 +47,7 @@ from fmopt.verify.arithmetic.rational import (
     vector,
     width,
 )
-from fmopt.verify.reading.document import Plan
+from fmopt.verify.reading.document import StatedPlan
 from fmopt.verify.reading.reader import FIXED_IN
 
 SIX = range(6)
@@ -58,7 +58,7 @@ NO_ROW: Row = (0, 0, 0, 0, 0, 0)
 
 
 @dataclass(frozen=True)
-class ErrorSet:
+class ErrorShape:
     """Errors known from outside in two ways: in Zonotope(core, thickness) ⊕ slide ⊕ swing, and in shape."""
 
     core: tuple[Row, ...]  # generators that are images of the start box
@@ -67,7 +67,7 @@ class ErrorSet:
     swing: Square  # shape matrix (6, 6) of the ellipsoid of what they add in rotation
     shape: Square  # shape matrix (6, 6) of the ellipsoid around everything
     # How the first generators of the core move on with the part; None where all stay as they are
-    linkage: "Linkage | None" = None
+    linkage: "CheckedLinkage | None" = None
 
     @cached_property
     def generators(self) -> tuple[Row, ...]:
@@ -97,18 +97,18 @@ class ErrorSet:
         return [sum(abs(g[a]) for g in gens) + sum(root(Q[a][a] + BLUR) for Q in (self.slide, self.swing)) for a in SIX]
 
 
-def start_errors(plan: Plan) -> ErrorSet:
+def start_errors(plan: StatedPlan) -> ErrorShape:
     """The start box |eₐ| ≤ half-width of a plan; its ellipsoid is stretched by the root of the number of axes."""
     a = [fixed(x) for x in plan.start_box]
     axes = [k for k in SIX if a[k] > 0]
     # k a² on the diagonal for k axes: Σ (x/a)² ≤ k in the box.
     shape = diagonal([len(axes) * times(x, x) + (BLUR if x else 0) for x in a]) if axes else NOTHING
     core, linkage = linkage_of(plan)
-    return ErrorSet(core, (), NOTHING, NOTHING, shape, linkage)
+    return ErrorShape(core, (), NOTHING, NOTHING, shape, linkage)
 
 
 @dataclass(frozen=True)
-class Linkage:
+class CheckedLinkage:
     """How the first generators of an error set move on with the part."""
 
     hole: tuple[Vector, ...]  # turns of the hole (3,), rad; zero for generators that are not fixed there
@@ -121,7 +121,7 @@ class Linkage:
         """How many generators move on otherwise than the world's."""
         return sum(h != ZERO3 or g != NO_ROW for h, g in zip(self.hole, self.hand, strict=True))
 
-    def turned(self, turn: Matrix) -> "Linkage":
+    def turned(self, turn: Matrix) -> "CheckedLinkage":
         """The linkage after the part has turned."""
         return replace(self, hand=tuple(turned(turn, g[:3]) + turned(turn, g[3:]) for g in self.hand))
 
@@ -164,7 +164,7 @@ class Linkage:
         return straight + 8, round_ + times(arc, slant) + 8  # 8: more than products are cut off by
 
 
-def linkage_of(plan: Plan) -> tuple[tuple[Row, ...], Linkage | None]:
+def linkage_of(plan: StatedPlan) -> tuple[tuple[Row, ...], CheckedLinkage | None]:
     """The generators of a plan's start errors, and how they move on; None where all are fixed in the world."""
     boxes = {"world": plan.start_box} if not plan.sources else dict(plan.sources)
     rows: list[Row] = []
@@ -185,7 +185,7 @@ def linkage_of(plan: Plan) -> tuple[tuple[Row, ...], Linkage | None]:
     askew, grip = boxes.get("hole", none), boxes.get("hand", none)
     shift, turn, off, slant = (length(vector(box[k : k + 3])) for box in (askew, grip) for k in (0, 3))
     origin = vector(plan.segments[0].start[:3])
-    return tuple(rows), Linkage(tuple(hole), tuple(hand), (shift, turn, off, slant), origin)
+    return tuple(rows), CheckedLinkage(tuple(hole), tuple(hand), (shift, turn, off, slant), origin)
 
 
 def row_of(values: Iterable[int]) -> Row:

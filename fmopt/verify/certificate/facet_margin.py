@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from fmopt.verify.arithmetic.rational import ONE, Vector, add, dot, fixed, neg, over, scaled, sub, times, unit
 from fmopt.verify.certificate.propagation import Motion
-from fmopt.verify.parts.assembly import Assembly, Touch, middle, other_rim, taken_turns
+from fmopt.verify.parts.assembly import PartPair, Touch, middle, other_rim, taken_turns
 from fmopt.verify.parts.rows import DirectionAlong, FaceAbove, Function, PointAbove
 from fmopt.verify.parts.solids import DEVIATION, ROUNDING, Bound, Plane, Shape
 
@@ -49,7 +49,7 @@ class _Way(NamedTuple):
         return low - blur, high + blur
 
 
-def facet_margin(assembly: Assembly, touch: Touch, together: Sequence[Touch], motion: Motion, held: bool) -> int:
+def facet_margin(assembly: PartPair, touch: Touch, together: Sequence[Touch], motion: Motion, held: bool) -> int:
     """How far a contact stays from the boundary of its facet, m, held along the piece or else just made at its end."""
     way = _Way(motion, held)
     if assembly.form and any(touch.id == own.id for own in motion.task.basis):
@@ -75,7 +75,7 @@ def _beside(shape: Shape, face: int, loop: Sequence[int]) -> list[Plane]:
     return found
 
 
-def _in_region(assembly: Assembly, touch: Touch, together: Sequence[Touch], region: Sequence[Bound], way: _Way) -> int:
+def _in_region(assembly: PartPair, touch: Touch, together: Sequence[Touch], region: Sequence[Bound], way: _Way) -> int:
     """How far a point is from the edges of a convex part of its face, and beyond the holes of that."""
     v, found, walled = touch.moving[0], UNBOUNDED, False
     for i, j, rim, whole in region:
@@ -95,7 +95,7 @@ def _in_region(assembly: Assembly, touch: Touch, together: Sequence[Touch], regi
     return min(found, 0) if walled and found <= _SURELY else found  # walls are looked at so far from other rims
 
 
-def _swallowed(assembly: Assembly, edge: tuple[int, int], rim: Plane, room: int) -> bool:
+def _swallowed(assembly: PartPair, edge: tuple[int, int], rim: Plane, room: int) -> bool:
     """Whether the strip of the wall's plane just beyond a re-entrant edge is inside a fixed piece.
 
     The contact cannot leave its face there without the two parts overlapping, which the separations rule out.
@@ -129,7 +129,7 @@ def _behind(plane: Plane, strip: Sequence[Vector], far: int) -> bool:
 
 
 def _slips(
-    assembly: Assembly, touch: Touch, together: Sequence[Touch], across: tuple[int, int, Plane], room: int, way: _Way
+    assembly: PartPair, touch: Touch, together: Sequence[Touch], across: tuple[int, int, Plane], room: int, way: _Way
 ) -> bool:
     """Whether an edge held across the rim takes over when the vertex slips over it.
 
@@ -153,12 +153,12 @@ def _slips(
     return False
 
 
-def _more_proper(assembly: Assembly, kept: Touch, waived: Touch, wall: Plane, way: _Way) -> bool:
+def _more_proper(assembly: PartPair, kept: Touch, waived: Touch, wall: Plane, way: _Way) -> bool:
     """Whether one of two crossings of an edge with rims of a wall is certain, and more so than the other."""
     return _sides(assembly, kept, wall, way) > max(_sides(assembly, waived, wall, way), 0) + _SURELY
 
 
-def _sides(assembly: Assembly, touch: Touch, along: Plane, way: _Way) -> int:
+def _sides(assembly: PartPair, touch: Touch, along: Plane, way: _Way) -> int:
     """How far the ends of a moving edge stay on different sides of the face across its fixed edge from a wall."""
     walls = [wall for wall in touch.faces if not assembly.agree(wall, along)]
     best = -UNBOUNDED
@@ -200,7 +200,7 @@ def _crossings(touch: Touch, walls: Sequence[Plane], way: _Way) -> list[_Crossin
     return sorted(found, key=lambda crossing: -crossing.most)
 
 
-def _shared_wall(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: _Way) -> Plane | None:
+def _shared_wall(assembly: PartPair, touch: Touch, together: Sequence[Touch], way: _Way) -> Plane | None:
     """The wall in which the edge lies whether or not it crosses here, when another contact warrants that."""
     shared = taken_turns(assembly, touch, together)
     if shared is None:
@@ -212,7 +212,7 @@ def _shared_wall(assembly: Assembly, touch: Touch, together: Sequence[Touch], wa
     return shared if any(_more_proper(assembly, t, touch, shared, way) for t in rims) else None
 
 
-def _in_edges(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: _Way) -> int:
+def _in_edges(assembly: PartPair, touch: Touch, together: Sequence[Touch], way: _Way) -> int:
     shared = _shared_wall(assembly, touch, together, way)
     # In a shared wall the edge lies, and does not cross it.
     walls = [wall for wall in touch.faces if shared is None or not assembly.agree(wall, shared)]
@@ -229,7 +229,7 @@ def _in_edges(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: 
     return best
 
 
-def _within(assembly: Assembly, touch: Touch, crossing: _Crossing, sides: int, way: _Way) -> int:
+def _within(assembly: PartPair, touch: Touch, crossing: _Crossing, sides: int, way: _Way) -> int:
     """How far a crossing stays from the ends of the fixed edge, `sides` at most.
 
     The moving edge's ends stay `sides` on their sides of the wall; `UNBOUNDED` where the edge lies in one.
@@ -255,7 +255,7 @@ def _within(assembly: Assembly, touch: Touch, crossing: _Crossing, sides: int, w
     return found
 
 
-def _blocked(assembly: Assembly, wall: Plane, end: Vector, inward: Vector, room: int) -> bool:
+def _blocked(assembly: PartPair, wall: Plane, end: Vector, inward: Vector, room: int) -> bool:
     """Whether the fixed edge's line goes on, beyond its end, within a piece, or its face in the plane of `wall`.
 
     An edge that crosses the wall there would enter that piece, which the separations rule out.
@@ -274,7 +274,7 @@ def _blocked(assembly: Assembly, wall: Plane, end: Vector, inward: Vector, room:
     return False
 
 
-def _on_moving_face(assembly: Assembly, touch: Touch, way: _Way) -> int:
+def _on_moving_face(assembly: PartPair, touch: Touch, way: _Way) -> int:
     w = touch.fixed[0]
     # Holes of a moving face are not looked at: nothing is claimed of a face with some.
     if len(assembly.moving.faces[touch.face].loops) > 1:

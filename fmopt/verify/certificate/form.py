@@ -42,10 +42,10 @@ from fmopt.verify.arithmetic.rational import (
     times,
     unit,
 )
-from fmopt.verify.certificate.contact_implications import Facts
+from fmopt.verify.certificate.contact_implications import CheckedFacts
 from fmopt.verify.certificate.error_set import dual
-from fmopt.verify.parts.assembly import Assembly, Task, Touch
-from fmopt.verify.parts.rows import DirectionAlong, Distance, Extent, Function, PointAbove, size
+from fmopt.verify.parts.assembly import PartPair, Passage, Touch
+from fmopt.verify.parts.rows import DirectionAlong, Distance, Function, PointAbove, Spread, size
 from fmopt.verify.parts.solids import Plane
 
 _ALONGSIDE = 1_000_000  # times as fast as others the contact comes nearer that is made, and not passed
@@ -54,9 +54,9 @@ _ALONGSIDE = 1_000_000  # times as fast as others the contact comes nearer that 
 class Tied(Protocol):
     """A piece of motion whose errors contacts tie; see `propagation.Motion`."""
 
-    assembly: Assembly
-    task: Task
-    extent: Extent
+    assembly: PartPair
+    task: Passage
+    extent: Spread
     held: list[Function]
     made: Function | None
     directions: tuple[Row, ...]
@@ -100,12 +100,12 @@ class _Known(NamedTuple):
     room: Callable[[PointAbove], int]
 
     @property
-    def assembly(self) -> Assembly:
+    def assembly(self) -> PartPair:
         """The parts."""
         return self.piece.assembly
 
     @property
-    def task(self) -> Task:
+    def task(self) -> Passage:
         """The piece that is to be carried through."""
         return self.piece.task
 
@@ -183,7 +183,7 @@ class _Known(NamedTuple):
     def _between(self, other: Touch, made: Function) -> DirectionAlong | None:
         """By what direction, which the held contacts have at zero, two contacts that are made together differ."""
         touch, assembly = self.task.made, self.assembly
-        facts = Facts(assembly, self.task.state, self.task.goal.R)
+        facts = CheckedFacts(assembly, self.task.state, self.task.goal.R)
         if touch is None or other.kind != touch.kind:
             return None
         if touch.kind == "vertex-face" and assembly.agree(touch.faces[0], other.faces[0]):
@@ -237,7 +237,7 @@ def loss(function: Function, form: int) -> int:
     return 2 * form if isinstance(function, DirectionAlong) else form
 
 
-def varied(start: Distance, goal: Distance, motion: Row, extent: Extent) -> int:
+def varied(start: Distance, goal: Distance, motion: Row, extent: Spread) -> int:
     """A bound of how much a row's product with a motion differs between poses of the piece."""
     straight, round_, angle = length(motion[:3]), length(motion[3:]), extent.theta + extent.turn
     change = times(angle, times(size(start, goal), round_))
@@ -246,7 +246,7 @@ def varied(start: Distance, goal: Distance, motion: Row, extent: Extent) -> int:
     return change
 
 
-def together(rows: Sequence[Distance], shares: Sequence[int], off: Sequence[int], extent: Extent) -> int:
+def together(rows: Sequence[Distance], shares: Sequence[int], off: Sequence[int], extent: Spread) -> int:
     """What a combination of rows differs by from its linear part where a piece ends, with errors in its box, at most.
 
     Beyond that a row is ½ε·G ε + ε·(β × M e), G = w uᵀ + β yᵀ made symmetric less its trace, and no more than |ε|³/6

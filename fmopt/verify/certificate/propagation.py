@@ -35,7 +35,7 @@ from fmopt.verify.arithmetic.rational import (
 from fmopt.verify.certificate.error_set import (
     NO_ROW,
     NOTHING,
-    ErrorSet,
+    ErrorShape,
     blurred,
     complement,
     congruent,
@@ -54,8 +54,8 @@ from fmopt.verify.certificate.error_set import (
     without,
 )
 from fmopt.verify.certificate.form import levers, loss, together
-from fmopt.verify.parts.assembly import Assembly, Task
-from fmopt.verify.parts.rows import DirectionAlong, Distance, Extent, Function, PointAbove, coarse, remainder, size
+from fmopt.verify.parts.assembly import PartPair, Passage
+from fmopt.verify.parts.rows import DirectionAlong, Distance, Function, PointAbove, Spread, coarse, remainder, size
 from fmopt.verify.remembered import remembered
 
 _HALF, _ROUNDS, _ABOVE = ONE >> 1, 60, 10**11  # rounds in which levers rise, by 1/_ABOVE beyond what follows
@@ -82,7 +82,7 @@ class Motion:
             to the contact it is to make.
     """
 
-    def __init__(self, assembly: Assembly, task: Task, errors: ErrorSet) -> None:
+    def __init__(self, assembly: PartPair, task: Passage, errors: ErrorShape) -> None:
         self.assembly = assembly
         self.task = task
         self.errors = errors
@@ -92,7 +92,7 @@ class Motion:
         self.length = measure(self.twist, task.rho)
         if self.length < ONE >> 40:  # 0.9 pm in the metric of ρ
             raise ArithmeticRefusal("a piece of motion goes nowhere")
-        self.extent = Extent(turn, length(turn), travel, task.theta, task.angles, task.box)
+        self.extent = Spread(turn, length(turn), travel, task.theta, task.angles, task.box)
         self._move_on()
         self._hold()
         self._make()
@@ -327,7 +327,7 @@ class Motion:
             around = square_of([len(thick) * x for x in r] for r in gram(thick))
             shape = outer_sum(shape, around, weights)
         core = tuple(image(self.projector, g) for g in self.moved)
-        self.goal_errors = ErrorSet(core, thick, drifts[0], drifts[1], blurred(shape), self.linkage)
+        self.goal_errors = ErrorShape(core, thick, drifts[0], drifts[1], blurred(shape), self.linkage)
         ends = self.errors.half_widths(self.start_slack), self.goal_errors.half_widths(thick)
         self.half = [max(a, b) + self.coupling[k // 3] for k, (a, b) in enumerate(zip(*ends, strict=True))]
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from fmopt.verify.arithmetic.rational import ONE, dot, fixed, length, over, sub, unit, vector
 from fmopt.verify.certificate.edge_planes import Known, edge_rows
 from fmopt.verify.certificate.propagation import Motion
-from fmopt.verify.parts.assembly import Assembly, over_balls
+from fmopt.verify.parts.assembly import PartPair, over_balls
 from fmopt.verify.parts.rows import Distance, FaceAbove, Function, PointAbove
 from fmopt.verify.parts.solids import Plane, Shape, near
-from fmopt.verify.reading.document import Witness
+from fmopt.verify.reading.document import StatedWitness
 
 
 class WitnessError(ValueError):
@@ -25,7 +25,7 @@ class Apart:
     tightest: tuple[Distance, Distance] | None
 
 
-def apart(assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known) -> Apart:
+def apart(assembly: PartPair, M: Shape, F: Shape, witness: StatedWitness, motion: Motion, known: Known) -> Apart:
     """Margin and clearance of a witness over a piece of motion.
 
     Raises:
@@ -74,7 +74,7 @@ def _face(shape: Shape, loop: tuple[int, ...]) -> int:
     return found
 
 
-def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
+def _fixed_plane_rows(assembly: PartPair, M: Shape, F: Shape, witness: StatedWitness, known: Known) -> list[Function]:
     done: set[int] = set()
     if witness.kind == "plane":
         # Contacts say nothing of a plane of its own: no row is excused.
@@ -106,7 +106,7 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
     return [PointAbove(plane, M.vertices[k], M.lengths[k]) for k in kept]
 
 
-def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
+def _moving_face_rows(assembly: PartPair, M: Shape, F: Shape, witness: StatedWitness, known: Known) -> list[Function]:
     face = _face(M, witness.moving)
     plane, backed = M.supporting(face), assembly.backed(assembly.moving, M, face)
     done: set[int] = set()

@@ -25,9 +25,9 @@ from typing import NamedTuple
 
 from fmopt.verify.arithmetic.rational import doubles, sub
 from fmopt.verify.findings import RELATIVE, Notes
-from fmopt.verify.parts.reach import Contact, cross, dot
+from fmopt.verify.parts.reach import PosedContact, cross, dot
 from fmopt.verify.parts.rows import pose
-from fmopt.verify.reading.document import Hybrid, JamFree, Specification
+from fmopt.verify.reading.document import Hybrid, JamFree, StatedSpecification
 from fmopt.verify.reading.reader import Numbers
 
 _STRICT = 1e-9  # of unit twists, by which each contact must be opened beyond friction
@@ -43,8 +43,8 @@ class Drive(NamedTuple):
     stopped; `scale` has factors (6,) that make twists comparable.
     """
 
-    held: Sequence[Contact]
-    made: Sequence[Contact]
+    held: Sequence[PosedContact]
+    made: Sequence[PosedContact]
     twist: Numbers
     along: Numbers
     rows: Sequence[Numbers]
@@ -56,7 +56,7 @@ class Drive(NamedTuple):
         return tuple(x * s for x, s in zip(self.along, self.scale, strict=True))
 
 
-def check_jam_free(hybrid: Hybrid, drive: Drive, goal: Numbers, asked: Specification, notes: Notes) -> None:
+def check_jam_free(hybrid: Hybrid, drive: Drive, goal: Numbers, asked: StatedSpecification, notes: Notes) -> None:
     """Judges what a strategy says of the directions in which its wrench may turn, at the goal (6,) of its segment."""
     stated, held, along, scale = hybrid.jam_free, drive.held, drive.along, drive.scale
     if stated is None:
@@ -128,7 +128,7 @@ def _directions(hybrid: Hybrid, along: Numbers, scale: Numbers, goal: Numbers) -
     return found
 
 
-def check_stays(hybrid: Hybrid, drive: Drive, asked: Specification, notes: Notes) -> None:
+def check_stays(hybrid: Hybrid, drive: Drive, asked: StatedSpecification, notes: Notes) -> None:
     """Judges what a strategy says its held contacts stay closed under."""
     held, made, V, _, rows, scale = drive
     if hybrid.stays == "none" or not held or (not made and hybrid.stays == "push"):

@@ -38,13 +38,13 @@ from fmopt.verify.arithmetic.rational import (
 from fmopt.verify.findings import Notes, micrometres
 from fmopt.verify.parts.rows import pose
 from fmopt.verify.parts.solids import DEVIATION, Shape
-from fmopt.verify.reading.document import Lift, MoveRecovery, Plan, Segment
+from fmopt.verify.reading.document import Lift, MoveRecovery, Segment, StatedPlan
 from fmopt.verify.reading.reader import Numbers
 
 _UPRIGHT = ONE >> 20  # faces lean over by less than this where they may count as vertical
 
 
-def check_recovery(plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None:
+def check_recovery(plan: StatedPlan, parts: tuple[Shape, Shape], notes: Notes) -> None:
     """Judges the recovery that a plan offers; a plan without any is not judged."""
     recovery = plan.recovery
     if recovery is None:
@@ -79,7 +79,9 @@ def underside(shape: Shape) -> int:
     return max(heights, default=min(v[2] for v in shape.vertices))
 
 
-def _check_moves(entries: Sequence[MoveRecovery], plan: Plan, part: Shape, lift: Lift | None, notes: Notes) -> None:
+def _check_moves(
+    entries: Sequence[MoveRecovery], plan: StatedPlan, part: Shape, lift: Lift | None, notes: Notes
+) -> None:
     """That each move backs off only where the part stays above what it could be lifted into."""
     pieces: dict[int, list[Segment]] = {}
     for segment in plan.segments:
@@ -136,7 +138,7 @@ def _sunk(w: Vector, reach: int, down: int, tilts: Vector) -> int:
     return down + times(tilts[0], abs(w[1])) + times(tilts[1], abs(w[0])) + (times(reach, dot(tilts, tilts)) >> 1) + 4
 
 
-def _check_carrying(lift: Lift, plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None:
+def _check_carrying(lift: Lift, plan: StatedPlan, parts: tuple[Shape, Shape], notes: Notes) -> None:
     """That the part is above the fixed part as it is turned back, shifted and lowered to a start pose."""
     shape, top = parts[0], max(v[2] for v in parts[1].vertices)
     first = pose(plan.segments[0].start)

@@ -35,10 +35,10 @@ from fmopt.verify.arithmetic.rational import doubles, number, sub
 from fmopt.verify.certificate.chain import Stage
 from fmopt.verify.control.jamming import Drive, check_jam_free, check_stays
 from fmopt.verify.findings import RELATIVE, Notes
-from fmopt.verify.parts.assembly import Assembly, Touch
-from fmopt.verify.parts.reach import Contact, cross, dot, touching, unit_wrench
-from fmopt.verify.parts.rows import Pose, pose
-from fmopt.verify.reading.document import Hybrid, Specification
+from fmopt.verify.parts.assembly import PartPair, Touch
+from fmopt.verify.parts.reach import PosedContact, cross, dot, touching, unit_wrench
+from fmopt.verify.parts.rows import CheckedPose, pose
+from fmopt.verify.reading.document import Hybrid, StatedSpecification
 from fmopt.verify.reading.reader import Numbers
 
 _SURE = 1.25  # times the threshold that the push alone must bring about
@@ -51,7 +51,7 @@ _ROUNDING = 1e-9  # relative
 
 
 def check_strategy(
-    assembly: Assembly, stage: Stage, rho: float, error: Numbers, asked: Specification, notes: Notes
+    assembly: PartPair, stage: Stage, rho: float, error: Numbers, asked: StatedSpecification, notes: Notes
 ) -> None:
     """Judges the strategy of a segment."""
     hybrid = stage.segment.hybrid
@@ -78,8 +78,8 @@ def check_strategy(
 
 
 def _listed(
-    assembly: Assembly, stage: Stage, field: str, names: Sequence[str], due: Sequence[Touch], notes: Notes
-) -> list[Contact] | None:
+    assembly: PartPair, stage: Stage, field: str, names: Sequence[str], due: Sequence[Touch], notes: Notes
+) -> list[PosedContact] | None:
     """The contacts that a strategy lists, when they are those of the due ones that touch at the goal."""
     goal = pose(stage.segment.goal)
     known = {touch.id: touch for touch in due}
@@ -97,7 +97,7 @@ def _listed(
     return [unit_wrench(known[name], goal) for name in names]
 
 
-def _axes(hybrid: Hybrid, held: Sequence[Contact], stage: Stage, scale: Numbers, notes: Notes) -> None:
+def _axes(hybrid: Hybrid, held: Sequence[PosedContact], stage: Stage, scale: Numbers, notes: Notes) -> None:
     """That the position axes do no work on the held contacts, and that both kinds are orthonormal in the metric of ρ.
 
     How many there are, that they are independent, and that each kind is reciprocal to the other is checked before:
@@ -127,7 +127,7 @@ def _axes(hybrid: Hybrid, held: Sequence[Contact], stage: Stage, scale: Numbers,
                     return
 
 
-def _bias(hybrid: Hybrid, drive: Drive, asked: Specification, notes: Notes) -> None:
+def _bias(hybrid: Hybrid, drive: Drive, asked: StatedSpecification, notes: Notes) -> None:
     """That the bias presses every held contact, and pushes the part towards the one to be made."""
     held, made, V, u = drive.held, drive.made, drive.twist, drive.wrench
     forces = [force for _, force in hybrid.pressed]
@@ -157,7 +157,7 @@ def _along(V: Numbers, basis: Sequence[Numbers], scale: Numbers) -> Numbers:
     return tuple(x / size for x in free) if size > _RANK else (0.0,) * 6
 
 
-def _end(hybrid: Hybrid, drive: Drive, stage: Stage, asked: Specification, notes: Notes) -> None:
+def _end(hybrid: Hybrid, drive: Drive, stage: Stage, asked: StatedSpecification, notes: Notes) -> None:
     """When the move ends: wrench, threshold, travel and time."""
     reaction, rho = _mean(drive.made), drive.scale[3]
     if drive.made and not dot(reaction, drive.twist) < 0.0:
@@ -178,7 +178,7 @@ def _end(hybrid: Hybrid, drive: Drive, stage: Stage, asked: Specification, notes
             notes.add(what, f"is stated as {stated!r}, but follows as {value!r}")
 
 
-def _mean(contacts: Sequence[Contact]) -> Numbers:
+def _mean(contacts: Sequence[PosedContact]) -> Numbers:
     return tuple(sum(c.wrench[k] for c in contacts) / max(len(contacts), 1) for k in range(6))
 
 
@@ -209,7 +209,7 @@ def _rest(vector: Numbers, rows: Sequence[Numbers]) -> Numbers:
     return vector
 
 
-def allowed_speed(hybrid: Hybrid, asked: Specification) -> float:
+def allowed_speed(hybrid: Hybrid, asked: StatedSpecification) -> float:
     """The speed (m/s) that a strategy has to state, from the normal speed that it states for a unit twist."""
     if hybrid.impact is None or asked.impact is None:
         return asked.speed
@@ -221,14 +221,16 @@ def allowed_speed(hybrid: Hybrid, asked: Specification) -> float:
 class Arrival(NamedTuple):
     """How a part comes to a segment's end: a unit twist V (6,), and by how much it may be turned from there, rad."""
 
-    goal: Pose
+    goal: CheckedPose
     twist: Numbers
     theta: float
     error: Numbers
     rho: float
 
 
-def check_impact(hybrid: Hybrid, made: Sequence[Touch], arrival: Arrival, asked: Specification, notes: Notes) -> None:
+def check_impact(
+    hybrid: Hybrid, made: Sequence[Touch], arrival: Arrival, asked: StatedSpecification, notes: Notes
+) -> None:
     """Judges what a strategy says of the impact that ends its move."""
     if asked.impact is None or not made:
         if hybrid.impact is not None:
@@ -268,7 +270,7 @@ def _met(touch: Touch, arrival: Arrival) -> float:
     return found
 
 
-def _normal(touch: Touch, goal: Pose, arms: Sequence[Numbers], theta: float) -> tuple[Numbers, float]:
+def _normal(touch: Touch, goal: CheckedPose, arms: Sequence[Numbers], theta: float) -> tuple[Numbers, float]:
     """The unit normal of a contact, and by what angle errors may turn it."""
     if touch.kind in ("vertex-face", "ball-face") and touch.plane is not None:
         return doubles(touch.plane.normal), 0.0

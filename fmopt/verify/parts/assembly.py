@@ -8,9 +8,9 @@ from typing import NamedTuple
 from fmopt.verify.arithmetic.rational import ONE, Row, Vector, add, cross, dot, fixed, length, scaled, sub
 from fmopt.verify.parts.covering import uncovered
 from fmopt.verify.parts.incidence import Incidence
-from fmopt.verify.parts.rows import DirectionAlong, EdgesApart, FaceAbove, Function, PointAbove, Pose
+from fmopt.verify.parts.rows import CheckedPose, DirectionAlong, EdgesApart, FaceAbove, Function, PointAbove
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, line
-from fmopt.verify.reading.document import Contact, Plan
+from fmopt.verify.reading.document import StatedContact, StatedPlan
 from fmopt.verify.remembered import remembered
 
 
@@ -62,11 +62,11 @@ class Rim(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Task:
+class Passage:
     """The piece to be carried through."""
 
-    start: Pose
-    goal: Pose
+    start: CheckedPose
+    goal: CheckedPose
     held: tuple[tuple[Touch, Row], ...]
     made: Touch | None
     state: tuple[Touch, ...]
@@ -89,14 +89,14 @@ class Task:
         return [*(touch for touch, _ in self.held), *([] if self.made is None else [self.made])]
 
 
-class Assembly(Incidence):
+class PartPair(Incidence):
     """The parts, their convex pieces and the contacts of a plan.
 
     Attributes:
         form: how far the surfaces of both parts may lie from these, together, m.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: StatedPlan) -> None:
         super().__init__(plan.moving, plan.fixed)
         self.form = fixed(plan.moving.form) + fixed(plan.fixed.form)
         self.touches: dict[str, Touch] = {}
@@ -125,7 +125,7 @@ class Assembly(Incidence):
         """|v|, rounded up."""
         return length(v)
 
-    def _resolve(self, contact: Contact) -> Touch | None:
+    def _resolve(self, contact: StatedContact) -> Touch | None:
         own = tuple(self.moving.vertices[i] for i in contact.moving)
         other = tuple(self.fixed.vertices[i] for i in contact.fixed)
         plane: Plane | None = None
@@ -257,7 +257,7 @@ def middle(points: Sequence[Vector]) -> Vector:
     return (total[0] // n, total[1] // n, total[2] // n)
 
 
-def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plane | None:
+def taken_turns(assembly: PartPair, touch: Touch, held: Sequence[Touch]) -> Plane | None:
     """The wall along an edge contact's fixed edge that its moving edge lies in whether or not it still crosses there.
 
     Held on the wall is one end of the moving edge, and either its other end or a crossing of the same edge with another
@@ -272,7 +272,7 @@ def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plan
     return None
 
 
-def other_rim(assembly: Assembly, touch: Touch, other: Touch, wall: Plane) -> bool:
+def other_rim(assembly: PartPair, touch: Touch, other: Touch, wall: Plane) -> bool:
     """Whether another contact has the same moving edge against another rim of the wall."""
     return (
         other.kind == "edge-edge"

@@ -1,10 +1,10 @@
 """That convex pieces make up a part: the two agree as sets, which is decided exactly.
 
 Each piece stands for two bodies of half-spaces, one a little larger than its hull and one a little smaller (see
-`Hull`). Of the larger ones, the boundary of their union is in what is left of the faces of each without the inside of
-all others. Where none of that meets the part's surface or is inside the part, and every shell of the surface has a
-vertex inside one of them, they cover the part: else their boundary would divide the inside of the part between them and
-what is not covered, and had an area there. The part is nowhere farther from them than `DEVIATION`.
+`ConvexPiece`). Of the larger ones, the boundary of their union is in what is left of the faces of each without the
+inside of all others. Where none of that meets the part's surface or is inside the part, and every shell of the surface
+has a vertex inside one of them, they cover the part: else their boundary would divide the inside of the part between
+them and what is not covered, and had an area there. The part is nowhere farther from them than `DEVIATION`.
 
 Nothing of a piece sticks out where the part's surface does not meet the smaller body, and one point of that is inside.
 
@@ -32,7 +32,7 @@ from fmopt.verify.arithmetic.lattice import (
     Place,
     Point,
     TooMuchWork,
-    Work,
+    WorkLeft,
     apart,
     bounds,
     common,
@@ -43,7 +43,7 @@ from fmopt.verify.arithmetic.lattice import (
 )
 from fmopt.verify.arithmetic.rational import ONE
 from fmopt.verify.parts.solids import Shape
-from fmopt.verify.parts.surface import Surface
+from fmopt.verify.parts.surface import CutSurface
 
 # Steps that may be taken: what parts take is about the square of their number of vertices.
 _LEAST_STEPS = 20_000
@@ -61,13 +61,13 @@ def uncovered(part: Shape, pieces: Sequence[Shape]) -> Iterator[str]:
     """What keeps the faces of a part from being the surface of a solid, and its convex pieces from being that solid."""
     size = sum(len(shape.vertices) + len(shape.faces) for shape in (part, *pieces))
     # The work is bounded, as a plan may come from anybody: what takes longer is refused, not waited for.
-    work = Work(min(_MOST_STEPS, _LEAST_STEPS + _SHARE * size * size))
+    work = WorkLeft(min(_MOST_STEPS, _LEAST_STEPS + _SHARE * size * size))
     try:
-        surface = Surface(part, work)
+        surface = CutSurface(part, work)
         if surface.flaws:
             yield from surface.flaws
             return
-        hulls = [Hull(piece, work) for piece in pieces]
+        hulls = [ConvexPiece(piece, work) for piece in pieces]
         flaws = [f"piece {n}: {flaw}" for n, hull in enumerate(hulls) for flaw in hull.flaws()]
         yield from flaws
         if not flaws:
@@ -80,7 +80,7 @@ def uncovered(part: Shape, pieces: Sequence[Shape]) -> Iterator[str]:
         yield "the part and its pieces take too many steps to compare"
 
 
-def _sticking_out(surface: Surface, hulls: Sequence[Hull], work: Work) -> Iterator[int]:
+def _sticking_out(surface: CutSurface, hulls: Sequence[ConvexPiece], work: WorkLeft) -> Iterator[int]:
     """The pieces that the surface meets, or that are outside of it."""
     corners = [tuple(place(p) for p in surface.corners(t)) for t in range(len(surface.triangles))]
     for n, hull in enumerate(hulls):
@@ -92,7 +92,7 @@ def _sticking_out(surface: Surface, hulls: Sequence[Hull], work: Work) -> Iterat
             yield n
 
 
-def _open(surface: Surface, hulls: Sequence[Hull], work: Work) -> Place | None:
+def _open(surface: CutSurface, hulls: Sequence[ConvexPiece], work: WorkLeft) -> Place | None:
     """A place inside the part, or on its surface, that the pieces leave uncovered; None where there is none."""
     for shell in surface.shells:
         start = place(surface.points[surface.triangles[shell[0]][0]])
@@ -111,7 +111,7 @@ def _open(surface: Surface, hulls: Sequence[Hull], work: Work) -> Place | None:
     return None
 
 
-def _left_of(face: Cell, others: Sequence[Hull], work: Work) -> list[Cell]:
+def _left_of(face: Cell, others: Sequence[ConvexPiece], work: WorkLeft) -> list[Cell]:
     """What of a face is in none of the other bodies."""
     cells = [face]
     box = bounds(face.corners)
@@ -126,7 +126,7 @@ def _left_of(face: Cell, others: Sequence[Hull], work: Work) -> list[Cell]:
     return cells
 
 
-def _meets(surface: Surface, corners: Sequence[Sequence[Place]], cell: Cell) -> bool:
+def _meets(surface: CutSurface, corners: Sequence[Sequence[Place]], cell: Cell) -> bool:
     """Whether the surface has a point of a cell."""
     box = bounds(cell.corners)
     return any(
@@ -221,14 +221,14 @@ def meeting(p: HalfSpace, q: HalfSpace, r: HalfSpace) -> Place:
     return (-x, -y, -z, -size) if size < 0 else (x, y, z, size)
 
 
-class Hull:
+class ConvexPiece:
     """A convex piece.
 
     Attributes:
         outer, inner: half-spaces of the faces, beyond the outermost vertex and behind the innermost of the face.
     """
 
-    def __init__(self, shape: Shape, work: Work) -> None:
+    def __init__(self, shape: Shape, work: WorkLeft) -> None:
         self.points: tuple[Point, ...] = tuple(on_lattice(v) for v in shape.vertices)
         self.loops: tuple[Loops, ...] = tuple(face.loops for face in shape.faces)
         self.outer: list[HalfSpace] = []

@@ -29,7 +29,7 @@ from fmopt.verify.arithmetic.exact import (
 from fmopt.verify.arithmetic.rational import ONE, Vector, add, cross, dot, fixed, length, over, root, scaled, sub, times
 from fmopt.verify.parts.covering import DEVIATION as COVERED
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, short
-from fmopt.verify.reading.document import Body, Part
+from fmopt.verify.reading.document import Body, StatedPart
 from fmopt.verify.remembered import remembered
 
 _LOSSES = 32  # at most so many deviations add up, see `facet_margin` for the most of them
@@ -64,7 +64,7 @@ class Incidence:
 
     form = 0  # m: how far surfaces may lie from these, see `Assembly`
 
-    def __init__(self, moving: Part, fixed: Part) -> None:
+    def __init__(self, moving: StatedPart, fixed: StatedPart) -> None:
         self.moving, self.fixed = Shape(moving.body), Shape(fixed.body)
         self.moving_pieces = tuple(Shape(_sharing(piece, moving.body)) for piece in (*moving.pieces, *moving.balls))
         self.fixed_pieces = tuple(Shape(_sharing(piece, fixed.body)) for piece in fixed.pieces)

@@ -6,15 +6,15 @@ from operator import mul
 from typing import NamedTuple
 
 from fmopt.verify.arithmetic.rational import doubles, number, transposed
-from fmopt.verify.parts.assembly import Assembly, Touch
-from fmopt.verify.parts.rows import Pose
+from fmopt.verify.parts.assembly import PartPair, Touch
+from fmopt.verify.parts.rows import CheckedPose
 from fmopt.verify.parts.solids import Shape
 from fmopt.verify.reading.reader import Numbers
 
 _LEVEL = 1e-3  # sine of the angle below which two edges cross in no one point
 
 
-class Contact(NamedTuple):
+class PosedContact(NamedTuple):
     """A contact at a pose."""
 
     point: Numbers  # where it touches, in the world, m
@@ -31,7 +31,7 @@ class Contact(NamedTuple):
         return math.hypot(x - along * a, y - along * b, z - along * c)
 
 
-def unit_wrench(touch: Touch, X: Pose) -> Contact:
+def unit_wrench(touch: Touch, X: CheckedPose) -> PosedContact:
     """The contact with its wrench at a pose."""
     centre: Numbers | None = None
     # Doubles are enough here: forces are judged with margins far above rounding, unlike distances.
@@ -59,10 +59,10 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
         normal = tuple(-x for x in _turned(touch.plane.normal, X))
         point = doubles(touch.fixed[0])
     arm = _sub(point, X.in_doubles[0])
-    return Contact(point, arm, (*normal, *cross(arm, normal)), centre)
+    return PosedContact(point, arm, (*normal, *cross(arm, normal)), centre)
 
 
-def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
+def touching(assembly: PartPair, touch: Touch, X: CheckedPose) -> float:
     """How far the touching point lies inside both features (m), negative outside; for level edges minus 1 m."""
     if touch.kind in ("vertex-face", "ball-face"):
         return _inside(assembly.fixed, touch.face, _placed(touch.moving[0], X))
@@ -104,12 +104,12 @@ def _inside(shape: Shape, face: int, point: Numbers) -> float:
     return nearest if within else -nearest
 
 
-def _turned(v: Sequence[int], X: Pose) -> Numbers:
+def _turned(v: Sequence[int], X: CheckedPose) -> Numbers:
     w = doubles(v)
     return tuple([dot(line, w) for line in X.in_doubles[1]])
 
 
-def _placed(v: Sequence[int], X: Pose) -> Numbers:
+def _placed(v: Sequence[int], X: CheckedPose) -> Numbers:
     a, b, c = _turned(v, X)
     x, y, z = X.in_doubles[0]
     return (a + x, b + y, c + z)

@@ -10,7 +10,7 @@ its linear part, interpolated between the ends of a piece of motion, is bounded 
 How much rows differ from their linear parts over a piece of motion and its errors.
 
 A row's linear part is interpolated between the ends of the piece; `remainder` bounds what is left, with everything that
-it asks of the same vectors remembered by the `Extent` of the piece.
+it asks of the same vectors remembered by the `Spread` of the piece.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ FREE: Vector = (0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class CheckedPose:
     """A nominal pose: position, m, and rotation matrix; it remembers the vectors and points that it has turned."""
 
     p: Vector
@@ -66,10 +66,10 @@ class Pose:
 
 
 @lru_cache(maxsize=256)
-def pose(x: tuple[float, ...]) -> Pose:
+def pose(x: tuple[float, ...]) -> CheckedPose:
     """The pose of six floats (x, y, z, rotation vector)."""
     # Poses come again with each neighbour of a segment: what was turned for one serves the next.
-    return Pose(vector(x[:3]), exponential(vector(x[3:])))
+    return CheckedPose(vector(x[:3]), exponential(vector(x[3:])))
 
 
 class Bend(NamedTuple):
@@ -115,11 +115,11 @@ class PointAbove(NamedTuple):
     v: Vector
     reach: int
 
-    def value(self, X: Pose) -> int:
+    def value(self, X: CheckedPose) -> int:
         """The value alone."""
         return self.plane.height(X.apply(self.v))
 
-    def at(self, X: Pose) -> Distance:
+    def at(self, X: CheckedPose) -> Distance:
         """The distance at a pose."""
         Rv, n = X.turned(self.v), self.plane.normal
         return Distance(self.plane.height(add(X.p, Rv)), n + cross(Rv, n), self.reach, n, Rv)
@@ -132,11 +132,11 @@ class DirectionAlong(NamedTuple):
     k: Vector
     reach: int
 
-    def value(self, X: Pose) -> int:
+    def value(self, X: CheckedPose) -> int:
         """The value alone."""
         return dot(self.u, X.turned(self.k))
 
-    def at(self, X: Pose) -> Distance:
+    def at(self, X: CheckedPose) -> Distance:
         """The distance at a pose."""
         u, Rk = self.u, X.turned(self.k)
         return Distance(dot(u, Rk), (0, 0, 0, *cross(Rk, u)), self.reach, u, Rk)
@@ -148,11 +148,11 @@ class FaceAbove(NamedTuple):
     plane: Plane
     w: Vector
 
-    def value(self, X: Pose) -> int:
+    def value(self, X: CheckedPose) -> int:
         """The value alone."""
         return dot(X.turned(self.plane.normal), sub(self.w, X.p)) - self.plane.offset
 
-    def at(self, X: Pose) -> Distance:
+    def at(self, X: CheckedPose) -> Distance:
         """The distance at a pose."""
         Rn, y = X.turned(self.plane.normal), sub(self.w, X.p)
         return Distance(dot(Rn, y) - self.plane.offset, neg(Rn) + cross(Rn, y), 0, FREE, FREE, Bend(Rn, y, FREE))
@@ -168,12 +168,12 @@ class EdgesApart(NamedTuple):
     fixed: Line
     v: Vector
 
-    def value(self, X: Pose) -> int:
+    def value(self, X: CheckedPose) -> int:
         """The value alone."""
         e_f, Re, y, Rk = self._terms(X)
         return dot(Re, y) + dot(e_f, Rk)
 
-    def at(self, X: Pose) -> Distance:
+    def at(self, X: CheckedPose) -> Distance:
         """The distance at a pose."""
         e_f, Re, y, Rk = self._terms(X)
         N = cross(Re, e_f) + add(cross(Re, y), cross(Rk, e_f))
@@ -183,7 +183,7 @@ class EdgesApart(NamedTuple):
     def _k(self) -> Vector:
         return cross(self.v, self.moving.direction)
 
-    def _terms(self, X: Pose) -> tuple[Vector, Vector, Vector, Vector]:
+    def _terms(self, X: CheckedPose) -> tuple[Vector, Vector, Vector, Vector]:
         e_f = self.fixed.direction
         return e_f, X.turned(self.moving.direction), cross(e_f, sub(X.p, self.fixed.point)), X.turned(self._k)
 
@@ -192,7 +192,7 @@ Function = PointAbove | DirectionAlong | FaceAbove | EdgesApart
 
 
 @dataclass(frozen=True, eq=False)
-class Extent:
+class Spread:
     """How far a piece of motion and its errors reach."""
 
     spin: Vector  # τ (3,), the nominal turn, rad
@@ -203,9 +203,9 @@ class Extent:
     box: Vector  # half-widths (3,) of the box of e, m
 
     @cached_property
-    def standing(self) -> "Extent":
+    def standing(self) -> "Spread":
         """The same errors without the motion."""
-        return Extent(FREE, 0, FREE, self.theta, self.angles, self.box)
+        return Spread(FREE, 0, FREE, self.theta, self.angles, self.box)
 
     @cached_property
     def offset(self) -> int:
@@ -252,7 +252,7 @@ def size(start: Distance, goal: Distance) -> int:
     return found
 
 
-def remainder(start: Distance, goal: Distance, extent: Extent) -> int:
+def remainder(start: Distance, goal: Distance, extent: Spread) -> int:
     """How much a row may differ from its linear part, interpolated between both ends of a piece, at most.
 
     A turn by ε adds ε × w and what is left of it, −∫(1 − t)(ε × exp(−tε)u)·(ε × w) dt for u·w: no more than
@@ -266,10 +266,10 @@ def remainder(start: Distance, goal: Distance, extent: Extent) -> int:
     return (times(extent.crossing(u), swung + swept) >> 1) + (times(extent.swept(u), swept) >> 3) + 8
 
 
-def coarse(start: Distance, goal: Distance, extent: Extent) -> int:
+def coarse(start: Distance, goal: Distance, extent: Spread) -> int:
     """A quick bound of what a row differs by from its linear part, never less than `remainder`.
 
-    κ (|u||k| + |M p + s|) with κ of `Extent`, and θD + τΔ/4 + τD/2 + Δθ/2 of a bilinear row, |M e| ≤ D.
+    κ (|u||k| + |M p + s|) with κ of `Spread`, and θD + τΔ/4 + τD/2 + Δθ/2 of a bilinear row, |M e| ≤ D.
     """
     found = times(extent.kappa, size(start, goal)) + 9
     if start.bend is not None:
@@ -279,7 +279,7 @@ def coarse(start: Distance, goal: Distance, extent: Extent) -> int:
     return found
 
 
-def _bent(start: Distance, goal: Distance, first: Bend, second: Bend, extent: Extent) -> int:
+def _bent(start: Distance, goal: Distance, first: Bend, second: Bend, extent: Spread) -> int:
     """The bound of a bilinear row u·w + β·y by its second derivatives, w = R k.
 
     In ε these are w uᵀ + β yᵀ, made symmetric, less the trace on the diagonal; in ε and e, ε·(β × M e). Both are taken
@@ -301,7 +301,7 @@ def _bent(start: Distance, goal: Distance, first: Bend, second: Bend, extent: Ex
     return least + arc + turning + third + 64
 
 
-def _second(d: Distance, bend: Bend, extent: Extent) -> int:
+def _second(d: Distance, bend: Bend, extent: Spread) -> int:
     """What second derivatives at one end come to in the box of errors, at most."""
     (u, w), (beta, y) = (d.push, d.turned), (bend.body, bend.arm)
     trace = dot(u, w) + dot(beta, y)
@@ -314,14 +314,14 @@ def _second(d: Distance, bend: Bend, extent: Extent) -> int:
     return total
 
 
-def _rate(d: Distance, bend: Bend, extent: Extent) -> tuple[Vector, Vector]:
+def _rate(d: Distance, bend: Bend, extent: Spread) -> tuple[Vector, Vector]:
     """N′, how the gradient changes along the twist: in e and in ε."""
     swept, leaned = cross(extent.spin, d.turned), cross(extent.spin, bend.body)
     turning = add(cross(swept, d.push), cross(leaned, bend.arm))
     return bend.pulled(leaned), add(turning, cross(bend.body, bend.moved(extent.travel)))
 
 
-def _felt(bend: Bend, extent: Extent) -> int:
+def _felt(bend: Bend, extent: Spread) -> int:
     """A bound of |M e|."""
     return extent.offset if bend.across == FREE else length(_box_cross(bend.across, extent.box))
 

@@ -89,7 +89,7 @@ def line(a: Vector, b: Vector) -> Line:
 
 
 @dataclass(frozen=True)
-class Face:
+class ExactFace:
     """A face: its loops of vertex indices, its plane with the outward normal, and that exactly where it is flat."""
 
     loops: tuple[tuple[int, ...], ...]
@@ -121,7 +121,7 @@ class Shape:
         self.ball = bool(body.balls) and not body.faces
         self.faces = tuple(self._face(loops) for loops in body.faces)
 
-    def _face(self, loops: tuple[tuple[int, ...], ...]) -> Face:
+    def _face(self, loops: tuple[tuple[int, ...], ...]) -> ExactFace:
         normal = area(self.vertices, loops)
         # The plane through three corners exactly; whether the others are in it decides whether the face is flat.
         exact = through(self.points[i] for i in loops[0])
@@ -130,9 +130,9 @@ class Shape:
         # Newell's normal tells which way the face looks; three corners may run the other way at a dent.
         turn = inner(exact, normal)
         if turn == 0 or any(height(exact, self.points[i]) for loop in loops for i in loop):
-            return Face(loops, self._plane(unit_of(normal), loops[0]), None)
+            return ExactFace(loops, self._plane(unit_of(normal), loops[0]), None)
         exact = exact if turn > 0 else turned_over(exact)
-        return Face(loops, self._plane(unit_of(exact), loops[0]), exact)
+        return ExactFace(loops, self._plane(unit_of(exact), loops[0]), exact)
 
     def _plane(self, normal: Vector, loop: tuple[int, ...]) -> Plane:
         offsets = [dot(normal, self.vertices[i]) for i in loop]

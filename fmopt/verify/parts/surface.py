@@ -21,7 +21,7 @@ from fmopt.verify.arithmetic.lattice import (
     Loops,
     Place,
     Point,
-    Work,
+    WorkLeft,
     apart,
     bounds,
     cross_or_touch,
@@ -41,7 +41,7 @@ Loop = tuple[int, ...]
 Triangle = tuple[int, int, int]
 
 
-class Surface:
+class CutSurface:
     """The faces of a part, cut into triangles.
 
     Attributes:
@@ -53,7 +53,7 @@ class Surface:
         TooMuchWork: they take too many steps to compare.
     """
 
-    def __init__(self, shape: Shape, work: Work) -> None:
+    def __init__(self, shape: Shape, work: WorkLeft) -> None:
         self.points: tuple[Point, ...] = tuple(on_lattice(v) for v in shape.vertices)
         self.centres = {n for n, radius in enumerate(shape.radii) if radius}
         self.loops: tuple[Loops, ...] = tuple(face.loops for face in shape.faces)
@@ -91,7 +91,7 @@ class Surface:
                 yield f"the surface is pinched at vertex {i}"
                 return
 
-    def _cut(self, work: Work) -> Iterator[str]:
+    def _cut(self, work: WorkLeft) -> Iterator[str]:
         """Cuts the faces into triangles, and tells those that cannot be cut."""
         for n, loops in enumerate(self.loops):
             normal = area(self.points, loops)
@@ -109,7 +109,7 @@ class Surface:
             self.triangles += found
             self.faces += [n] * len(found)
 
-    def _crossed(self, work: Work) -> Iterator[str]:
+    def _crossed(self, work: WorkLeft) -> Iterator[str]:
         """Tells two faces that have more in common than vertices and edges."""
         # Sorted by their least x: from the first box that begins beyond the end of one on, none meets it.
         order = sorted(range(len(self.triangles)), key=lambda t: self.boxes[t][0])
@@ -159,7 +159,7 @@ class Surface:
         p, q = (seen_along(axis, self.points[i]) for t in (one, two) for i in t if i not in shared)
         return (turn(a, b, p) > 0) == (turn(a, b, q) > 0)
 
-    def _turned(self, work: Work) -> Iterator[str]:
+    def _turned(self, work: WorkLeft) -> Iterator[str]:
         """Tells a shell that is inside out, or that stands where it bounds nothing."""
         for n, shell in enumerate(self.shells):
             # Six times the signed volume: positive where triangles look outward.
@@ -255,7 +255,7 @@ def _left(u: Point, v: Point, x: int, y: int, w: int) -> int:
     return 1 if side > 0 else -1
 
 
-def crossed(flat: Mapping[int, Flat], loops: Sequence[Loop], work: Work) -> bool:
+def crossed(flat: Mapping[int, Flat], loops: Sequence[Loop], work: WorkLeft) -> bool:
     """Whether loops cross, touch or run back along themselves or one another."""
     edges = [(loop[k - 1], i) for loop in loops for k, i in enumerate(loop)]
     work.spend(len(edges) * len(edges) // 8)
@@ -278,7 +278,7 @@ def crossed(flat: Mapping[int, Flat], loops: Sequence[Loop], work: Work) -> bool
     return False
 
 
-def triangulated(flat: Mapping[int, Flat], loops: Sequence[Loop], work: Work) -> list[Triangle] | None:
+def triangulated(flat: Mapping[int, Flat], loops: Sequence[Loop], work: WorkLeft) -> list[Triangle] | None:
     """Triangles that run counter-clockwise and have the loops as boundary; None where there are none.
 
     Of loops that neither cross nor touch they fill the polygon once: the number of triangles over a point is then how
@@ -302,7 +302,7 @@ def triangulated(flat: Mapping[int, Flat], loops: Sequence[Loop], work: Work) ->
 
 
 def _joined(
-    flat: Mapping[int, Flat], whole: list[int], hole: Loop, others: Sequence[Loop], work: Work
+    flat: Mapping[int, Flat], whole: list[int], hole: Loop, others: Sequence[Loop], work: WorkLeft
 ) -> list[int] | None:
     """The outline with a hole joined to it along a segment that crosses nothing, there and back."""
     start = max(range(len(hole)), key=lambda k: flat[hole[k]])
@@ -342,7 +342,7 @@ def _in_corner(before: Flat, at: Flat, after: Flat, p: Flat) -> bool:
     return turn(at, after, p) > 0 or turn(before, at, p) > 0
 
 
-def _ears(flat: Mapping[int, Flat], whole: list[int], work: Work) -> list[Triangle] | None:
+def _ears(flat: Mapping[int, Flat], whole: list[int], work: WorkLeft) -> list[Triangle] | None:
     """Triangles cut off a polygon one after the other."""
     found: list[Triangle] = []
     at = 0
@@ -365,7 +365,7 @@ def _ears(flat: Mapping[int, Flat], whole: list[int], work: Work) -> list[Triang
     return [*found, (i, j, l)] if turn(flat[i], flat[j], flat[l]) > 0 else None
 
 
-def _within(flat: Mapping[int, Flat], ear: Triangle, whole: Sequence[int], work: Work) -> Iterator[bool]:
+def _within(flat: Mapping[int, Flat], ear: Triangle, whole: Sequence[int], work: WorkLeft) -> Iterator[bool]:
     a, b, c = (flat[i] for i in ear)
     for k in (k for k in whole if k not in ear):
         work.spend(1)

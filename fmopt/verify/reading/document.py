@@ -33,7 +33,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Part:
+class StatedPart:
     """A part: its surface, its convex pieces, its name, and the clearance a side declared (in x, y) and measured, m.
 
     No clearance is declared where the problem declares none; `found` says how the part mates where that was found.
@@ -52,7 +52,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Contact:
+class StatedContact:
     """A primitive contact by vertex indices of the parts."""
 
     id: str
@@ -62,7 +62,7 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class Witness:
+class StatedWitness:
     """A plane between two pieces: vertex indices of the pieces, or normal and offset for kind "plane"."""
 
     kind: str
@@ -73,17 +73,17 @@ class Witness:
 
 
 @dataclass(frozen=True)
-class Separation:
+class StatedSeparation:
     """What is claimed of a pair of pieces."""
 
     moving: int
     fixed: int
-    witness: Witness
+    witness: StatedWitness
     margin: float
 
 
 @dataclass(frozen=True)
-class ContactClaim:
+class StatedContactClaim:
     """What is claimed of a contact of a segment."""
 
     id: str
@@ -140,7 +140,7 @@ class Hybrid:
 
 
 @dataclass(frozen=True)
-class Specification:
+class StatedSpecification:
     """What forces and speeds were asked for: m/s, N, N·m, friction, N, and (N, kg, N/m) where impacts are limited."""
 
     speed: float
@@ -166,14 +166,14 @@ class Segment:
     binding: str
     basis: tuple[tuple[str, Numbers, bool], ...]
     tube: Tube
-    separations: tuple[Separation, ...]
-    contacts: tuple[ContactClaim, ...]
+    separations: tuple[StatedSeparation, ...]
+    contacts: tuple[StatedContactClaim, ...]
     hybrid: Hybrid
     leaving: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Evidence:
+class StatedEvidence:
     """What a plan of presses states of its trials."""
 
     # draws, seated, first_tries: uniform draws, how many seat, and how many at the first attempt
@@ -198,7 +198,7 @@ class Evidence:
 
 
 @dataclass(frozen=True)
-class Plan:
+class StatedPlan:
     """A plan without its description."""
 
     verdict: str
@@ -209,26 +209,26 @@ class Plan:
     # sha256, digest_holds: its seal, and whether it is that of the document
     sha256: str
     digest_holds: bool
-    moving: Part
-    fixed: Part
-    contacts: tuple[Contact, ...]
+    moving: StatedPart
+    fixed: StatedPart
+    contacts: tuple[StatedContact, ...]
     segments: tuple[Segment, ...]
     start_box: Numbers  # half-widths (6,) of the start errors, m and rad
     velocity_error: Numbers  # shares of translation and of rotation
     rho: float  # characteristic length, m
     # Boxes of the start errors by the frame that they are fixed in; none where all are in the world
     sources: tuple[tuple[str, Numbers], ...]
-    specification: Specification
+    specification: StatedSpecification
     goal: Numbers
     touch: float  # how far apart parts are taken to touch, m
     not_covered: tuple[str, ...]
-    recovery: "Recovery | None" = None
+    recovery: "StatedRecovery | None" = None
     presses: int = 0  # number of segments that are presses: all or none
-    evidence: Evidence | None = None
+    evidence: StatedEvidence | None = None
     subject: str = ""  # SHA-256 of what evidence is of: parts, presses and goal
 
     @property
-    def parts(self) -> dict[str, Part]:
+    def parts(self) -> dict[str, StatedPart]:
         """The parts by side, "moving" and "fixed"."""
         return {"moving": self.moving, "fixed": self.fixed}
 
@@ -255,7 +255,7 @@ class MoveRecovery:
 
 
 @dataclass(frozen=True)
-class Recovery:
+class StatedRecovery:
     """Backing off and trying again."""
 
     lift: Lift | None  # how; None where the part cannot be lifted

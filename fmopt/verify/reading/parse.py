@@ -5,7 +5,16 @@ import re
 from dataclasses import replace
 from typing import Any
 
-from fmopt.verify.reading.document import Body, Contact, Evidence, Found, Part, Plan, Segment, Specification
+from fmopt.verify.reading.document import (
+    Body,
+    Found,
+    Segment,
+    StatedContact,
+    StatedEvidence,
+    StatedPart,
+    StatedPlan,
+    StatedSpecification,
+)
 from fmopt.verify.reading.parse_segments import RECOVERY_FIELDS, SEGMENT_FIELDS, pose, read_recovery, read_segment
 from fmopt.verify.reading.reader import FIXED_IN, FORMAT, FRAMES, UNITS, VERDICTS, Numbers, Reader, digest, fields
 
@@ -75,7 +84,7 @@ FIELDS = (
 )  # fmt: skip
 
 
-def parse(document: Any) -> Plan:
+def parse(document: Any) -> StatedPlan:
     """The plan of a JSON document.
 
     Raises:
@@ -103,7 +112,7 @@ def parse(document: Any) -> Plan:
     uncertainty, problem = top.at("uncertainty").only(_UNCERTAINTY), top.at("problem").only(_PROBLEM)
     recovery, evidence = top.maybe("recovery"), top.maybe("evidence")
     segments, presses = _segments(top, known, moving, fixed)
-    return Plan(
+    return StatedPlan(
         verdict=top.at("verdict").text(VERDICTS),
         title=problem.at("title").text(),
         problem=problem.at("sha256").sha256(),
@@ -129,7 +138,9 @@ def parse(document: Any) -> Plan:
     )
 
 
-def _segments(top: Reader, known: dict[str, None], moving: Part, fixed: Part) -> tuple[tuple[Segment, ...], int]:
+def _segments(
+    top: Reader, known: dict[str, None], moving: StatedPart, fixed: StatedPart
+) -> tuple[tuple[Segment, ...], int]:
     """The guarded moves of a plan, or how many presses it has: those are read by whoever carries them out."""
     listed = top.at("segments").items(1)
     kinds = {item.at("kind").text(KINDS) for item in listed}
@@ -144,7 +155,7 @@ def _segments(top: Reader, known: dict[str, None], moving: Part, fixed: Part) ->
     return tuple(read_segment(item, known, moving, fixed) for item in listed), 0
 
 
-def _evidence(place: Reader, presses: Reader) -> Evidence:
+def _evidence(place: Reader, presses: Reader) -> StatedEvidence:
     cell = presses.at("cell") if presses.has("cell") else None
     crowded = cell is not None and any(cell.has(side) and cell.at(side).value for side in ("moving", "fixed"))
     counts = ("draws", "seated", "first_tries", "vertices", "vertices_seated")
@@ -152,7 +163,7 @@ def _evidence(place: Reader, presses: Reader) -> Evidence:
     found |= {name: place.at(name).number(0.0, 1.0) for name in ("confidence", "bound", "min_rate")}
     for name in ("outcomes", "vertex_outcomes"):
         found[name] = tuple(_attempt(item.only(_OUTCOME), crowded) for item in place.at(name).items())
-    return Evidence(
+    return StatedEvidence(
         **found,
         subject=place.at("subject").sha256(),
         tested=place.at("level").text(("tested", "below")) == "tested",
@@ -211,7 +222,7 @@ def _balls(place: Reader) -> tuple[tuple[int, float], ...]:
     return tuple(found)
 
 
-def _part(place: Reader) -> Part:
+def _part(place: Reader) -> StatedPart:
     pieces = []
     for item in place.at("pieces").items(1, most=LARGEST_NUMBER_OF_PIECES):
         piece = _body(item.only(_PIECE))
@@ -229,7 +240,7 @@ def _part(place: Reader) -> Part:
         for n, radius in body.balls
     )
     form = place.at("form").number(0.0, LARGEST_FORM) if place.has("form") else 0.0
-    return Part(body, tuple(pieces), place.at("name").text(), clearance, measured, _found(place), balls, form)
+    return StatedPart(body, tuple(pieces), place.at("name").text(), clearance, measured, _found(place), balls, form)
 
 
 def _found(place: Reader) -> Found | None:
@@ -267,7 +278,7 @@ def _fraction(place: Reader) -> tuple[int, int]:
     return p // shared, q // shared
 
 
-def _contact(place: Reader, moving: Part, fixed: Part) -> Contact:
+def _contact(place: Reader, moving: StatedPart, fixed: StatedPart) -> StatedContact:
     kind = place.only(_CONTACT).at("kind").text(_SIZES)
     own = place.at("moving").only(_SIDE).at("vertices").indices(len(moving.body.vertices), 1)
     other = place.at("fixed").only(_SIDE).at("vertices").indices(len(fixed.body.vertices), 1)
@@ -277,7 +288,7 @@ def _contact(place: Reader, moving: Part, fixed: Part) -> Contact:
     centres = {vertex for vertex, _ in moving.body.balls}
     if kind in ("vertex-face", "ball-face") and (own[0] in centres) != (kind == "ball-face"):
         raise place.fail(f"a {kind} contact is one of a {'point' if own[0] in centres else 'ball'} of the moving part")
-    return Contact(place.at("id").label(), kind, own, other)
+    return StatedContact(place.at("id").label(), kind, own, other)
 
 
 def _framed(place: Reader) -> tuple[tuple[str, Numbers], ...]:
@@ -296,7 +307,7 @@ def _framed(place: Reader) -> tuple[tuple[str, Numbers], ...]:
     return tuple(found)
 
 
-def _specification(place: Reader) -> Specification:
+def _specification(place: Reader) -> StatedSpecification:
     names = ("speed", "contact_force", "torque_limit", "friction", "termination_force")
     limits = ("impact_force", "apparent_mass", "contact_stiffness")
     speed, contact_force, torque, friction, threshold = (place.at(name).number(0.0) for name in names)
@@ -304,4 +315,4 @@ def _specification(place: Reader) -> Specification:
     if any(place.has(name) for name in limits):
         force, mass, stiffness = (place.at(name).number(0.0, 1e12) for name in limits)
         impact = force, mass, stiffness
-    return Specification(speed, contact_force, torque, friction, threshold, impact)
+    return StatedSpecification(speed, contact_force, torque, friction, threshold, impact)

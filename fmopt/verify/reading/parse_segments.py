@@ -4,17 +4,17 @@ import math
 from collections.abc import Iterable
 
 from fmopt.verify.reading.document import (
-    ContactClaim,
     Hybrid,
     JamFree,
     Lift,
     MoveRecovery,
-    Part,
-    Recovery,
     Segment,
-    Separation,
+    StatedContactClaim,
+    StatedPart,
+    StatedRecovery,
+    StatedSeparation,
+    StatedWitness,
     Tube,
-    Witness,
 )
 from fmopt.verify.reading.reader import Fields, Numbers, Reader, fields
 
@@ -75,7 +75,7 @@ def _ids(place: Reader, known: Iterable[str]) -> tuple[str, ...]:
     return found
 
 
-def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part) -> Segment:
+def read_segment(place: Reader, known: Iterable[str], moving: StatedPart, fixed: StatedPart) -> Segment:
     """A segment, whose kind says how the rest of it reads, of a plan with contacts of known ids.
 
     Raises:
@@ -115,7 +115,7 @@ def _tube(place: Reader) -> Tube:
     return Tube(place.at("theta_max").number(0.0, 1.0), box, angles)
 
 
-def _separation(place: Reader, moving: Part, fixed: Part) -> Separation:
+def _separation(place: Reader, moving: StatedPart, fixed: StatedPart) -> StatedSeparation:
     i = place.only(_SEPARATION).at("moving_piece").integer(len(moving.pieces) + len(moving.balls))
     j = place.at("fixed_piece").integer(len(fixed.pieces))
     witness = place.at("witness").only(_WITNESS)
@@ -131,11 +131,11 @@ def _separation(place: Reader, moving: Part, fixed: Part) -> Separation:
     offset = 0.0
     if kind == "plane":
         normal, offset = witness.at("normal").numbers(3, -2.0, 2.0), witness.at("offset").number(-16.0, 16.0)
-    return Separation(i, j, Witness(kind, own, other, normal, offset), place.at("margin").number())
+    return StatedSeparation(i, j, StatedWitness(kind, own, other, normal, offset), place.at("margin").number())
 
 
-def _claim(place: Reader, known: Iterable[str]) -> ContactClaim:
-    return ContactClaim(
+def _claim(place: Reader, known: Iterable[str]) -> StatedContactClaim:
+    return StatedContactClaim(
         place.at("id").text(known),
         place.at("role").text(("held", "made")),
         place.at("normal").numbers(6),
@@ -189,11 +189,11 @@ def _jam_free(place: Reader) -> JamFree:
     )
 
 
-def read_recovery(place: Reader) -> Recovery:
+def read_recovery(place: Reader) -> StatedRecovery:
     """Backing off and trying again."""
     lift = place.only(_RECOVERY).filled("lift")
     retries = tuple(item.numbers(6, -4.0, 4.0) for item in place.at("retries").items(most=LARGEST_NUMBER_OF_RETRIES))
-    return Recovery(
+    return StatedRecovery(
         None if lift is None else _lift(lift),
         place.at("why").text(),
         retries,

@@ -9,8 +9,8 @@ import shapely
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.plane.curve import Arc, distance
-from fmopt.papers.basanez_suarez.boundary import Carrier, Piece
-from fmopt.papers.basanez_suarez.contact import Kind
+from fmopt.papers.basanez_suarez.boundary import BoundaryPiece, Carrier
+from fmopt.papers.basanez_suarez.contact import ContactType
 from fmopt.papers.basanez_suarez.edge import Case, TurnedEdge, edge_position
 from fmopt.papers.basanez_suarez.gap import wrapped
 from fmopt.papers.basanez_suarez.planar_set import PlanarSet
@@ -22,7 +22,7 @@ ORIGIN = (0.0, 0.0)
 
 
 def random_sets(count: int) -> Iterator[PlanarSet]:
-    for kind, case in ((Kind.TYPE_1, None), (Kind.TYPE_2, Case.A), (Kind.TYPE_2, Case.B)):
+    for kind, case in ((ContactType.TYPE_1, None), (ContactType.TYPE_2, Case.A), (ContactType.TYPE_2, Case.B)):
         for instance in instances(kind, case, count, seed=11):
             yield instance.cu.at(instance.phi)
 
@@ -65,7 +65,7 @@ def winding(shape: PlanarSet, points: np.ndarray, tolerance: float) -> np.ndarra
     return np.round(total / (2.0 * math.pi))
 
 
-def check_boundary(shape: PlanarSet, rng: np.random.Generator) -> list[Piece]:
+def check_boundary(shape: PlanarSet, rng: np.random.Generator) -> list[BoundaryPiece]:
     """Every law that ties a boundary to the distance from the set."""
     loops = shape.boundary()
     pieces = [piece for loop in loops for piece in loop]
@@ -159,7 +159,7 @@ def test_the_inner_arc_vanishes_when_deviations_reach_the_centre(radius: float, 
 
 def test_case_a_has_the_additional_arc_and_four_segments() -> None:
     for case, segments in ((Case.A, 4), (Case.B, 2)):
-        for instance in instances(Kind.TYPE_2, case, 40, seed=12):
+        for instance in instances(ContactType.TYPE_2, case, 40, seed=12):
             edge = instance.cu.edge
             e = edge[1] - edge[0]
             k = -float(edge[0] @ e) / float(e @ e)

@@ -7,9 +7,9 @@ import pytest
 import shapely
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.plane.curve import Segment
+from fmopt.geometry.plane.curve import LineSegment
 from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
-from fmopt.papers.basanez_suarez.contact import CU, Kind, Range, basic_contacts
+from fmopt.papers.basanez_suarez.contact import CU, ContactType, Range, basic_contacts
 from fmopt.papers.basanez_suarez.edge import Case
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.sources import Deviations
@@ -113,12 +113,12 @@ def test_polygons_of_cc_contain_it_closely(position: float, angle: float) -> Non
 
 
 def test_nominal_surface_lies_inside_and_is_the_limit() -> None:
-    for kind, case in ((Kind.TYPE_1, None), (Kind.TYPE_2, Case.A), (Kind.TYPE_2, Case.B)):
+    for kind, case in ((ContactType.TYPE_1, None), (ContactType.TYPE_2, Case.A), (ContactType.TYPE_2, Case.B)):
         for instance in instances(kind, case, 30, seed=41):
             nominal = instance.cu.without_uncertainty()
             (loop,) = nominal.at(instance.phi).boundary()
             assert len(loop) == 2
-            assert all(isinstance(piece.curve, Segment) for piece in loop)
+            assert all(isinstance(piece.curve, LineSegment) for piece in loop)
             assert nominal.at(instance.phi).area() == 0.0
             on = loop[0].curve.point(np.linspace(0.0, 1.0, 9))
             assert np.all(instance.cu.at(instance.phi).contains(on))
@@ -128,7 +128,7 @@ def test_nominal_surface_lies_inside_and_is_the_limit() -> None:
 
 def test_value_intervals_hold_what_deviations_make() -> None:
     rng = np.random.default_rng(5)
-    for kind, case in ((Kind.TYPE_1, None), (Kind.TYPE_2, Case.A), (Kind.TYPE_2, Case.B)):
+    for kind, case in ((ContactType.TYPE_1, None), (ContactType.TYPE_2, Case.A), (ContactType.TYPE_2, Case.B)):
         for instance in instances(kind, case, 60, seed=42):
             cu = instance.cu
             pose = np.array([*instance.configurations(rng.uniform(size=6)), instance.phi])
@@ -147,7 +147,7 @@ def sampled_values(cu: CU, pose: np.ndarray, q: np.ndarray, epsilon_p: float, ep
     off = epsilon_p * disc(q[:, 2], q[:, 3]) - epsilon_a * disc(q[:, 4], q[:, 5])
     e = cu.edge[1] - cu.edge[0]
     n = np.array([e[1], -e[0]]) / math.hypot(*e)
-    if cu.kind is Kind.TYPE_1:
+    if cu.kind is ContactType.TYPE_1:
         x, y = cu.vertex
         return (pose[:2] + np.stack([c * x - s * y, s * x + c * y], axis=-1) + off - cu.edge[0]) @ n
     normal = np.stack([c * n[0] - s * n[1], s * n[0] + c * n[1]], axis=-1)
@@ -227,7 +227,7 @@ def test_a_corner_that_deviations_make_convex_counts() -> None:
     (reflex,) = np.flatnonzero(bent.turns < 0.0)
     for epsilon, counted in ((1e-5, False), (1e-3, True)):
         found = basic_contacts(bent, static, Deviations(np.zeros(1), epsilon, 0.0, epsilon))
-        mine = [cu for cu in found if cu.kind is Kind.TYPE_1 and cu.moving == reflex]
+        mine = [cu for cu in found if cu.kind is ContactType.TYPE_1 and cu.moving == reflex]
         assert bool(mine) is counted
         assert all(cu.nominal is None and cu.without_uncertainty() is None for cu in mine)
 
@@ -269,7 +269,7 @@ def test_refusals() -> None:
 
 
 def test_cuv_is_cul_of_one_point() -> None:
-    for instance in instances(Kind.TYPE_1, None, 20, seed=43):
+    for instance in instances(ContactType.TYPE_1, None, 20, seed=43):
         cul = instance.cu.at(instance.phi)
         for k in (0.0, 0.3, 1.0):
             cuv = instance.cu.point_contact(instance.phi, k)

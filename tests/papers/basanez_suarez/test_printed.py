@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fmopt.papers.basanez_suarez.contact import CU, FULL, Kind, Range, basic_contacts
+from fmopt.papers.basanez_suarez.contact import CU, FULL, ContactType, Range, basic_contacts
 from fmopt.papers.basanez_suarez.edge import Case
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.reach import Reach
@@ -70,7 +70,7 @@ def test_tangent_lines_of_the_example() -> None:
     # h = 5, ε = 0.1, ε_φ = 0.05, angle of the vertex less that of the normal −1.2 − π/2.
     edge = np.array([[0.0, 0.0], [-1.0, 0.0]])
     angle = -1.2 - 0.5 * math.pi
-    cu = CU(Kind.TYPE_1, 0, 0, edge, Reach(5.0, 0.5 * math.pi).point(0.0), EVERY, EVERY, 0.05, 0.1)
+    cu = CU(ContactType.TYPE_1, 0, 0, edge, Reach(5.0, 0.5 * math.pi).point(0.0), EVERY, EVERY, 0.05, 0.1)
     instance = Instance(cu, angle, 0.1, 0.0)
     sampled = sampled_lines(instance, np.random.default_rng(2))
     np.testing.assert_allclose(sampled, (4.845, 4.464), atol=6e-4)
@@ -81,7 +81,7 @@ def test_tangent_lines_of_the_example() -> None:
 def test_tangent_lines() -> None:
     rng = np.random.default_rng(3)
     flagged = 0
-    for instance in instances(Kind.TYPE_1, None, 200, seed=31):
+    for instance in instances(ContactType.TYPE_1, None, 200, seed=31):
         cu = instance.cu
         right, sampled = lines(cu, instance.phi), sampled_lines(instance, rng)
         slack = 1e-9 * cu.at(instance.phi).size
@@ -112,7 +112,7 @@ def triangle(rng: np.random.Generator) -> Profile:
 
 def tilted(cu: CU, moving: Profile, static: Profile, total: Deviations, end: float) -> tuple[Profile, Profile]:
     """Both objects with the edges that limit the contact's orientations, the lower end for 1, turned all the way."""
-    if cu.kind is Kind.TYPE_1:
+    if cu.kind is ContactType.TYPE_1:
         one, other = cu.moving if end > 0.0 else moving.before[cu.moving], cu.static
     else:
         one, other = cu.moving, static.before[cu.static] if end > 0.0 else cu.static
@@ -133,7 +133,7 @@ def turned_edge(profile: Profile, edge: int, epsilon: float, sign: float) -> Pro
 
 def sampled_range(cu: CU, moving: Profile, static: Profile, angle: float) -> tuple[float, float]:
     """Orientations of the contact between two deviating objects at a deviating angle, near the nominal ones."""
-    if cu.kind is Kind.TYPE_1:
+    if cu.kind is ContactType.TYPE_1:
         high = static.normals[cu.static] + math.pi - moving.normals[moving.before[cu.moving]]
         low = static.normals[cu.static] + math.pi - moving.normals[cu.moving]
     else:
@@ -147,7 +147,7 @@ def sampled_range(cu: CU, moving: Profile, static: Profile, angle: float) -> tup
 
 def printed_range(cu: CU, moving: Profile, static: Profile, epsilon_a: float, both: tuple[float, float]) -> list[Range]:
     """Eqs. (31)-(34) or (42)-(45), as printed, and with the minimum at the lower end."""
-    if cu.kind is Kind.TYPE_1:
+    if cu.kind is ContactType.TYPE_1:
         lengths = static.lengths[cu.static], moving.lengths[moving.before[cu.moving]], moving.lengths[cu.moving]
         below = above = 2.0 * epsilon_a / lengths[0] + sum(both)
         below, above = below + 2.0 * epsilon_a / lengths[1], above + 2.0 * epsilon_a / lengths[2]
@@ -158,8 +158,8 @@ def printed_range(cu: CU, moving: Profile, static: Profile, epsilon_a: float, bo
     return [Range(high - below, high + above), Range(low - below, high + above)]
 
 
-@pytest.mark.parametrize("kind", list(Kind))
-def test_orientations(kind: Kind) -> None:
+@pytest.mark.parametrize("kind", list(ContactType))
+def test_orientations(kind: ContactType) -> None:
     rng = np.random.default_rng(5)
     flagged = np.zeros(2)
     for _ in range(12):
@@ -201,7 +201,7 @@ def test_turn_of_an_edge_whose_ends_move() -> None:
 
 
 def test_case_a_as_printed_leaves_contacts_out() -> None:
-    for instance in instances(Kind.TYPE_2, Case.A, 100, seed=32):
+    for instance in instances(ContactType.TYPE_2, Case.A, 100, seed=32):
         cu = instance.cu
         e = cu.edge[1] - cu.edge[0]
         k = -float(cu.edge[0] @ e) / float(e @ e)
@@ -225,7 +225,7 @@ def test_case_a_as_printed_leaves_contacts_out() -> None:
 def test_centre_of_the_additional_arc() -> None:
     # Eq. (41) keeps the centre and the direction of eq. (36): the arc of CUl lies about the vertex, turned by π.
     edge, vertex = np.array([[1.0, -0.5], [1.0, 0.5]]), np.array([4.0, 3.0])
-    cu = CU(Kind.TYPE_2, 0, 0, edge, vertex, EVERY, EVERY, 0.1, 0.05)
+    cu = CU(ContactType.TYPE_2, 0, 0, edge, vertex, EVERY, EVERY, 0.1, 0.05)
     right, printed = vertex - np.array([0.95, 0.0]), vertex + np.array([0.95, 0.0])
     assert cu.at(0.0).contains(right)
     assert not cu.at(0.0).contains(right + np.array([1e-6, 0.0]))

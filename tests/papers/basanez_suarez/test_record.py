@@ -7,9 +7,17 @@ from functools import partial
 import numpy as np
 import pytest
 
-from fmopt.papers.basanez_suarez.account import Nominal, Stretch, account, contact_sets, in_plane, reach_of, surface
+from fmopt.papers.basanez_suarez.account import (
+    PlanarPath,
+    PlanarWay,
+    account,
+    contact_sets,
+    in_plane,
+    reach_of,
+    surface,
+)
 from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
-from fmopt.papers.basanez_suarez.contact import CU, Kind, Range
+from fmopt.papers.basanez_suarez.contact import CU, ContactType, Range
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.sources import Deviations
 from fmopt.plan import Plan
@@ -29,7 +37,7 @@ RIGHT = [(0.0105, -0.04), (0.03, -0.04), (0.03, 0.0), (0.0105, 0.0)]
 
 
 def contact(name: str) -> CU:
-    kind = Kind.TYPE_1 if name == "1" else Kind.TYPE_2
+    kind = ContactType.TYPE_1 if name == "1" else ContactType.TYPE_2
     return CU(kind, 0, 1, EDGE[name], [0.03, -0.01], RANGE, SURE, 0.25, 0.003)
 
 
@@ -100,10 +108,10 @@ def described(planar: Planar) -> Plan:
 
 def told(aside: float = 2e-3, stopped_from: float = 1.0) -> Planar:
     """The account of a peg that goes straight down into a slot 1 mm wider than it is."""
-    nominal = Nominal([(0.0, 0.01, 0.0), (0.0, -0.03, 0.0)], [0.0, 4.0], ((stopped_from, 4.0, True),))
+    nominal = PlanarPath([(0.0, 0.01, 0.0), (0.0, -0.03, 0.0)], [0.0, 4.0], ((stopped_from, 4.0, True),))
     run = [
-        Stretch([(0.0, 0.01, 0.0), (0.0, -0.001, 0.0)], aside, 0.01),
-        Stretch([(0.0, -0.001, 0.0), (0.0, -0.03, 0.0)], 1e-4, 0.0),
+        PlanarWay([(0.0, 0.01, 0.0), (0.0, -0.001, 0.0)], aside, 0.01),
+        PlanarWay([(0.0, -0.001, 0.0), (0.0, -0.03, 0.0)], 1e-4, 0.0),
     ]
     return account(PEG, [LEFT, RIGHT], nominal, run)
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmopt.papers.basanez_suarez.contact import Kind
+from fmopt.papers.basanez_suarez.contact import ContactType
 from fmopt.papers.basanez_suarez.edge import Case
 from fmopt.papers.basanez_suarez.planar_set import PlanarSet
 from tests.shared.planar_sampling import Instance, deviations, instances, nearest
 
-GROUPS = [(Kind.TYPE_1, None), (Kind.TYPE_2, Case.A), (Kind.TYPE_2, Case.B)]
+GROUPS = [(ContactType.TYPE_1, None), (ContactType.TYPE_2, Case.A), (ContactType.TYPE_2, Case.B)]
 NAMES = ["type 1", "type 2 case A", "type 2 case B"]
 CASES, SAMPLES = 200, 4000
 
@@ -24,7 +24,7 @@ def support_misses(instance: Instance, shape: PlanarSet, x: np.ndarray) -> float
     return float(np.max(shape.support(n) - np.max(x @ n.T, axis=0))) / instance.uncertainty
 
 
-def test_every_sample_lies_inside(kind: Kind, case: Case | None) -> None:
+def test_every_sample_lies_inside(kind: ContactType, case: Case | None) -> None:
     rng = np.random.default_rng(1)
     for instance in instances(kind, case, CASES, seed=1):
         shape = instance.cu.at(instance.phi)
@@ -36,7 +36,7 @@ def test_every_sample_lies_inside(kind: Kind, case: Case | None) -> None:
         assert np.all(instance.cu.contains(poses))
 
 
-def test_a_set_shrunk_by_a_thousandth_is_caught(kind: Kind, case: Case | None) -> None:
+def test_a_set_shrunk_by_a_thousandth_is_caught(kind: ContactType, case: Case | None) -> None:
     rng = np.random.default_rng(2)
     for instance in instances(kind, case, CASES, seed=2):
         shape = instance.cu.at(instance.phi)
@@ -45,14 +45,14 @@ def test_a_set_shrunk_by_a_thousandth_is_caught(kind: Kind, case: Case | None) -
             assert np.any(shrunk.core_distance(x) > shrunk.radius + 1e-9 * shape.size)
 
 
-def test_the_boundary_is_reached(kind: Kind, case: Case | None) -> None:
+def test_the_boundary_is_reached(kind: ContactType, case: Case | None) -> None:
     for instance in instances(kind, case, CASES, seed=3):
         loops = instance.cu.at(instance.phi).boundary()
         points = np.array([piece.curve.point(t) for loop in loops for piece in loop for t in (0.1, 0.6)])
         assert nearest(instance, points).max() <= 1e-4 * instance.uncertainty
 
 
-def test_the_support_is_reached(kind: Kind, case: Case | None) -> None:
+def test_the_support_is_reached(kind: ContactType, case: Case | None) -> None:
     rng = np.random.default_rng(4)
     for instance in instances(kind, case, CASES, seed=4):
         shape = instance.cu.at(instance.phi)

@@ -49,7 +49,7 @@ def test_sums_of_the_paper() -> None:
 
 
 def test_the_start_box_has_the_same_sums() -> None:
-    feeder, robot = files.Configuration(position=1e-4), files.Deviation(position=3e-4, angle=0.004)
+    feeder, robot = files.Configuration(position=1e-4), files.DeviationTable(position=3e-4, angle=0.004)
     grasp = files.Grasp(position=5e-5, angle=0.001, height=0.0)
     sources = files.Sources(shape=2e-5, configuration=feeder, feeder=feeder, robot=robot, grasp=grasp)
     box = total(budget(sources, (0.0, 0.0), 0.0))

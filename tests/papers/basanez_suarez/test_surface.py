@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import sympy
 
-from fmopt.papers.basanez_suarez.contact import Kind
+from fmopt.papers.basanez_suarez.contact import ContactType
 from fmopt.papers.basanez_suarez.surface import boundary_rank, family, geometry_values
 from tests.shared.planar_sampling import Instance, instances
 
-KINDS = pytest.mark.parametrize("kind", list(Kind))
+KINDS = pytest.mark.parametrize("kind", list(ContactType))
 
 
 def drawn(instance: Instance, q: np.ndarray) -> np.ndarray:
@@ -24,7 +24,7 @@ def drawn(instance: Instance, q: np.ndarray) -> np.ndarray:
 FULL = 2.0 * math.pi
 
 
-def envelope_function(kind: Kind) -> Callable[..., Any]:
+def envelope_function(kind: ContactType) -> Callable[..., Any]:
     """(configuration, geometry, deviations) ↦ [F, k, ∂F/∂δ_φ, ∂F/∂θ_p, ∂F/∂θ_a]."""
     found = family(kind)
     arguments = (found.configuration, found.geometry, found.deviations)
@@ -33,7 +33,7 @@ def envelope_function(kind: Kind) -> Callable[..., Any]:
 
 
 @KINDS
-def test_the_family_vanishes_at_every_contact(kind: Kind) -> None:
+def test_the_family_vanishes_at_every_contact(kind: ContactType) -> None:
     rng = np.random.default_rng(1)
     function = envelope_function(kind)
     for instance in instances(kind, None, 100, seed=51):
@@ -46,7 +46,7 @@ def test_the_family_vanishes_at_every_contact(kind: Kind) -> None:
 
 
 @KINDS
-def test_without_deviations_it_is_the_nominal_surface(kind: Kind) -> None:
+def test_without_deviations_it_is_the_nominal_surface(kind: ContactType) -> None:
     rng = np.random.default_rng(2)
     function = envelope_function(kind)
     for instance in instances(kind, None, 30, seed=52):
@@ -59,7 +59,7 @@ def test_without_deviations_it_is_the_nominal_surface(kind: Kind) -> None:
 
 
 @KINDS
-def test_the_envelope_is_where_the_value_is_extreme(kind: Kind) -> None:
+def test_the_envelope_is_where_the_value_is_extreme(kind: ContactType) -> None:
     """At the least and greatest value over the deviations the conditions hold, and only there."""
     rng = np.random.default_rng(4)
     function = envelope_function(kind)
@@ -73,7 +73,7 @@ def test_the_envelope_is_where_the_value_is_extreme(kind: Kind) -> None:
             turn = turns[np.argmax(sign * values)]
             normal = normal_angle(instance, turn)
             # Both points shifted along the edge's normal, towards the extreme.
-            toward = normal if (sign > 0.0) is (kind is Kind.TYPE_1) else normal + math.pi
+            toward = normal if (sign > 0.0) is (kind is ContactType.TYPE_1) else normal + math.pi
             at = np.array([turn, instance.epsilon_p, toward, instance.epsilon_a, toward + math.pi])
             f, _, by_turn, by_p, by_a = function(pose, numbers, at)
             assert f == pytest.approx(float(bound), abs=1e-6 * (instance.uncertainty + abs(float(bound))))
@@ -90,11 +90,11 @@ def test_the_envelope_is_where_the_value_is_extreme(kind: Kind) -> None:
 def normal_angle(instance: Instance, turn: float) -> float:
     e = instance.cu.edge[1] - instance.cu.edge[0]
     psi = math.atan2(-e[0], e[1])
-    return psi if instance.cu.kind is Kind.TYPE_1 else psi + instance.phi + turn
+    return psi if instance.cu.kind is ContactType.TYPE_1 else psi + instance.phi + turn
 
 
 @KINDS
-def test_the_additional_condition_holds_on_tangent_arcs(kind: Kind) -> None:
+def test_the_additional_condition_holds_on_tangent_arcs(kind: ContactType) -> None:
     """Where neither the place on the edge nor the turn is at a limit, the points' derivatives are parallel."""
     rank = boundary_rank(kind)
     found = family(kind)
@@ -104,7 +104,7 @@ def test_the_additional_condition_holds_on_tangent_arcs(kind: Kind) -> None:
         cu = instance.cu
         values = dict(zip(found.geometry, geometry_values(cu), strict=True)) | {found.configuration[2]: instance.phi}
         at = rank.subs(values)
-        if kind is Kind.TYPE_1:
+        if kind is ContactType.TYPE_1:
             # The arm is along the normal of the edge.
             e, (x, y) = cu.edge[1] - cu.edge[0], cu.vertex
             zero = math.atan2(-e[0], e[1]) - math.atan2(y, x) - instance.phi
@@ -120,7 +120,7 @@ def test_the_additional_condition_holds_on_tangent_arcs(kind: Kind) -> None:
 
 
 def test_expressions_read_like_the_paper() -> None:
-    found = family(Kind.TYPE_1)
+    found = family(ContactType.TYPE_1)
     p_x, p_y, phi = found.configuration
     assert {p_x, p_y, phi} < found.function.free_symbols
     assert "delta_phi" in sympy.latex(found.function) or "\\delta_{\\phi}" in sympy.latex(found.function)

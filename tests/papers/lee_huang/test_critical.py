@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Union, chamfered_box
+from fmopt.geometry.csg import Box, Cylinder, Difference, Moved, Union, chamfered_box
 from fmopt.geometry.part import part_of
 from fmopt.papers.lee_huang.nominal_trajectory import critical_poses, insertion
 from fmopt.spatial.se3 import Pose
@@ -41,7 +41,7 @@ def test_a_start_off_the_axis_or_turned_changes_nothing(start):
 
 
 def test_a_hole_turned_about_its_axis_changes_nothing():
-    turned = Placed(SQUARE, Pose(np.zeros(3), Pose.from_vector([0, 0, 0, 0, 0, 0.7]).R))
+    turned = Moved(SQUARE, Pose(np.zeros(3), Pose.from_vector([0, 0, 0, 0, 0, 0.7]).R))
     assert found(PEG, turned, -0.03, turn=0.7) == found(PEG, SQUARE, -0.03)
 
 

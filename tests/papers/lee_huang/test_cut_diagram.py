@@ -25,7 +25,7 @@ def random_pose(rng: np.random.Generator, reach: float) -> Pose:
 def random_tree(rng: np.random.Generator, primitives: list[csg.Solid], depth: int) -> csg.Solid:
     """A tree of unions and differences; the first operand stays in the middle so that something is left."""
     if depth == 0:
-        return csg.Placed(primitives[int(rng.integers(len(primitives)))], random_pose(rng, 0.5))
+        return csg.Moved(primitives[int(rng.integers(len(primitives)))], random_pose(rng, 0.5))
     one, two = (random_tree(rng, primitives, depth - 1) for _ in range(2))
     return csg.Union((one, two)) if rng.random() < 0.6 else csg.Difference(one, (two,))
 
@@ -44,7 +44,7 @@ def held(solid: csg.Solid, points: Array) -> Array:
         case csg.Box() | csg.Prism() | csg.Wedge():
             body = csg.convex_polyhedron(solid, Pose.identity())
             return np.asarray(np.all(points @ body.normals.T <= body.offsets, axis=1))
-        case csg.Placed(inner, pose):
+        case csg.Moved(inner, pose):
             return held(inner, (points - pose.p) @ pose.R)
         case csg.Union(parts):
             return np.asarray(np.any([held(part, points) for part in parts], axis=0))
@@ -92,7 +92,7 @@ def crossings(solid: csg.Solid, start: Array, along: Array) -> Array:
         case csg.Box() | csg.Prism() | csg.Wedge():
             body = csg.convex_polyhedron(solid, Pose.identity())
             return np.asarray((body.offsets - body.normals @ start) / (body.normals @ along))
-        case csg.Placed(inner, pose):
+        case csg.Moved(inner, pose):
             return crossings(inner, (start - pose.p) @ pose.R, along @ pose.R)
         case csg.Union(parts):
             return np.concatenate([crossings(part, start, along) for part in parts])
@@ -161,7 +161,7 @@ def test_the_interior_is_on_the_left_and_holes_turn_the_other_way() -> None:
 
 def test_a_plane_in_a_face_gives_what_both_sides_share() -> None:
     box = csg.Box((0.1, 0.1, 0.1))
-    stacked = csg.Union((box, csg.Placed(box, Pose(np.array([0.0, 0.0, 0.1]), np.eye(3)))))
+    stacked = csg.Union((box, csg.Moved(box, Pose(np.array([0.0, 0.0, 0.1]), np.eye(3)))))
     seam = Pose(np.array([0.0, 0.0, 0.1]), np.eye(3))
     assert cut_diagram(stacked, seam).area == pytest.approx(0.01, rel=1e-12)
     assert cut_diagram(box, seam).empty

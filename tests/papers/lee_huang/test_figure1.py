@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from fmopt.geometry.csg import Box, Cylinder, Placed
+from fmopt.geometry.csg import Box, Cylinder, Moved
 from fmopt.papers.lee_huang.freedom import half_widths
 from fmopt.papers.lee_huang.mapping import Mapping, answered, plane_diagrams
 from fmopt.papers.lee_huang.nominal_trajectory import insertion
@@ -98,7 +98,7 @@ def test_a_cap_goes_over_the_boss_of_figure_1() -> None:
         Pose.from_vector([-0.025, 0.02, 0.08, 0, 0, 0]),
         feature("body", "+", at(0), Box((0.04, 0.04, 0.03)), None),
         feature(
-            "inside", "-", Pose.from_vector([0, 0, 0, np.pi, 0, 0]), Placed(Cylinder(0.0158, 0.025, 16), at(0)), 0.025
+            "inside", "-", Pose.from_vector([0, 0, 0, np.pi, 0, 0]), Moved(Cylinder(0.0158, 0.025, 16), at(0)), 0.025
         ),
     )
     goal: Goal = (0.0, 0.0, 0.018, 0.0, 0.0, FREE)

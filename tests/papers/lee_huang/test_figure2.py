@@ -9,7 +9,7 @@ from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.csg import Box, Cone, Cylinder, Union
 from fmopt.papers.lee_huang.freedom import freedom, half_widths
 from fmopt.papers.lee_huang.hand_position_force import position_force
-from fmopt.papers.lee_huang.mapping import Task, answered, diagrams, plane_diagrams, task_mapping
+from fmopt.papers.lee_huang.mapping import MappingTask, answered, diagrams, plane_diagrams, task_mapping
 from fmopt.plan.description import Nominal
 from fmopt.plan.field_types import numbers
 from fmopt.plan.position_force import Decomposition, contact_forces
@@ -99,7 +99,7 @@ def test_the_diagrams_of_figure_two():
 
 
 def test_a_blind_hole_adds_the_stop_on_z_at_the_end():
-    made = task_mapping(Task(PEG, block(BORE, 0.03), START, GOAL, BOX, SPEED, RHO))
+    made = task_mapping(MappingTask(PEG, block(BORE, 0.03), START, GOAL, BOX, SPEED, RHO))
     assert [one.s for one in made.freedoms] == [FREE, ROUND, (2, 2, -1, 2, 2, 0)]
     floor = -0.03 + 1e-4 + 0.01 * np.sin(0.005)
     assert made.path.at(made.freedoms[2].start)[2] == pytest.approx(floor, abs=1e-9 * 0.04)
@@ -108,23 +108,23 @@ def test_a_blind_hole_adds_the_stop_on_z_at_the_end():
 def test_a_square_peg_adds_two_on_q_z():
     peg, bore = Box((0.02, 0.02, 0.05)), Box((0.0204, 0.0204, 0.06))
     box = np.array([1e-4, 1e-4, 1e-4, 0.005, 0.005, 0.015])
-    made = task_mapping(Task(peg, block(bore, 0.04), START, GOAL, box, SPEED, RHO))
+    made = task_mapping(MappingTask(peg, block(bore, 0.04), START, GOAL, box, SPEED, RHO))
     assert (made.freedoms[0].s, made.freedoms[-1].s) == (FREE, (2, 2, 0, 2, 2, 2))
-    less = task_mapping(Task(peg, block(bore, 0.04), START, GOAL, BOX, SPEED, RHO))
+    less = task_mapping(MappingTask(peg, block(bore, 0.04), START, GOAL, BOX, SPEED, RHO))
     assert less.freedoms[-1].s == ROUND  # turned by 5 mrad about the axis a square peg does not reach the walls
 
 
 def test_a_hexagonal_peg_is_stopped_about_its_axis_too():
     flat = np.cos(np.pi / 6)
     peg, bore = hexagon(0.01 / flat, 0.05), hexagon(0.0102 / flat, 0.06)
-    made = task_mapping(Task(peg, block(bore, 0.04), START, GOAL, BOX + 0.02 * np.eye(6)[5], SPEED, RHO))
+    made = task_mapping(MappingTask(peg, block(bore, 0.04), START, GOAL, BOX + 0.02 * np.eye(6)[5], SPEED, RHO))
     assert (made.freedoms[0].s, made.freedoms[-1].s) == (FREE, (2, 2, 0, 2, 2, 2))
 
 
 def test_a_flange_lands_on_the_block():
     """The flange stops z when it comes near the mouth's plane; on that plane it is no peg in a hole."""
     flanged = Union((PEG, at(Cylinder(0.02, 0.01, 32), 0, 0, 0.03)))
-    made = task_mapping(Task(flanged, block(BORE, 0.04), START, GOAL, BOX, SPEED, RHO))
+    made = task_mapping(MappingTask(flanged, block(BORE, 0.04), START, GOAL, BOX, SPEED, RHO))
     assert [one.s[2] for one in made.freedoms] == [0, 0, -1]
     height = made.path.at(made.freedoms[2].start)[2]
     assert height == pytest.approx(-0.03 + 1e-4 + 0.02 * np.sin(0.005) - 0.03 * (1 - np.cos(0.005)), abs=2e-6)
@@ -132,8 +132,8 @@ def test_a_flange_lands_on_the_block():
 
 def test_a_pointed_peg_starts_to_be_stopped_deeper():
     pointed = Union((Cone(0.006, 0.01, 0.005, 32), at(Cylinder(0.01, 0.045, 32), 0, 0, 0.005)))
-    plain = task_mapping(Task(PEG, block(BORE, 0.04), START, GOAL, BOX, SPEED, RHO))
-    made = task_mapping(Task(pointed, block(BORE, 0.04), START, GOAL, BOX, SPEED, RHO))
+    plain = task_mapping(MappingTask(PEG, block(BORE, 0.04), START, GOAL, BOX, SPEED, RHO))
+    made = task_mapping(MappingTask(pointed, block(BORE, 0.04), START, GOAL, BOX, SPEED, RHO))
     assert [one.s for one in made.freedoms] == [FREE, ROUND]
     assert made.freedoms[1].start == pytest.approx(plain.freedoms[1].start, rel=1e-3)
 
@@ -143,17 +143,17 @@ def test_a_turned_goal_takes_the_sections_of_the_turned_peg():
     turn = np.array([0, 0, np.pi / 4])
     bore = at(Box((0.0204, 0.0204, 0.06)), r=turn)
     goal = np.concatenate([GOAL[:3], turn])
-    made = task_mapping(Task(Box((0.02, 0.02, 0.05)), block(bore, 0.04), START, goal, BOX, SPEED, RHO))
+    made = task_mapping(MappingTask(Box((0.02, 0.02, 0.05)), block(bore, 0.04), START, goal, BOX, SPEED, RHO))
     assert made.planes[0].sections[0][0].area == pytest.approx(0.05 * 0.02 * np.sqrt(2), rel=1e-9)
     assert np.allclose(made.path.nodes[-2:, 3:], turn)
     assert made.freedoms[0].end >= made.path.times[1]
     with pytest.raises(GeometryError, match=r"N_T, the goal, .* lies inside GE"):
-        task_mapping(Task(Box((0.02, 0.02, 0.05)), block(bore, 0.04), START, GOAL, BOX, SPEED, RHO))
+        task_mapping(MappingTask(Box((0.02, 0.02, 0.05)), block(bore, 0.04), START, GOAL, BOX, SPEED, RHO))
 
 
 def test_a_part_that_starts_turned_has_its_goals_orientation_before_the_mouth():
     start = np.concatenate([START[:3], [0.2, -0.1, 0.3]])
-    made = task_mapping(Task(PEG, block(BORE, 0.04), start, GOAL, BOX, SPEED, RHO))
+    made = task_mapping(MappingTask(PEG, block(BORE, 0.04), start, GOAL, BOX, SPEED, RHO))
     turned = next(t for t, node in zip(made.path.times, made.path.nodes, strict=True) if not node[3:].any())
     assert made.path.at(turned)[2] > 0.0
     assert [one.s for one in made.freedoms] == [FREE, ROUND]
@@ -162,7 +162,7 @@ def test_a_part_that_starts_turned_has_its_goals_orientation_before_the_mouth():
 def test_a_wall_in_the_way_takes_more_nodes_and_none_of_them_is_touched():
     wall = at(Box((0.004, 0.05, 0.01)), 0.024, 0, 0)
     start = np.array([0.05, 0.0, 0.002, 0, 0, 0])
-    made = task_mapping(Task(PEG, Union((block(BORE, 0.04), wall)), start, GOAL, BOX, SPEED, RHO))
+    made = task_mapping(MappingTask(PEG, Union((block(BORE, 0.04), wall)), start, GOAL, BOX, SPEED, RHO))
     assert len(made.path.nodes) > 3
     assert made.path.nodes[:, 2].max() >= 0.01
     assert np.array_equal(made.path.nodes[-1], GOAL)
@@ -172,7 +172,7 @@ def test_an_obstacle_off_the_planes_is_reported():
     post = at(Box((0.003, 0.003, 0.01)), 0.006, 0.006, 0.0)
     standing = [("block", block(BORE, 0.04)), ("post", post)]
     with pytest.raises(InterferenceError, match=r"'peg' meets 'post' .* off the planes xz, yz and xy") as told:
-        task_mapping(Task(PEG, block(BORE, 0.04), START, GOAL, BOX, SPEED, RHO, [("peg", PEG)], standing))
+        task_mapping(MappingTask(PEG, block(BORE, 0.04), START, GOAL, BOX, SPEED, RHO, [("peg", PEG)], standing))
     assert told.value.place == "post"
     with_post = plane_diagrams(PEG, Union((block(BORE, 0.04), post)), START, GOAL, BOX)
     without = plane_diagrams(PEG, block(BORE, 0.04), START, GOAL, BOX)

@@ -12,7 +12,7 @@ from fmopt.geometry.part import part_of
 from fmopt.papers.lee_huang import freedom as slack_module
 from fmopt.papers.lee_huang.freedom import freedom, half_widths
 from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, insertion
-from fmopt.papers.lee_huang.touch import Linear
+from fmopt.papers.lee_huang.touch import Linearised
 from tests.shared.parts.figure2 import agree, at, steps
 
 SPEED = 0.02
@@ -148,7 +148,7 @@ def test_every_stopped_motion_is_found_by_sampling_and_no_other(number):
 
 def test_a_program_that_does_not_end_is_reported(monkeypatch):
     monkeypatch.setattr(slack_module, "maximin", lambda c, _: np.full(len(c), np.nan))
-    empty = Linear(*(np.zeros((3, *shape)) for shape in ((), (6,), (4,), (4, 6), (2,), (3,))))
+    empty = Linearised(*(np.zeros((3, *shape)) for shape in ((), (6,), (4,), (4, 6), (2,), (3,))))
     with pytest.raises(SolverError, match="did not end"):
         slack_module.slack(empty, np.ones(6), 0.0, 1.0)
 

@@ -15,7 +15,7 @@ from fmopt.papers.lee_huang.diagram import of_region
 from fmopt.papers.lee_huang.freedom import freedom, half_widths
 from fmopt.papers.lee_huang.line_contact import Leg
 from fmopt.papers.lee_huang.nominal_trajectory import insertion
-from fmopt.papers.lee_huang.plane_freedom import Slice, View, freedom_on_planes, spans
+from fmopt.papers.lee_huang.plane_freedom import OperandSlice, PlaneView, freedom_on_planes, spans
 from fmopt.papers.lee_huang.uncertainty_zone import PLANES, zones
 from tests.shared.parts.figure2 import agree, at, steps
 from tests.shared.parts.random_sections import loop, polygon, random_case
@@ -48,8 +48,8 @@ def views(box, walls=(BLIND,), round_peg=False):
     around = of_region(bored) if round_peg else MOUTH
     own = of_region(round_region(PEG)) if round_peg else polygon(square(PEG))
     zx, zy, zz = zones(box)
-    side = polygon(*walls), (Slice(polygon(upright(PEG, LONG))),)
-    return View(zx, *side), View(zy, *side), View(zz, around, (Slice(own, (0.0, LONG)),))
+    side = polygon(*walls), (OperandSlice(polygon(upright(PEG, LONG))),)
+    return PlaneView(zx, *side), PlaneView(zy, *side), PlaneView(zz, around, (OperandSlice(own, (0.0, LONG)),))
 
 
 MOUTH = polygon(square(0.03), square(HOLE)[::-1])
@@ -75,7 +75,7 @@ def test_signs_name_the_motion_that_is_stopped(side, s):
     wall = wall if side > 0 else wall[::-1]
     (xz, *_) = views(half_widths(2e-4, 0.0), (wall,))
     assert freedom_on_planes([xz], DOWN)[-1].s == s
-    yz = View(zones(half_widths(2e-4, 0.0))[1], xz.fixed, xz.moving)
+    yz = PlaneView(zones(half_widths(2e-4, 0.0))[1], xz.fixed, xz.moving)
     assert freedom_on_planes([yz], DOWN)[-1].s == (0, s[0], 0, -s[4], 0, 0)
 
 
@@ -208,10 +208,10 @@ def test_a_post_off_the_planes_is_seen_in_space_only():
     empty = of_region(Region(()))
     zx, zy, zz = zones(box)
     corner = polygon([(0.0099, 0.0099), (0.0109, 0.0099), (0.0109, 0.0109), (0.0099, 0.0109)])
-    own = Slice(polygon(upright(PEG, LONG)))
-    flat = freedom_on_planes([View(zx, empty, (own,)), View(zy, empty, (own,))], DOWN)
+    own = OperandSlice(polygon(upright(PEG, LONG)))
+    flat = freedom_on_planes([PlaneView(zx, empty, (own,)), PlaneView(zy, empty, (own,))], DOWN)
     assert [one.s for one in flat] == [FREE]
-    below = [View(zz, corner, (Slice(polygon(square(PEG)), (0.0, LONG)),))]
+    below = [PlaneView(zz, corner, (OperandSlice(polygon(square(PEG)), (0.0, LONG)),))]
     assert freedom_on_planes(below, DOWN)[-1].s[0] == 1  # the plane of the mouth would, were the post as high as it
 
 

@@ -12,7 +12,7 @@ from shapely import Polygon, affinity
 
 from fmopt.geometry.csg import Box, Solid, ring
 from fmopt.papers.lee_huang.line_contact import Leg
-from fmopt.papers.lee_huang.mapping import Mapping, Task, task_mapping
+from fmopt.papers.lee_huang.mapping import Mapping, MappingTask, task_mapping
 from fmopt.papers.lee_huang.plane_freedom import spans
 from fmopt.papers.lee_huang.uncertainty_zone import PLANES
 from fmopt.spatial.values import Array
@@ -74,7 +74,7 @@ TASKS = {
 
 def made_of(one: Insertion, share: float = 1.0) -> Mapping:
     box = share * np.array([BALL] * 3 + [CONE, CONE, 0.05])
-    return task_mapping(Task(one.peg, block(one.bore, one.depth), START, GOAL, box, SPEED, RHO))
+    return task_mapping(MappingTask(one.peg, block(one.bore, one.depth), START, GOAL, box, SPEED, RHO))
 
 
 Touches = Callable[[Array, float], bool]

@@ -8,7 +8,7 @@ import pytest
 
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.errors import InterferenceError, TaskError
-from fmopt.geometry.csg import Box, Cylinder, Placed, Prism, Solid, ring
+from fmopt.geometry.csg import Box, Cylinder, Moved, Prism, Solid, ring
 from fmopt.papers.lee_huang.mapping import Mapping, answered
 from fmopt.planning.pipeline import nominal_motion, synthesise
 from fmopt.spatial.se3 import Pose
@@ -64,7 +64,7 @@ def shape(kind: str, size: float, height: float) -> Solid:
 def test_pegs_of_both_pairs_in_blind_and_through_holes(kind: str, pair: LowerPair, through: bool) -> None:
     pin = thing("pin", at(0.03, 0.01, 0.06), feature("pin", "+", at(0), shape(kind, 0.01, 0.05), 0.05))
     depth = 0.04 if through else 0.03
-    tool = Placed(shape(kind, 0.0102, 0.06), at(0, 0, 0.04 - depth - (0.01 if through else 0.0)))
+    tool = Moved(shape(kind, 0.0102, 0.06), at(0, 0, 0.04 - depth - (0.01 if through else 0.0)))
     body = feature("body", "+", at(0), Box((0.06, 0.06, 0.04)), None)
     block = thing("block", at(0), body, feature("hole", "-", at(0, 0, 0.04), tool, depth, through))
     goal: Goal = (0.0, 0.0, FREE, 0.0, 0.0, FREE if kind == "round" else 0.0)
@@ -82,7 +82,7 @@ SLEEVE = thing(
     "sleeve",
     at(0),
     feature("body", "+", at(0), Box((0.06, 0.06, 0.04)), None),
-    feature("bore", "-", at(0, 0, 0.04), Placed(Box((0.0204, 0.0204, 0.04)), at(0, 0, 0.01)), 0.03),
+    feature("bore", "-", at(0, 0, 0.04), Moved(Box((0.0204, 0.0204, 0.04)), at(0, 0, 0.01)), 0.03),
 )
 DOWN: Goal = (0.0, 0.0, FREE, 0.0, 0.0, 0.0)
 

@@ -11,7 +11,7 @@ from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.csg import Box, Solid, Union
 from fmopt.geometry.plane.region import polygon_region
 from fmopt.geometry.polyhedron import placed
-from fmopt.papers.lee_huang.mapping import Mapping, Task, diagrams, task_mapping
+from fmopt.papers.lee_huang.mapping import Mapping, MappingTask, diagrams, task_mapping
 from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_over, section_at
 from fmopt.papers.lee_huang.uncertainty_zone import PLANES
 from fmopt.report.views import diagram_view
@@ -30,7 +30,7 @@ def start(x: float, z: float, turn: Array) -> Array:
 
 
 def mapped(fixed: Solid, begin: Array) -> Mapping:
-    return task_mapping(Task(PEG, fixed, begin, GOAL, BOX, SPEED, RHO))
+    return task_mapping(MappingTask(PEG, fixed, begin, GOAL, BOX, SPEED, RHO))
 
 
 @pytest.mark.parametrize("plane", PLANES[:2], ids=lambda plane: plane.name)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from shapely import MultiPoint, Point, Polygon
 
-from fmopt.papers.lee_huang.uncertainty_zone import PLANES, Ball, Cone, Trapezoid, wrapped_distance, zones
+from fmopt.papers.lee_huang.uncertainty_zone import PLANES, ErrorCone, ErrorSquare, Trapezoid, wrapped_distance, zones
 
-ZONE = Trapezoid(Ball([0.01, -0.02], 0.001), Cone(np.pi / 2, 0.1), 0.04)
+ZONE = Trapezoid(ErrorSquare([0.01, -0.02], 0.001), ErrorCone(np.pi / 2, 0.1), 0.04)
 
 
 def test_the_ball_is_one_of_the_max_norm():
-    ball = Ball([1.0, 2.0], 0.5)
+    ball = ErrorSquare([1.0, 2.0], 0.5)
     assert ball.contains([[1.5, 2.5], [1.0, 2.0], [0.5, 1.5]]).all()
     assert not ball.contains([[1.51, 2.0], [1.0, 1.49]]).any()
     assert Polygon(ball.corners).exterior.is_ccw
@@ -28,7 +28,7 @@ def test_angles_are_compared_the_short_way_round(one, other, d):
 
 
 def test_a_cone_at_zero_holds_angles_on_both_sides():
-    cone = Cone(0.0, 0.2)
+    cone = ErrorCone(0.0, 0.2)
     assert cone.contains(0.1)
     assert cone.contains(2 * np.pi - 0.1)  # which |Ψ − Ψ₀| ≤ s would refuse
     assert not cone.contains(0.21)
@@ -55,7 +55,7 @@ def test_the_trapezoid_holds_every_line_and_its_edges_bound_them():
 
 
 def test_without_uncertainty_the_trapezoid_is_the_line():
-    thin = Trapezoid(Ball([0.0, 0.0], 0.0), Cone(0.5, 0.0), 2.0)
+    thin = Trapezoid(ErrorSquare([0.0, 0.0], 0.0), ErrorCone(0.5, 0.0), 2.0)
     assert np.allclose(thin.outline, thin.line([0, 0], 0.5))
     assert np.allclose(thin.edges[0], thin.edges[1])
 
@@ -68,7 +68,9 @@ def test_zones_are_the_smallest_that_hold_a_box_of_errors():
     assert xz.trapezoid([0, 0], np.pi / 2, 0.04).cone.half_angle == 0.02
 
 
-@pytest.mark.parametrize("make", [lambda: Ball([0, 0], -1e-9), lambda: Cone(0, np.nan), lambda: Cone(0, 1.6)])
+@pytest.mark.parametrize(
+    "make", [lambda: ErrorSquare([0, 0], -1e-9), lambda: ErrorCone(0, np.nan), lambda: ErrorCone(0, 1.6)]
+)
 def test_refuses_radii_that_are_none(make):
     with pytest.raises(ValueError, match=r"radius|half-angle"):
         make()

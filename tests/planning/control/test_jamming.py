@@ -12,7 +12,7 @@ from fmopt.plan import parsed
 from fmopt.planning.control.bias_wrench import GuardedMove
 from fmopt.planning.control.compliance_frame import twist_scale
 from fmopt.planning.control.friction_cones import FrictionCones, cone_angle, least_push, plane_angle
-from fmopt.planning.control.hybrid_strategy import HybridStrategy, JamFree, hybrid_strategy, jam_free
+from fmopt.planning.control.hybrid_strategy import HybridStrategy, JamMargin, hybrid_strategy, jam_free
 from fmopt.report.control_tables import jamming_table, jamming_words
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -179,7 +179,7 @@ def test_symmetric_contacts_are_settled_by_the_cone_program_too() -> None:
     assert float(np.min(held.opening(inner))) == pytest.approx(float(least[6]), rel=1e-6)
 
 
-def strategy(pairs: Any, displacement: Any, made: Any = ()) -> tuple[GuardedMove, HybridStrategy, JamFree | None]:
+def strategy(pairs: Any, displacement: Any, made: Any = ()) -> tuple[GuardedMove, HybridStrategy, JamMargin | None]:
     wrenches, points = contacts(pairs)
     move = GuardedMove(GOAL, np.asarray(displacement, dtype=float), wrenches, points, contacts(made)[0], 1e-3)
     found = hybrid_strategy(move, RHO, SPECIFICATION)

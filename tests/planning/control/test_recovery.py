@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fmopt.geometry.convex_pieces import pieces, polyhedron
-from fmopt.geometry.csg import Box, Difference, Hull, Placed, Prism, Solid, Union
+from fmopt.geometry.csg import Box, Difference, Hull, Moved, Prism, Solid, Union
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.plan import parsed
 from fmopt.plan.export.cautions import failing_words
@@ -38,7 +38,7 @@ HEXAGON = tuple((0.012 * np.cos(k * np.pi / 3.0), 0.012 * np.sin(k * np.pi / 3.0
 WIDER = Difference(
     Box((0.06, 0.06, 0.04)), (raised(Box((0.0202, 0.0202, 0.06)), -0.01), raised(Box((0.04, 0.04, 0.02)), 0.01))
 )
-SLOTTED = Difference(BLOCK, (Placed(Box((0.05, 0.02, 0.006)), Pose(np.array([0.03, 0.0, 0.018]), np.eye(3))),))
+SLOTTED = Difference(BLOCK, (Moved(Box((0.05, 0.02, 0.006)), Pose(np.array([0.03, 0.0, 0.018]), np.eye(3))),))
 LEGS = Difference(Box((0.06, 0.06, 0.04)), (Box((0.08, 0.03, 0.01)), raised(Box((0.0202, 0.0202, 0.04)), 0.005)))
 FIXED: dict[str, tuple[Solid, float]] = {
     "block": (BLOCK, 0.0),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmopt.contact.primitive import edge_edge
-from fmopt.geometry.csg import Box, Difference, Placed, Union
+from fmopt.geometry.csg import Box, Difference, Moved, Union
 from fmopt.geometry.part import Part, part_of
 from fmopt.planning.moves import contact_transition as flush
 from fmopt.planning.moves.contact_transition import DOUBT, Edges, Rims
@@ -21,8 +21,8 @@ def both(kernel: Any) -> tuple[Any, Any]:
 
 def parts() -> tuple[Part, Part]:
     lowered = Pose(np.array([0.0, 0.0, -0.02]), np.eye(3))
-    pocket = Placed(Box((0.02, 0.02, 0.04)), Pose(np.array([0.0, 0.0, 0.0]), np.eye(3)))
-    block = Difference(Placed(Box((0.06, 0.06, 0.04)), lowered), (pocket,))
+    pocket = Moved(Box((0.02, 0.02, 0.04)), Pose(np.array([0.0, 0.0, 0.0]), np.eye(3)))
+    block = Difference(Moved(Box((0.06, 0.06, 0.04)), lowered), (pocket,))
     return part_of("peg", Box((0.012, 0.016, 0.03))), part_of("block", block)
 
 
@@ -116,7 +116,7 @@ def test_faces_that_are_not_convex_or_have_holes_are_no_walls() -> None:
     """Of a U no rim of the notch says by itself what is beside the face; a side of it is a wall."""
     sunk = Pose(np.array([0.0, 0.0, -0.02]), np.eye(3))
     boxes = [
-        Placed(Box((0.01 * x, 0.01 * y, 0.02)), sunk.moved(0.01 * np.array([u, v, 0.0, 0.0, 0.0, 0.0])))
+        Moved(Box((0.01 * x, 0.01 * y, 0.02)), sunk.moved(0.01 * np.array([u, v, 0.0, 0.0, 0.0, 0.0])))
         for (x, y), (u, v) in (((6, 1), (0, -2.5)), ((1, 5), (-2.5, 0.5)), ((1, 5), (2.5, 0.5)))
     ]
     for fixed in (part_of("block", Union(tuple(boxes))), parts()[1]):

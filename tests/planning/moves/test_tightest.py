@@ -8,8 +8,8 @@ import pytest
 
 import fmopt
 from fmopt.certificate.assembly import Assembly
-from fmopt.certificate.piece_pairs import Facing
-from fmopt.certificate.remainder import Course
+from fmopt.certificate.piece_pairs import FacingPairs
+from fmopt.certificate.remainder import EndsBatch
 from fmopt.certificate.separating_plane import Separation, counted_rows
 from fmopt.errors import SearchError
 from fmopt.planning.moves import moves
@@ -18,14 +18,14 @@ from tests.shared.files.prisms import prism, regular
 from tests.shared.parts import families
 
 Planes = list[list[Separation | None]]
-Call = tuple[Assembly, Facing, Course]
+Call = tuple[Assembly, FacingPairs, EndsBatch]
 
 
 def asked(problem: fmopt.Problem, monkeypatch: pytest.MonkeyPatch, seconds: float) -> list[Call]:
     """What a search of some seconds has planes chosen for."""
     calls = list[Call]()
 
-    def noted(assembly: Assembly, facing: Facing, course: Course) -> Planes:
+    def noted(assembly: Assembly, facing: FacingPairs, course: EndsBatch) -> Planes:
         calls.append((assembly, facing, course))
         return choose_tightest(assembly, facing, course)
 

@@ -65,7 +65,7 @@ def ball(centre: np.ndarray, radius: float) -> Polyhedron:
 
 
 def pin(radius: float = 0.005) -> Part:
-    stem = csg.Placed(csg.Box((0.004, 0.004, 0.03)), Pose(np.array([0.0, 0.0, radius]), np.eye(3)))
+    stem = csg.Moved(csg.Box((0.004, 0.004, 0.03)), Pose(np.array([0.0, 0.0, radius]), np.eye(3)))
     return with_balls(part_of("pin", stem), [((0.0, 0.0, radius), radius)])
 
 
@@ -144,7 +144,7 @@ def test_a_part_with_a_ball_moves_with_it() -> None:
     for depth in (-1e-4, 1e-4):
         overlap = interference(part, floor, Pose(np.array([0.0, 0.0, 0.01 - depth]), np.eye(3)))
         assert overlap.depth == pytest.approx(max(depth, 0.0), abs=1e-12)
-    wall = part_of("wall", csg.Placed(csg.Box((0.02, 0.1, 0.1)), Pose(np.array([0.014, 0.0, -0.05]), np.eye(3))))
+    wall = part_of("wall", csg.Moved(csg.Box((0.02, 0.1, 0.1)), Pose(np.array([0.014, 0.0, -0.05]), np.eye(3))))
     beside = interference(part, wall, Pose(np.array([-0.99e-3, 0.0, 0.0]), np.eye(3)))
     assert beside.depth == pytest.approx(1e-5, abs=1e-12)  # less than facets that stand for the ball leave out
     assert beside.place == "(-0.99, 0, 5) mm"

@@ -13,8 +13,8 @@ from fmopt.geometry.section import walls_around
 from fmopt.planning import motion
 from fmopt.planning.moves.moves import Reached
 from fmopt.planning.posed import Posed
-from fmopt.planning.search.entry import Entry, Shape
-from fmopt.planning.search.guarded_move import Place, lasts
+from fmopt.planning.search.entry import Approach, Entry
+from fmopt.planning.search.guarded_move import ContactPose, lasts
 from fmopt.planning.search.successors import Node, _freedoms
 from fmopt.planning.search.symmetry import images
 from fmopt.spatial.values import Array
@@ -36,7 +36,7 @@ def stood(problem: fmopt.Problem) -> motion._Stood:
     return motion._Stood.of(posed, next(iter(images(posed.assembly, problem.start_box))))
 
 
-def drawn(stand: motion._Stood) -> list[tuple[Shape, Entry]]:
+def drawn(stand: motion._Stood) -> list[tuple[Approach, Entry]]:
     between = (shape for shape in motion.drawing(stand.posed).shapes(0) if shape.between is not None)
     return [(shape, stand.entry_of(shape)) for shape in islice(between, SHAPES)]
 
@@ -95,7 +95,7 @@ def test_moves_go_along_and_about_the_axes_of_both_walls(given: tuple[Pair, moti
     around = walls_around(stand.posed.problem.moving)
     shape, entry = drawn(stand)[0]
     assert shape.between is not None
-    place = Place(entry.inside, (), (), entry.corner)
+    place = ContactPose(entry.inside, (), (), entry.corner)
     node = Node(entry, place, Reached(stand.task.start, (), ()), (), (), 0.0, 0)
     for inward in around.inward[list(shape.between)]:
         slides = [f.twist[:2] for f in _freedoms(replace(stand.task, askew=True), node) if not f.twist[3:].any()]

@@ -11,11 +11,11 @@ from fmopt.contact.primitive import Kind
 from fmopt.geometry.section import leading_corners
 from fmopt.planning.control.controlled_motion import least_steady
 from fmopt.planning.search.best_first import MoveSequence, begin, best_sequences, search
-from fmopt.planning.search.entry import Entry, Shape, lowest, tilted_entry
+from fmopt.planning.search.entry import Approach, Entry, lowest, tilted_entry
 from fmopt.planning.search.entry_sampling import headings
-from fmopt.planning.search.entry_tuning import Limits, tuned
+from fmopt.planning.search.entry_tuning import TuningLimits, tuned
 from fmopt.planning.search.guarded_move import freedoms
-from fmopt.planning.search.successors import Task, follow
+from fmopt.planning.search.successors import SearchTask, follow
 from fmopt.spatial.se3 import exp
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
@@ -24,8 +24,8 @@ from tests.shared.executions.model import execute
 from tests.shared.parts.outlines import ASLANT, prism
 from tests.shared.searched import certified_plan, drawn_shapes, steadier, task_of, tilted_motion
 
-KITE = Shape(0.34907, 0.43633, 0.06092, 0.001635, (0.003788, 0.004788), heading=0.25 * math.pi)
-PEGS = Shape(0.36622, 0.42713, 0.1027, 0.000837, (0.003131, 0.002425), heading=-0.5 * math.pi)
+KITE = Approach(0.34907, 0.43633, 0.06092, 0.001635, (0.003788, 0.004788), heading=0.25 * math.pi)
+PEGS = Approach(0.36622, 0.42713, 0.1027, 0.000837, (0.003131, 0.002425), heading=-0.5 * math.pi)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_a_turned_part_has_the_same_entry_with_another_heading() -> None:
     """The square looks the same turned by a right angle: so do its entries, turned as well."""
     problem = load(PROBLEMS / "square_peg_100um.toml")
     play = measured_clearance(problem).play
-    shape = Shape(0.35, 0.43, 0.06, 0.0016, (0.0038, 0.0048))
+    shape = Approach(0.35, 0.43, 0.06, 0.0016, (0.0038, 0.0048))
     turned = replace(shape, heading=0.5 * math.pi)
     R = exp([0.0, 0.0, 0.5 * math.pi])
     one, other = (tilted_entry(problem.moving, play, problem.approach, s) for s in (shape, turned))
@@ -105,8 +105,8 @@ def test_edges_that_turn_parallel_as_they_meet_are_no_contact() -> None:
 
 
 OBTUSE = (  # flush first with the wall towards -x, or towards -y: what it goes in with, and the moves from there
-    (Shape(0.17453, 0.07418, -0.02094, 0.00014, (0.002383, 0.003972), (0.001748, 0.000248)), "-x +rz +ry -y -rx -z"),
-    (Shape(0.07418, 0.17453, 0.03389, 0.00014, (0.003972, 0.002383), (0.001748, 0.000248)), "-y -rz -rx -x +ry -z"),
+    (Approach(0.17453, 0.07418, -0.02094, 0.00014, (0.002383, 0.003972), (0.001748, 0.000248)), "-x +rz +ry -y -rx -z"),
+    (Approach(0.07418, 0.17453, 0.03389, 0.00014, (0.003972, 0.002383), (0.001748, 0.000248)), "-y -rz -rx -x +ry -z"),
 )
 
 
@@ -137,11 +137,11 @@ def aslant(tmp_path_factory: pytest.TempPathFactory) -> Problem:
 
 
 def corner(problem: Problem, heading: float, depth: float) -> Entry:
-    shape = Shape(0.34907, 0.43633, 0.060923, depth, (0.003755, 0.004755), (0.001515, 0.000316), heading=heading)
+    shape = Approach(0.34907, 0.43633, 0.060923, depth, (0.003755, 0.004755), (0.001515, 0.000316), heading=heading)
     return tilted_entry(problem.moving, measured_clearance(problem).play, problem.approach, shape)
 
 
-def steadiness(problem: Problem, task: Task, found: MoveSequence) -> float:
+def steadiness(problem: Problem, task: SearchTask, found: MoveSequence) -> float:
     return least_steady(problem, task.assembly, found.reached.claims, task.tolerance)
 
 
@@ -184,7 +184,7 @@ def test_tuning_keeps_what_is_steady(aslant: Problem) -> None:
         asked.append(found)
         return found is first
 
-    limits = Limits(math.inf, 12, clearance)
+    limits = TuningLimits(math.inf, 12, clearance)
     free = tuned(task, (first,), entry_of, limits)
     assert free.reached.margin > first.reached.margin
     assert tuned(task, (first,), entry_of, limits, steady=first_alone) is first

@@ -19,7 +19,7 @@ from fmopt.execution.rotation import from_quaternions
 from fmopt.execution.trials import Trials, run
 from fmopt.plan import guarded_moves, parsed
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
-from fmopt.planning.search.entry import Shape, tilted_entry
+from fmopt.planning.search.entry import Approach, tilted_entry
 from fmopt.report.moves import move_words, moves
 from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose, length
@@ -32,8 +32,8 @@ from tests.shared.lies.mutations import changed
 from tests.shared.parts.peg_pieces import peg as peg_pieces
 from tests.shared.searched import certified_plan, drawn_shapes, leaving, steadier, tilted_motion
 
-SHAPE = Shape(0.352, 0.524, 0.088, 0.00103, (0.00376, 0.00413), flat=(0.00371, 0.00057, 0.151))
-TOUCHING = Shape(0.37, 0.52, 0.12, 0.00109, (0.0037, 0.0109), (0.0029, 0.00045))
+SHAPE = Approach(0.352, 0.524, 0.088, 0.00103, (0.00376, 0.00413), flat=(0.00371, 0.00057, 0.151))
+TOUCHING = Approach(0.37, 0.52, 0.12, 0.00109, (0.0037, 0.0109), (0.0029, 0.00045))
 FLAT = ["v3-f10", "v1-f10", "v2-f10"]
 
 

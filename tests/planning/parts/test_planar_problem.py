@@ -24,7 +24,7 @@ from fmopt.planning.search.best_first import best_sequences, search
 from fmopt.planning.search.entry import Entry, planar_entries
 from fmopt.planning.search.entry_room import roomy_in_plane
 from fmopt.planning.search.guarded_move import IN_PLANE, freedoms
-from fmopt.planning.search.successors import Task
+from fmopt.planning.search.successors import SearchTask
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 from fmopt.task.explain import explain, facts
@@ -45,13 +45,13 @@ def slot() -> Problem:
     return load(ROOT / NAMES[0])
 
 
-def searched(slot: Problem, box: Array) -> tuple[Task, Iterator[tuple[Entry, ...]]]:
+def searched(slot: Problem, box: Array) -> tuple[SearchTask, Iterator[tuple[Entry, ...]]]:
     """The search for start errors, and the ways to begin that leave room for them, or for small ones for some more."""
     task, roomy = task_of(replace(slot, start_box=box)), roomy_in_plane(measured_clearance(slot).per_side, box)
     return task, planar_entries(slot.moving, slot.fixed, roomy, slot.approach, slot.settings.max_tilt)
 
 
-def thoroughly(task: Task, moves: Sequence[Move]) -> Placed:
+def thoroughly(task: SearchTask, moves: Sequence[Move]) -> Placed:
     return certified(task.assembly, moves, Reached(task.start, (), ()), task.tolerance, FINE)
 
 

@@ -11,7 +11,7 @@ from fmopt.contact.facet_bounds import touching
 from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distances, near_contacts, vertex_face
 from fmopt.planning.moves.contact_transition import described
 from fmopt.planning.pipeline import synthesise
-from fmopt.planning.search.entry import Shape
+from fmopt.planning.search.entry import Approach
 from fmopt.planning.search.guarded_move import implied
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import load
@@ -21,7 +21,7 @@ from tests.shared.searched import certified_plan, steadier, tilted_motion
 
 SLOT, KEY = load(PROBLEMS / "two_pegs_slot.toml"), load(PROBLEMS / "bilba_puzzle.toml")
 ASSEMBLY = Assembly(SLOT.moving, SLOT.fixed)
-WAY_IN = Shape(0.349066, 0.194265, 0.014105, 0.000507, (0.003328, 0.004428), (0.001335, 0.00028), heading=-math.pi / 2)
+WAY = Approach(0.349066, 0.194265, 0.014105, 0.000507, (0.003328, 0.004428), (0.001335, 0.00028), heading=-math.pi / 2)
 FLUSH = np.array([-1e-4, 1e-4, 0.0])  # against two walls of the hole
 
 
@@ -34,7 +34,7 @@ def pressed(depth: float) -> tuple[Pose, tuple[PrimitiveContact, ...]]:
 
 def test_a_plan_for_both_pegs_is_certified_at_errors_of_millimetres() -> None:
     slot = steadier(SLOT)
-    motion = tilted_motion(slot, WAY_IN)
+    motion = tilted_motion(slot, WAY)
     assert motion.placed.margin > 2e-5
     document = certified_plan(slot, motion)
     *_, last = document["segments"]

@@ -9,20 +9,20 @@ from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.contact_implications import aligned, facts, rising
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.planning.pipeline import proved
-from fmopt.planning.search.entry import Shape
+from fmopt.planning.search.entry import Approach
 from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
 from fmopt.verify.arithmetic.rational import ONE, vector
-from fmopt.verify.certificate.contact_implications import Facts
+from fmopt.verify.certificate.contact_implications import CheckedFacts
 from fmopt.verify.parts.incidence import Turn
 from tests import ROOT
 from tests.shared.executions.model import execute
 from tests.shared.searched import steadier, tilted_motion
 
-SHAPE = Shape(0.4363, 0.2094, 0.0463, 0.000867, (0.00454, 0.00562), (0.0019, 0.000387))
+SHAPE = Approach(0.4363, 0.2094, 0.0463, 0.000867, (0.00454, 0.00562), (0.0019, 0.000387))
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_what_rises_does_so_however_the_part_is_turned(n: Array, w: Array, norma
 @settings(deadline=None, max_examples=60)
 @given(directions(), directions(), directions(), st.integers(0, 10**6))
 def test_the_check_knows_the_same(n: Array, w: Array, normal: Array, seed: int) -> None:
-    known = Facts.__new__(Facts)
+    known = CheckedFacts.__new__(CheckedFacts)
     known.turns, known._wholes = [Turn(vector(n), vector(w), vector(n), vector(w), None)], (1, None)
     vectors = np.random.default_rng(seed).normal(size=(40, 3))
     found = rising([(n, w)], normal, vectors)

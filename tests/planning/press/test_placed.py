@@ -14,7 +14,7 @@ from fmopt.planning.press.placed.jam import jam, reached_sets
 from fmopt.planning.press.placed.placement import placed_push, strongest
 from fmopt.planning.press.placed.room import room, widest_room
 from fmopt.planning.press.placed.rows import placed_attempts
-from fmopt.planning.press.placed.touches import Push, Touches, escape, escaped
+from fmopt.planning.press.placed.touches import PressWrench, Touches, escape, escaped
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.solve import conditions_of, traced
 from fmopt.planning.press.task import PressTask
@@ -39,17 +39,17 @@ def square(folder: Path) -> PressTask:
     return press_task(load(write_toml(one, folder, (0.3, 0.3))))
 
 
-def going_down(task: PressTask, depth: float) -> tuple[Touches, Push, Array]:
+def going_down(task: PressTask, depth: float) -> tuple[Touches, PressWrench, Array]:
     """The walls about the axis pose at a depth, m, an axial force at the tip, and the box of the play."""
     clearance = task.clearance.per_side
     pose = Pose(np.append(task.goal.p[:2], -depth), task.goal.R)
     near = Touches.near(task.moving.polyhedron, task.fixed.polyhedron, pose, 20.0 * clearance, 0.2, clearance)
     touches = near.some(np.abs(near.N[:, 2]) < 0.5)
-    push = Push(np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), np.ones(6, dtype=bool), 0.5 * task.size)
+    push = PressWrench(np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), np.ones(6, dtype=bool), 0.5 * task.size)
     return touches, push, np.array([30.0 * clearance] * 3 + [0.3] * 3)
 
 
-def rests(touches: Touches, push: Push, friction: float) -> bool:
+def rests(touches: Touches, push: PressWrench, friction: float) -> bool:
     """Whether forces in pyramids inside the friction cones hold a wrench, by non-negative least squares."""
     turns = np.arange(SIDES) * (2.0 * math.pi / SIDES)
     along = np.stack([np.cos(turns), np.sin(turns)])
@@ -81,11 +81,11 @@ def test_cvxpy_states_the_program_of_an_escape_and_agrees(tmp_path: Path) -> Non
         assert stated.solve(solver="CLARABEL") == pytest.approx(margin, abs=1e-6)
 
 
-def corner(turn: float) -> tuple[Touches, Push]:
+def corner(turn: float) -> tuple[Touches, PressWrench]:
     """Two walls that meet at an exterior angle, degrees, and a push between them, across the axis."""
     normals = [[-math.cos(0.5 * math.radians(turn)), s * math.sin(0.5 * math.radians(turn)), 0.0] for s in (1.0, -1.0)]
     held = Touches.at(("one", "other"), np.zeros(2), np.array(normals), np.zeros((2, 3)))
-    return held, Push(np.array([8.0, 0.0, -3.0, 0.0, 0.0, 0.0]), np.arange(6) < 2, 0.01)
+    return held, PressWrench(np.array([8.0, 0.0, -3.0, 0.0, 0.0, 0.0]), np.arange(6) < 2, 0.01)
 
 
 @pytest.mark.parametrize(("turn", "friction"), [(120.0, 0.5), (90.0, 0.5), (60.0, 0.3), (51.4, 0.5), (40.0, 0.3)])

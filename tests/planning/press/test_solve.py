@@ -104,7 +104,8 @@ def test_where_presses_stay_below_guarded_moves_are_looked_for(
 ) -> None:
     problem = press_problem()
     monkeypatch.setattr("fmopt.planning.press.solve.press_solution", Presses(level))
-    monkeypatch.setattr(pipeline, "nearest", lambda *_: pipeline.Share(0.35, 1e-5, False, problem.velocity_error))
+    share = pipeline.CertifiedShare(0.35, 1e-5, False, problem.velocity_error)
+    monkeypatch.setattr(pipeline, "nearest", lambda *_: share)
     if certified:
         answer = pipeline.Synthesis(square_peg_plan, verify(square_peg_plan), {})
         monkeypatch.setattr(pipeline, "certified_motion", lambda *_: None)

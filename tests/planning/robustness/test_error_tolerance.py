@@ -14,7 +14,7 @@ from fmopt.planning.posed import FINE
 from fmopt.planning.robustness.error_tolerance import (
     CertifiedMotion,
     ErrorTolerance,
-    Motion,
+    WholeMotion,
     error_tolerance,
     largest_factor,
     what_fails,
@@ -38,13 +38,13 @@ def solved() -> tuple[Problem, CertifiedMotion]:
 
 
 @pytest.fixture(scope="module")
-def motion(solved: tuple[Problem, CertifiedMotion]) -> Motion:
+def motion(solved: tuple[Problem, CertifiedMotion]) -> WholeMotion:
     problem, done = solved
-    return Motion(done.assembly, done.placed.moves, problem.start_box, done.tolerance, FINE)
+    return WholeMotion(done.assembly, done.placed.moves, problem.start_box, done.tolerance, FINE)
 
 
 @pytest.fixture(scope="module")
-def found(solved: tuple[Problem, CertifiedMotion], motion: Motion) -> ErrorTolerance:
+def found(solved: tuple[Problem, CertifiedMotion], motion: WholeMotion) -> ErrorTolerance:
     x, y = (0.5 * play for play in solved[1].clearance.play)
     return error_tolerance(motion, (x, y))
 
@@ -53,7 +53,7 @@ def test_the_check_agrees_with_the_factor(solved: tuple[Problem, CertifiedMotion
     problem, done = solved
     for share, verdict in ((1.0, "CERTIFIED"), (1.0 + 2.0 * FINENESS, None)):
         wider = replace(problem, start_box=share * np.array(found.start_box))
-        motion = Motion(done.assembly, done.placed.moves, wider.start_box, done.tolerance, FINE)
+        motion = WholeMotion(done.assembly, done.placed.moves, wider.start_box, done.tolerance, FINE)
         if verdict is None:
             assert (motion.margin or 0.0) <= 0.0
             continue
@@ -63,14 +63,14 @@ def test_the_check_agrees_with_the_factor(solved: tuple[Problem, CertifiedMotion
         assert str(judged.verdict) == verdict, judged.findings
 
 
-def test_the_factor_is_relative_to_the_errors(motion: Motion, found: ErrorTolerance) -> None:
+def test_the_factor_is_relative_to_the_errors(motion: WholeMotion, found: ErrorTolerance) -> None:
     half = largest_factor(replace(motion, box=0.5 * motion.box))
     assert half == pytest.approx(2.0 * found.factor, rel=2.0 * FINENESS)
     beyond = largest_factor(replace(motion, box=2.0 * np.array(found.start_box)))
     assert beyond == pytest.approx(0.5, rel=2.0 * FINENESS)
 
 
-def test_what_ends_the_factor_is_what_fails(motion: Motion, found: ErrorTolerance) -> None:
+def test_what_ends_the_factor_is_what_fails(motion: WholeMotion, found: ErrorTolerance) -> None:
     end = found.end
     beyond = replace(motion, box=(1.0 + 1.5 * FINENESS) * np.array(found.start_box))
     assert what_fails(beyond) == end
@@ -85,7 +85,7 @@ def test_what_ends_the_factor_is_what_fails(motion: Motion, found: ErrorToleranc
         assert worst.binding == end.binding
 
 
-def test_sensitivities_are_differences_of_margins(motion: Motion, found: ErrorTolerance) -> None:
+def test_sensitivities_are_differences_of_margins(motion: WholeMotion, found: ErrorTolerance) -> None:
     now = motion.margin
     assert now is not None
     by_name = {s.name: s for s in found.sensitivities}

@@ -8,10 +8,10 @@ import pytest
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim
 from fmopt.contact.state_graph import Scale
-from fmopt.geometry.csg import Box, Difference, Placed
+from fmopt.geometry.csg import Box, Difference, Moved
 from fmopt.geometry.part import part_of
 from fmopt.papers.lee_huang.nominal_trajectory import CriticalPose
-from fmopt.planning.robustness.contact_space import Space, Verdict, contact_spaces, space_at
+from fmopt.planning.robustness.contact_space import Space, StateAdvice, contact_spaces, space_at
 from fmopt.planning.robustness.state_trace import Visited, visited
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -53,7 +53,7 @@ def test_every_state_is_a_confirmed_node_and_every_change_an_edge(found: Visited
     for visit in found.visits:
         for at, state in zip(visit.spaces, visit.states, strict=True):
             assert frozenset(found.spaces[at].graph.states[state].contacts) == visit.contacts
-            assert found.spaces[at].found[state].verdict is Verdict.CONFIRMED
+            assert found.spaces[at].found[state].verdict is StateAdvice.CONFIRMED
 
 
 def test_states_are_what_the_moves_hold(found: Visited) -> None:
@@ -134,8 +134,8 @@ def test_large_graphs_are_written_only_near_the_way(found: Visited) -> None:
 
 def test_a_pose_on_the_end_of_faces_is_left_aside() -> None:
     """A through hole as deep as the goal: there every wall contact ends at the lower rim."""
-    plate = Difference(Box((0.06, 0.06, 0.02)), (Placed(Box((0.0202, 0.0202, 0.03)), upright(-0.005)),))
-    assembly = Assembly(part_of("peg", Box((0.02, 0.02, 0.04))), part_of("plate", Placed(plate, upright(-0.02))))
+    plate = Difference(Box((0.06, 0.06, 0.02)), (Moved(Box((0.0202, 0.0202, 0.03)), upright(-0.005)),))
+    assembly = Assembly(part_of("peg", Box((0.02, 0.02, 0.04))), part_of("plate", Moved(plate, upright(-0.02))))
     mouth = contact_spaces(assembly, nominal()[:2], SCALE)[0]
     assert mouth.graph.count() == space_at(assembly, "in", upright(-0.001), (), SCALE, 10.0).graph.count()
     at_goal = contact_spaces(assembly, (CriticalPose("bottom", upright(-0.02).vector(), 1.0),), SCALE)[0]

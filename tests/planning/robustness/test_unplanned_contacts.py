@@ -13,11 +13,11 @@ from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.contact.c_surface import Surfaces, angle_between, friction_cone
 from fmopt.contact.facet_bounds import BoundTable
 from fmopt.contact.primitive import near_contacts
-from fmopt.geometry.csg import Box, Difference, Placed
+from fmopt.geometry.csg import Box, Difference, Moved
 from fmopt.geometry.part import part_of
 from fmopt.planning.control.recovery import offsets, order, told_apart
 from fmopt.planning.moves.moves import Move, Reached, unroll
-from fmopt.planning.robustness.unplanned_contacts import LARGEST, UnplannedContact, images_of, unplanned_contacts
+from fmopt.planning.robustness.unplanned_contacts import LARGEST, UnplannedCandidate, images_of, unplanned_contacts
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.problem import Specification
 
@@ -67,8 +67,8 @@ def test_cones_that_meet_have_no_angle_between_them_and_a_point_has_none() -> No
 @pytest.fixture(scope="module")
 def entered() -> tuple[Assembly, list[Claim]]:
     """A square peg that goes a little way into a roomy hole, nothing being touched."""
-    at = Placed(Box((0.0226, 0.0226, 0.03)), Pose(np.array([0.0, 0.0, -0.02]), np.eye(3)))
-    block = Difference(Placed(Box((0.06, 0.06, 0.03)), Pose(np.array([0.0, 0.0, -0.03]), np.eye(3))), (at,))
+    at = Moved(Box((0.0226, 0.0226, 0.03)), Pose(np.array([0.0, 0.0, -0.02]), np.eye(3)))
+    block = Difference(Moved(Box((0.06, 0.06, 0.03)), Pose(np.array([0.0, 0.0, -0.03]), np.eye(3))), (at,))
     assembly = Assembly(part_of("peg", Box((0.02, 0.02, 0.04))), part_of("block", block))
     turned = exp([0.05, -0.04, 0.02])
     start, goal = (Pose(np.array([1e-4, -2e-4, z]), turned) for z in (0.002, -0.004))
@@ -77,7 +77,7 @@ def entered() -> tuple[Assembly, list[Claim]]:
     return assembly, list(found.claims)
 
 
-def value(assembly: Assembly, found: UnplannedContact, pose: Pose) -> tuple[float, float]:
+def value(assembly: Assembly, found: UnplannedCandidate, pose: Pose) -> tuple[float, float]:
     """The contact's distance at a pose, and how far inside its bounds it is."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     f = float(Surfaces.of([found.contact], body, fixed).values(pose)[0])
@@ -118,7 +118,7 @@ def test_the_first_contact_is_made_at_its_factor(entered: tuple[Assembly, list[C
         assert min(gaps) < 0.03 * first.gap
 
 
-def _alone(first: UnplannedContact) -> list[tuple[Array, float]]:
+def _alone(first: UnplannedCandidate) -> list[tuple[Array, float]]:
     if not first.axis:
         return []
     k = ("x", "y", "z", "rx", "ry", "rz").index(first.axis)
@@ -162,7 +162,7 @@ def test_noise_hides_small_angles(entered: tuple[Assembly, list[Claim]]) -> None
     asked = Specification(0.02, 20.0, 1.0, 0.3, 2.0)
     assert told_apart(one, asked, RHO)
     for angle, told in ((0.01, False), (0.5, True), (math.pi, True)):
-        made = UnplannedContact(one.contact, 1.0, "", math.inf, 1e-4, one.row, one.wrench, angle)
+        made = UnplannedCandidate(one.contact, 1.0, "", math.inf, 1e-4, one.row, one.wrench, angle)
         assert told_apart(made, asked, RHO) is told
 
 

@@ -16,15 +16,15 @@ from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import Kind, near_contacts
 from fmopt.errors import SearchError
 from fmopt.geometry.clearance import mating_clearance
-from fmopt.geometry.csg import Box, Difference, Placed
+from fmopt.geometry.csg import Box, Difference, Moved
 from fmopt.geometry.part import part_of
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.planning.moves.moves import Move, Tried, fresh
 from fmopt.planning.search.best_first import MoveSequence, _Frontier, begin, best_sequences, search, shortfall
 from fmopt.planning.search.entry import Entry, start_spread, straight_entry, tilted_entry
-from fmopt.planning.search.entry_sampling import Drawing, beginnings
-from fmopt.planning.search.guarded_move import Freedom, Place, guarded, neighbourhood
-from fmopt.planning.search.successors import Costs, Task
+from fmopt.planning.search.entry_sampling import EntryDraws, beginnings
+from fmopt.planning.search.guarded_move import ContactPose, Freedom, guarded, neighbourhood
+from fmopt.planning.search.successors import Costs, SearchTask
 from fmopt.spatial.se3 import Pose, exp
 
 DEGREE = math.pi / 180.0
@@ -34,10 +34,10 @@ def rectangular(clearance: tuple[float, float], scale: float = 1.0) -> Assembly:
     """A peg of 30 × 24 × 40 mm over a pocket 30 mm deep, clearances a side in mm, all times a scale."""
     mm = 1e-3 * scale
     cx, cy = clearance
-    pocket = Placed(Box(((30 + 2 * cx) * mm, (24 + 2 * cy) * mm, 31 * mm)), Pose(np.array([0, 0, 10 * mm]), np.eye(3)))
+    pocket = Moved(Box(((30 + 2 * cx) * mm, (24 + 2 * cy) * mm, 31 * mm)), Pose(np.array([0, 0, 10 * mm]), np.eye(3)))
     block = Difference(Box((60 * mm, 60 * mm, 40 * mm)), (pocket,))
     down = Pose(np.array([0.0, 0.0, -40 * mm]), np.eye(3))
-    return Assembly(part_of("peg", Box((30 * mm, 24 * mm, 40 * mm))), part_of("block", Placed(block, down)))
+    return Assembly(part_of("peg", Box((30 * mm, 24 * mm, 40 * mm))), part_of("block", Moved(block, down)))
 
 
 def polyhedra(assembly: Assembly) -> tuple[Polyhedron, Polyhedron]:
@@ -46,7 +46,7 @@ def polyhedra(assembly: Assembly) -> tuple[Polyhedron, Polyhedron]:
 
 def asked(
     assembly: Assembly, box: list[float], velocity: float, depth: float, states: int, scale: float = 1.0
-) -> tuple[Task, Iterator[tuple[Entry, ...]]]:
+) -> tuple[SearchTask, Iterator[tuple[Entry, ...]]]:
     """What to search for, and the ways to begin, for a start box in mm and degrees."""
     half = np.array([*(1e-3 * scale * x for x in box[:3]), *(DEGREE * x for x in box[3:])])
     clearance = mating_clearance(assembly.moving, assembly.fixed, depth)
@@ -54,10 +54,10 @@ def asked(
     costs = replace(Costs.of(start_spread(moving, half), clearance.per_side), states=states)
     goal = Pose(np.array([0.0, 0.0, -depth]), np.eye(3))
     tolerance = Tolerance((velocity, velocity), clearance.half_diagonal)
-    task = Task(assembly, goal, ErrorSet.from_box(half), tolerance, costs, 15.6 * DEGREE)
+    task = SearchTask(assembly, goal, ErrorSet.from_box(half), tolerance, costs, 15.6 * DEGREE)
     if straight := straight_entry(moving, play, half, height):
         return task, iter([straight])
-    shapes = Drawing(moving, assembly.fixed, play, half, 2.0 * velocity, 12 * DEGREE).shapes(0)
+    shapes = EntryDraws(moving, assembly.fixed, play, half, 2.0 * velocity, 12 * DEGREE).shapes(0)
     return task, ((entry,) for entry in beginnings(task, shapes, partial(tilted_entry, moving, play, height), 100))
 
 
@@ -73,16 +73,16 @@ def test_a_floor_exactly_at_the_end_of_the_way_down_is_met() -> None:
     rng = np.random.default_rng(17)
     short = 0
     for depth in (7.3e-3, 11.1e-3, 15.7e-3, 23.9e-3):
-        pocket = Placed(Box((0.0202, 0.0202, depth + 1e-3)), Pose(np.array([0.0, 0.0, -depth]), np.eye(3)))
+        pocket = Moved(Box((0.0202, 0.0202, depth + 1e-3)), Pose(np.array([0.0, 0.0, -depth]), np.eye(3)))
         down = Pose(np.array([0.0, 0.0, -0.04]), np.eye(3))
-        block = Difference(Placed(Box((0.06, 0.06, 0.04)), down), (pocket,))
+        block = Difference(Moved(Box((0.06, 0.06, 0.04)), down), (pocket,))
         assembly = Assembly(part_of("peg", Box((0.02, 0.02, 0.04))), part_of("block", block))
         corners = assembly.moving.polyhedron.vertices
         corner = int(np.flatnonzero(corners[:, 2] == 0.0)[0])
         for _ in range(25):
             turn = rng.uniform(-0.3, 0.3, 3)
             pose = Pose(np.array([0.0, 0.0, rng.uniform(-depth + 1e-3, 0.06)]), exp(turn) @ exp(-turn))
-            place = Place(pose, (), (), corners[corner])
+            place = ContactPose(pose, (), (), corners[corner])
             straight = Freedom("-z", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), float(pose.p[2]) + depth)
             near = neighbourhood(assembly, place, straight, 1e-3).contacts
             near = [one for one in near if one.kind is Kind.VERTEX_FACE and one.moving == (corner,)]

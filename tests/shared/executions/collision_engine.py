@@ -17,24 +17,15 @@ _FAR = 1e6
 
 
 class Engine:
-    """Watches the poses of executions.
-
-    Args:
-        plan: the document.
-
-    Attributes:
-        deepest: greatest penetration seen, m.
-        seen: distances looked at.
-        wrong: what contradicts the plan, in words.
-    """
+    """Watches the poses of executions of a plan's document."""
 
     def __init__(self, plan: dict[str, Any]) -> None:
         self.scene = Scene(plan)
         self.model, self.data = _compiled(self.scene)
         self.pairs = [(i, j) for i in range(len(self.scene.moving)) for j in range(len(self.scene.fixed))]
         self.bearing = {name: self._bearing(name) for name in self.scene.touches}
-        self.deepest, self.seen = 0.0, 0
-        self.wrong: set[str] = set()
+        self.deepest, self.seen = 0.0, 0  # greatest penetration, m, and number of distances looked at
+        self.wrong: set[str] = set()  # what contradicts the plan, in words
 
     def watch(self, piece: Piece, poses: Poses, last: bool) -> None:
         """Compares the distances at poses of a piece with what the plan says of them; `last` where a move ends."""

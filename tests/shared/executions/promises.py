@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.plan.error_sets import ErrorSet
+from fmopt.plan.error_sets import PlanErrorSet
 from tests.shared.executions.geometry import Array, Convex, Poses, cross, normal_of, unit
 
 NANO, FLAT = 1e-10, 1e-20
@@ -97,7 +97,7 @@ class Witness:
 class Tube:
     """The error set at one end of a piece, where the check can derive one, and the half-widths that the plan states."""
 
-    def __init__(self, said: dict[str, Any], found: Sequence[ErrorSet], rho: float) -> None:
+    def __init__(self, said: dict[str, Any], found: Sequence[PlanErrorSet], rho: float) -> None:
         self.scale = np.repeat([1.0, rho], 3)
         self.box = np.array([*said["offset_box"], *said["angle_box"]])
         self.sets = found

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fmopt.geometry.convex_pieces import polyhedron
-from fmopt.geometry.csg import Box, Difference, Placed, Prism, Solid
+from fmopt.geometry.csg import Box, Difference, Moved, Prism, Solid
 from fmopt.geometry.polyhedron import triangulated
 from fmopt.spatial.se3 import Pose
 
@@ -80,7 +80,7 @@ def write_stl(path: Path, solid: Solid) -> None:
 
 def plate(across: tuple[float, float], corner: float = 0.0, size: float = 0.04, thick: float = 0.01) -> Solid:
     """A plate on z = 0 with a through hole of this width, its upright edges cut."""
-    return Difference(Box((size, size, thick)), (Placed(rounded(across, 2.0 * thick, corner), at(z=-0.5 * thick)),))
+    return Difference(Box((size, size, thick)), (Moved(rounded(across, 2.0 * thick, corner), at(z=-0.5 * thick)),))
 
 
 def rounded(across: tuple[float, float], length: float, corner: float = 0.0) -> Solid:

@@ -10,11 +10,7 @@ from fmopt.task.toml.source import Place
 
 
 def model_of(path: Path) -> Model:
-    """The model of a file.
-
-    Raises:
-        InputError: with every fault.
-    """
+    """The model of a file; an `InputError` has every fault."""
     model, faults = load_model(path, Place(str(path)), {})
     if model is None or faults:
         raise InputError(*faults)

@@ -32,11 +32,7 @@ def written(folder: Path, files: Mapping[str, str | bytes]) -> None:
 
 
 def raw_model(folder: Path, text: str | bytes) -> Any:
-    """A model file as it stands, whose part and tree are built.
-
-    Raises:
-        InputError: with every fault.
-    """
+    """A model file as it stands, whose part and tree are built; an `InputError` has every fault."""
     path = folder / "part.toml"
     written(folder, {path.name: text})
     model = model_of(path)

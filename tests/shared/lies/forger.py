@@ -26,11 +26,7 @@ _MOTION = ("parts", "contacts", "segments", "uncertainty", "touch_tolerance")  #
 
 
 def forged(plan: Document, lie: Lie, seed: int) -> Document | None:
-    """An honest plan, left as it is, with a lie, sealed; None where it has nothing of the kind to lie about.
-
-    Raises:
-        PlanError: the lie left no plan.
-    """
+    """An honest plan, left as it is, with a lie, sealed; None where it has nothing of the kind to lie about."""
     # Through text, so that nothing that a part and its piece share in memory is altered in both.
     found: Document = json.loads(json.dumps(lie.base() if lie.base is not None else plan))
     if not lie.tell(found, random.Random(f"{lie.name} {seed}")):

@@ -18,8 +18,8 @@ from fmopt.verify.certificate.separating_plane import Known, WitnessError, apart
 from fmopt.verify.control.recovery import check_recovery, lowest, underside
 from fmopt.verify.control.strategy import check_strategy
 from fmopt.verify.findings import Notes
-from fmopt.verify.parts.assembly import Assembly
-from fmopt.verify.reading.document import ContactClaim, Plan, Segment, Separation, Witness
+from fmopt.verify.parts.assembly import PartPair
+from fmopt.verify.reading.document import Segment, StatedContactClaim, StatedPlan, StatedSeparation, StatedWitness
 from fmopt.verify.reading.parse import parse
 from tests.shared.lies.restate_control import restated_axes, touching_names
 from tests.shared.plans.table_plan import sealed
@@ -74,7 +74,7 @@ def restated(document: Document) -> Document:
     found: Document = copy.deepcopy(document)
     plan = parse(found)
     try:
-        assembly = Assembly(plan)
+        assembly = PartPair(plan)
     except ArithmeticRefusal:
         return sealed(found)
     if assembly.flaws:
@@ -86,7 +86,7 @@ def restated(document: Document) -> Document:
     return sealed(found)
 
 
-def _motions(document: Document, plan: Plan, assembly: Assembly) -> Iterator[Stage]:
+def _motions(document: Document, plan: StatedPlan, assembly: PartPair) -> Iterator[Stage]:
     """Restates the motions one after the other, as far as the chain holds."""
     chain = Chain(plan, assembly)
     for k, segment in enumerate(plan.segments):
@@ -136,7 +136,7 @@ def _basis(chain: Chain, segment: Segment, said: Document) -> tuple[tuple[str, A
     return tuple(found)
 
 
-def _listed(segment: Segment, said: Document) -> tuple[ContactClaim, ...]:
+def _listed(segment: Segment, said: Document) -> tuple[StatedContactClaim, ...]:
     """The claims of the contacts that the check expects."""
     new = [i for i in segment.goal_state if i not in segment.state] if segment.progress[1] == 1.0 else []
     expected = [(i, "held") for i in segment.state] + [(i, "made") for i in new]
@@ -145,10 +145,10 @@ def _listed(segment: Segment, said: Document) -> tuple[ContactClaim, ...]:
             {"id": i, "role": role, "normal": [0.0] * 6, "offset": 0.0, "remainder": 0.0, "margin": 0.0}
             for i, role in expected
         ]
-    return tuple(ContactClaim(i, role, (0.0,) * 6, 0.0, 0.0, 0.0) for i, role in expected)
+    return tuple(StatedContactClaim(i, role, (0.0,) * 6, 0.0, 0.0, 0.0) for i, role in expected)
 
 
-def _witnessed(assembly: Assembly, stage: Stage, said: Document) -> Stage:
+def _witnessed(assembly: PartPair, stage: Stage, said: Document) -> Stage:
     """The segment with other witnesses where its own prove nothing."""
     hinge = assembly.hinge(stage.made, stage.state) if stage.made is not None else None
     known = Known(stage.facts, stage.made, hinge, stage.leaving, stage.coming_off)
@@ -165,7 +165,7 @@ def _witnessed(assembly: Assembly, stage: Stage, said: Document) -> Stage:
     return replace(stage, segment=replace(stage.segment, separations=tuple(kept)))
 
 
-def _margin(assembly: Assembly, stage: Stage, stated: Separation, known: Known) -> int:
+def _margin(assembly: PartPair, stage: Stage, stated: StatedSeparation, known: Known) -> int:
     try:
         M, F = assembly.moving_pieces[stated.moving], assembly.fixed_pieces[stated.fixed]
         return apart(assembly, M, F, stated.witness, stage.motion, known).margin
@@ -173,11 +173,11 @@ def _margin(assembly: Assembly, stage: Stage, stated: Separation, known: Known) 
         return -(1 << 300)
 
 
-def _others(assembly: Assembly, stated: Separation) -> Iterator[Witness]:
+def _others(assembly: PartPair, stated: StatedSeparation) -> Iterator[StatedWitness]:
     for face in assembly.fixed_pieces[stated.fixed].faces:
-        yield Witness("fixed-face", (), face.loops[0], (0.0, 0.0, 0.0), 0.0)
+        yield StatedWitness("fixed-face", (), face.loops[0], (0.0, 0.0, 0.0), 0.0)
     for face in assembly.moving_pieces[stated.moving].faces:
-        yield Witness("moving-face", face.loops[0], (), (0.0, 0.0, 0.0), 0.0)
+        yield StatedWitness("moving-face", face.loops[0], (), (0.0, 0.0, 0.0), 0.0)
 
 
 def _claims(said: Document, stage: Stage, values: dict[str, list[float]]) -> None:
@@ -201,7 +201,7 @@ def _claims(said: Document, stage: Stage, values: dict[str, list[float]]) -> Non
         said["hybrid"]["velocity"] = values.get("velocity", said["hybrid"]["velocity"])
 
 
-def _strategies(document: Document, assembly: Assembly, stages: Sequence[Stage]) -> None:
+def _strategies(document: Document, assembly: PartPair, stages: Sequence[Stage]) -> None:
     """Restates control strategies until the check has nothing more to say that can be put right."""
     for _ in range(5):
         plan, changed = parse(document), False
@@ -216,7 +216,7 @@ def _strategies(document: Document, assembly: Assembly, stages: Sequence[Stage])
             return
 
 
-def _mended(hybrid: Document, notes: Notes, assembly: Assembly, stage: Stage, rho: float) -> bool:
+def _mended(hybrid: Document, notes: Notes, assembly: PartPair, stage: Stage, rho: float) -> bool:
     """Puts right what the check found wrong with a strategy; whether there was anything."""
     changed = False
     for finding in notes.found:
@@ -246,7 +246,7 @@ def _mended(hybrid: Document, notes: Notes, assembly: Assembly, stage: Stage, rh
     return changed
 
 
-def _recovery(document: Document, plan: Plan, assembly: Assembly) -> None:
+def _recovery(document: Document, plan: StatedPlan, assembly: PartPair) -> None:
     """Restates the room of every move, and how high lifts begin."""
     recovery = document.get("recovery")
     if recovery is None:

@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 
 from fmopt.verify.certificate.chain import Stage
-from fmopt.verify.parts.assembly import Assembly
+from fmopt.verify.parts.assembly import PartPair
 from fmopt.verify.parts.reach import touching, unit_wrench
 from fmopt.verify.parts.rows import pose
 
 _RANK = 1e-6
 
 
-def restated_axes(hybrid: dict[str, Any], assembly: Assembly, stage: Stage, rho: float) -> None:
+def restated_axes(hybrid: dict[str, Any], assembly: PartPair, stage: Stage, rho: float) -> None:
     """Force axes that span the wrenches of the contacts pressed, position axes that span what these leave free.
 
     Both are orthonormal in the metric of ρ, in a frame at the part's reference point and along the axes of B.
@@ -31,7 +31,7 @@ def restated_axes(hybrid: dict[str, Any], assembly: Assembly, stage: Stage, rho:
     hybrid.pop("jam_free", None)
 
 
-def touching_names(hybrid: dict[str, Any], assembly: Assembly, stage: Stage) -> bool:
+def touching_names(hybrid: dict[str, Any], assembly: PartPair, stage: Stage) -> bool:
     """Lists the contacts that touch at the goal, held and made; whether that changes the lists."""
     goal = pose(stage.segment.goal)
     held = [t.id for t in stage.state if touching(assembly, t, goal) >= 0.0]

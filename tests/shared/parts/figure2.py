@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Union, ring
+from fmopt.geometry.csg import Box, Cylinder, Difference, Moved, Prism, Union, ring
 from fmopt.spatial.se3 import Pose, exp
 
 SPEED, RHO = 0.02, 0.014
@@ -11,7 +11,7 @@ BOX = np.array([1e-4, 1e-4, 1e-4, 0.005, 0.005, 0.005])
 
 
 def at(solid, x=0.0, y=0.0, z=0.0, r=(0.0, 0.0, 0.0)):
-    return Placed(solid, Pose(np.array([x, y, z]), exp(r)))
+    return Moved(solid, Pose(np.array([x, y, z]), exp(r)))
 
 
 def block(tool, depth):
@@ -28,7 +28,7 @@ def radius(solid):
     match solid:
         case Cylinder(size, _, _):
             return size
-        case Placed(inner, _):
+        case Moved(inner, _):
             return radius(inner)
         case Union(parts):
             return next(filter(None, map(radius, parts)), None)

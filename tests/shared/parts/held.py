@@ -1,8 +1,8 @@
 """A peg held in a pocket, as the check has it: planes, rims and contacts."""
 
 from fmopt.verify.arithmetic.rational import Vector, fixed, vector
-from fmopt.verify.certificate.contact_implications import Facts
-from fmopt.verify.parts.assembly import Assembly, Touch
+from fmopt.verify.certificate.contact_implications import CheckedFacts
+from fmopt.verify.parts.assembly import PartPair, Touch
 from fmopt.verify.parts.rows import pose
 from fmopt.verify.parts.solids import Plane
 from tests.shared.parts.solid_bodies import box, pocket, shape
@@ -31,8 +31,8 @@ T0, T1, T3 = corner(-1, -1, 1), corner(1, -1, 1), corner(-1, 1, 1)
 RIM_LEFT = (point(-10, -10, 0), point(-10, 10, 0))
 
 
-def assembled() -> Assembly:
-    made = Assembly.__new__(Assembly)
+def assembled() -> PartPair:
+    made = PartPair.__new__(PartPair)
     made.moving, made.fixed = PEG, BLOCK
     made.moving_pieces, made.fixed_pieces = (PEG,), ()
     made.body_points = PEG.vertices
@@ -50,8 +50,8 @@ def edge_on(i: int, j: int, rim: tuple[tuple[int, int, int], ...], wall: Plane) 
     return Touch(f"e{i}-{j} on {rim}", "edge-edge", moving, rim, None, (wall, TOP), -1, ((i, j), (sum(map(sum, rim)),)))
 
 
-def facts(assembly: Assembly, *held: Touch) -> Facts:
-    return Facts(assembly, held, pose((0.0,) * 6).R)
+def facts(assembly: PartPair, *held: Touch) -> CheckedFacts:
+    return CheckedFacts(assembly, held, pose((0.0,) * 6).R)
 
 
 A = edge_on(V0, T0, RIM_LEFT, LEFT)

@@ -11,7 +11,7 @@ from fmopt.certificate.claim import Claim, claimed, stepped
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.segment_linearisation import Compliance, Piece, Tolerance
 from fmopt.contact.primitive import PrimitiveContact, edge_edge, vertex_face
-from fmopt.geometry.csg import Box, Difference, Placed
+from fmopt.geometry.csg import Box, Difference, Moved
 from fmopt.geometry.part import part_of
 from fmopt.planning.moves.separating_planes import choose_separations
 from fmopt.spatial.se3 import Pose, exp
@@ -52,10 +52,10 @@ class Way:
 @cache
 def peg() -> Peg:
     """A peg of 20 mm, 0.1 mm clear a side, over a pocket 30 mm deep."""
-    hole = Placed(Box((2 * CLEAR, 2 * CLEAR, DEPTH)), Pose(np.array([0.0, 0.0, 0.01]), np.eye(3)))
+    hole = Moved(Box((2 * CLEAR, 2 * CLEAR, DEPTH)), Pose(np.array([0.0, 0.0, 0.01]), np.eye(3)))
     block = Difference(Box((0.06, 0.06, 0.04)), (hole,))
     down = Pose(np.array([0.0, 0.0, -0.04]), np.eye(3))
-    assembly = Assembly(part_of("peg", Box((2 * HALF, 2 * HALF, 0.04))), part_of("block", Placed(block, down)))
+    assembly = Assembly(part_of("peg", Box((2 * HALF, 2 * HALF, 0.04))), part_of("block", Moved(block, down)))
     own, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
 
     def vertex(x: int, y: int, z: float) -> int:

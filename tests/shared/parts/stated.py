@@ -2,7 +2,7 @@
 
 from fmopt.geometry.part import Part
 from fmopt.verify.reading.document import Body
-from fmopt.verify.reading.document import Part as Stated
+from fmopt.verify.reading.document import StatedPart as Stated
 
 
 def as_stated(part: Part) -> Stated:

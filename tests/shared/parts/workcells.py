@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from fmopt.geometry.csg import Box, Cylinder, Placed, Solid
+from fmopt.geometry.csg import Box, Cylinder, Moved, Solid
 from fmopt.spatial.se3 import Pose, exp
-from fmopt.task.object_model.command import Specification, Task
+from fmopt.task.object_model.command import CommandLimits, Task
 from fmopt.task.object_model.goal import FREE, Goal
-from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree
+from fmopt.task.object_model.tree import FeatureClass, ObjectTree, TreeFeature
 from fmopt.task.object_model.workcell import Link, LowerPair, Ref, Workcell
 
 SIDES = 12
-SPECIFICATION = Specification(0.02, 10.0, 1.0)
+SPECIFICATION = CommandLimits(0.02, 10.0, 1.0)
 DOWN: Goal = (0.0, 0.0, FREE, 0.0, 0.0, FREE)
 
 
@@ -18,16 +18,16 @@ def at(x: float, y: float = 0.0, z: float = 0.0, r: tuple[float, float, float] =
     return Pose(np.array([x, y, z]), exp(r))
 
 
-def thing(name: str, frame: Pose, *features: Feature) -> ObjectTree:
+def thing(name: str, frame: Pose, *features: TreeFeature) -> ObjectTree:
     return ObjectTree(name, frame, (FeatureClass("features", features),))
 
 
-def feature(name: str, sign: str, frame: Pose, body: Solid, length: float | None, through: bool = False) -> Feature:
-    return Feature(name, "+" if sign == "+" else "-", frame, body, length, through)
+def feature(name: str, sign: str, frame: Pose, body: Solid, length: float | None, through: bool = False) -> TreeFeature:
+    return TreeFeature(name, "+" if sign == "+" else "-", frame, body, length, through)
 
 
 def round_hole(radius: float, z: float, depth: float) -> Solid:
-    return Placed(Cylinder(radius, depth + 0.01, SIDES), at(0, 0, z - depth))
+    return Moved(Cylinder(radius, depth + 0.01, SIDES), at(0, 0, z - depth))
 
 
 def plate(frame: Pose, radius: float = 0.0302) -> ObjectTree:
@@ -36,8 +36,8 @@ def plate(frame: Pose, radius: float = 0.0302) -> ObjectTree:
         "plate",
         frame,
         feature("block", "+", at(0), Box((0.1, 0.1, 0.04)), None),
-        feature("hole", "-", at(0, 0, 0.04), Placed(Cylinder(radius, 0.06, SIDES), at(0, 0, -0.01)), 0.04, True),
-        feature("aside", "-", at(0.042, 0.042, 0.04), Placed(round_hole(0.003, 0.04, 0.03), at(0.042, 0.042)), 0.03),
+        feature("hole", "-", at(0, 0, 0.04), Moved(Cylinder(radius, 0.06, SIDES), at(0, 0, -0.01)), 0.04, True),
+        feature("aside", "-", at(0.042, 0.042, 0.04), Moved(round_hole(0.003, 0.04, 0.03), at(0.042, 0.042)), 0.03),
     )
 
 
@@ -53,8 +53,8 @@ def peg(frame: Pose, radius: float = 0.01) -> ObjectTree:
         "peg",
         frame,
         feature("shaft", "+", at(0), Cylinder(radius, 0.05, SIDES), 0.05),
-        feature("flange", "+", at(0, 0, 0.05), Placed(Box((0.03, 0.03, 0.01)), at(0, 0, 0.05)), None),
-        feature("socket", "-", at(0, 0, 0.06), Placed(Box((0.008, 0.008, 0.02)), at(0, 0, 0.052)), 0.008),
+        feature("flange", "+", at(0, 0, 0.05), Moved(Box((0.03, 0.03, 0.01)), at(0, 0, 0.05)), None),
+        feature("socket", "-", at(0, 0, 0.06), Moved(Box((0.008, 0.008, 0.02)), at(0, 0, 0.052)), 0.008),
     )
 
 

@@ -6,12 +6,12 @@ import signal
 import time
 from pathlib import Path
 
-from fmopt.study.running.batch import Limits, Question, Run
+from fmopt.study.running.batch import Limits, Run, StudyContext
 from fmopt.study.running.running import Work
 from fmopt.study.running.store import Row
 
 BEGUN = "STUDY_TEST_BEGUN"
-QUESTION = Question("problem.toml", ("test",))
+QUESTION = StudyContext("problem.toml", ("test",))
 
 
 def number_of(run: Run) -> int:

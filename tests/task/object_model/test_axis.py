@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Solid, Union
+from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Moved, Solid, Union
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.object_model.axis import length, on_axis
 from tests.shared.solids import contains
@@ -12,10 +12,10 @@ from tests.shared.solids import contains
 def trees(random: np.random.Generator) -> Solid:
     def body() -> Solid:
         primitive = (Box((0.05, 0.04, 0.06)), Cylinder(0.03, 0.05, 9), Cone(0.03, 0.01, 0.07, 8))[random.integers(3)]
-        return Placed(primitive, Pose(random.uniform(-0.03, 0.03, 3), exp(random.normal(size=3))))
+        return Moved(primitive, Pose(random.uniform(-0.03, 0.03, 3), exp(random.normal(size=3))))
 
     aside = Pose(np.array([0.01, 0.0, 0.0]), np.eye(3))
-    return Difference(Union((body(), body(), body())), (body(), Placed(Union((body(), body())), aside)))
+    return Difference(Union((body(), body(), body())), (body(), Moved(Union((body(), body())), aside)))
 
 
 @pytest.mark.parametrize("seed", range(8))

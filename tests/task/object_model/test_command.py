@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmopt.geometry.csg import Box, Placed
+from fmopt.geometry.csg import Box, Moved
 from fmopt.papers.lee_huang.hand_position_force import grasped_twist, grasped_wrench, hand_pose, world_pose
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.object_model.command import Answer, answer, completed, grasped_pose
@@ -37,7 +37,7 @@ def test_an_answer_does_not_depend_on_where_the_frames_of_the_objects_are(seed: 
 
     def redescribed(tree: ObjectTree) -> ObjectTree:
         move = Pose(random.uniform(-1, 1, 3), exp(random.normal(size=3)))
-        features = tuple(replace(f, frame=move.compose(f.frame), body=Placed(f.body, move)) for f in tree.features)
+        features = tuple(replace(f, frame=move.compose(f.frame), body=Moved(f.body, move)) for f in tree.features)
         return thing(tree.name, tree.frame.compose(move.inverse()), *features)
 
     usual = answer(above(turn=0.3), IN_BUSH)

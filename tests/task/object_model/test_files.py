@@ -11,8 +11,8 @@ from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Box, Cylinder
 from fmopt.papers.lee_huang.hand_position_force import hand_pose
 from fmopt.spatial.se3 import Pose
-from fmopt.task.assembly import Step, carried_out, load_assembly
-from fmopt.task.object_model.tree import Feature, moved
+from fmopt.task.assembly import AssemblyStep, carried_out, load_assembly
+from fmopt.task.object_model.tree import TreeFeature, moved
 from fmopt.task.object_model.workcell import Link, Ref
 from fmopt.task.problem import load
 from fmopt.task.task_command import is_round, problem_answer, task_command
@@ -59,16 +59,16 @@ def test_round_is_what_turns_about_z() -> None:
     body = Cylinder(0.01, 0.02)
     for x, y, tilt, expected in ((0.0, 0.0, 0.0, True), (1e-6, 0.0, 0.0, False), (0.0, 0.0, 1e-3, False)):
         frame = Pose.from_vector([x, y, 0, tilt, 0, 0])
-        assert is_round(Feature("peg", "+", frame, body, 0.02)) is expected
-    assert not is_round(Feature("peg", "+", Pose.identity(), Box((1, 1, 1)), 0.02))
+        assert is_round(TreeFeature("peg", "+", frame, body, 0.02)) is expected
+    assert not is_round(TreeFeature("peg", "+", Pose.identity(), Box((1, 1, 1)), 0.02))
 
 
 @pytest.fixture(scope="module")
-def steps() -> list[Step]:
+def steps() -> list[AssemblyStep]:
     return list(carried_out(load_assembly(ASSEMBLY)))
 
 
-def test_the_shipped_assembly(steps: list[Step]) -> None:
+def test_the_shipped_assembly(steps: list[AssemblyStep]) -> None:
     first, second = steps
     assert (first.name, second.name) == ("seat_bush", "insert_peg")
     np.testing.assert_allclose(first.answer.P0, [0.1, 0, -0.03, 0, 0, 0], atol=1e-15)
@@ -84,7 +84,7 @@ def test_the_shipped_assembly(steps: list[Step]) -> None:
     assert second.after.group("peg") == ("peg", "bush", "block")
 
 
-def test_the_second_step_finds_the_bush_in_the_block(steps: list[Step]) -> None:
+def test_the_second_step_finds_the_bush_in_the_block(steps: list[AssemblyStep]) -> None:
     fixed = steps[1].answer.fixed
     assert [str(ref) for ref in fixed.members] == ["bush.bore", "bush.shank", "block.hole", "block.block"]
     points = np.array([[0.0, 0.0, -0.01], [0.0125, 0.0, -0.01], [0.025, 0.0, -0.01]])
@@ -96,7 +96,7 @@ def test_the_second_step_finds_the_bush_in_the_block(steps: list[Step]) -> None:
     assert contains(body, [[0.0, 0.0, 0.006], [0.0, 0.0, 0.004]]).tolist() == [True, False]
 
 
-def test_the_hand_holds_as_the_file_says(steps: list[Step]) -> None:
+def test_the_hand_holds_as_the_file_says(steps: list[AssemblyStep]) -> None:
     found = steps[1].answer
     hand = hand_pose(found, found.PT)
     np.testing.assert_allclose(hand.p, [0, 0, 0.03 - 0.025 + 0.06], atol=1e-12)

@@ -7,7 +7,7 @@ import pytest
 
 from fmopt.errors import InterferenceError, TaskError
 from fmopt.geometry.csg import Box
-from fmopt.task.object_model.command import APART, CLEAR, KINDS, STALE, START, Specification, Task, answer, completed
+from fmopt.task.object_model.command import APART, CLEAR, KINDS, STALE, START, CommandLimits, Task, answer, completed
 from fmopt.task.object_model.goal import FREE, INSERTED, ON_AXIS, SETTLED, Goal
 from fmopt.task.object_model.workcell import EXIST, Link, LinkKind, LowerPair, Ref, Workcell
 from tests.shared.parts.workcells import IN_BUSH, SIDES, above, at, bush, cell, feature, peg, plate, task, thing
@@ -125,7 +125,7 @@ def test_the_graph_is_edited() -> None:
 @pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
 def test_specifications_are_positive(value: float) -> None:
     with pytest.raises(TaskError, match="the contact force is"):
-        Specification(0.02, value, 1.0)
+        CommandLimits(0.02, value, 1.0)
 
 
 def test_answers_and_errors_pickle() -> None:

@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 
 from fmopt.errors import GeometryError, InputError, TaskError
 from fmopt.geometry.convex_pieces import polyhedron
-from fmopt.geometry.csg import Box, Difference, Hull, Placed, Solid, Union
+from fmopt.geometry.csg import Box, Difference, Hull, Moved, Solid, Union
 from fmopt.geometry.inverse_csg import MESH_NOISE, apart
 from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.spatial.se3 import Pose
-from fmopt.task.object_model.classify import Claim, object_tree
+from fmopt.task.object_model.classify import FeatureClaim, object_tree
 from fmopt.task.object_model.tree import (
-    Feature,
     FeatureClass,
     ObjectTree,
     Term,
+    TreeFeature,
     chain_of,
     chain_solid,
     instances,
@@ -46,13 +46,13 @@ def coordinate() -> st.SearchStrategy[float]:
 def solids() -> st.SearchStrategy[Solid]:
     """Random CSG trees on a coarse grid, where faces coincide more often than not."""
     size = st.tuples(*[st.integers(1, 4).map(lambda n: 0.02 * n)] * 3)
-    box = st.builds(lambda s, x, y, z: Placed(Box(s), at(x, y, z)), size, coordinate(), coordinate(), coordinate())
+    box = st.builds(lambda s, x, y, z: Moved(Box(s), at(x, y, z)), size, coordinate(), coordinate(), coordinate())
     return st.recursive(
         box,
         lambda inner: st.one_of(
             st.lists(inner, min_size=1, max_size=3).map(lambda parts: Union(tuple(parts))),
             st.builds(lambda base, tools: Difference(base, tuple(tools)), inner, st.lists(inner, max_size=3)),
-            st.builds(lambda solid, x: Placed(solid, at(x, -x, 2 * x)), inner, coordinate()),
+            st.builds(lambda solid, x: Moved(solid, at(x, -x, 2 * x)), inner, coordinate()),
         ),
         max_leaves=7,
     )
@@ -77,18 +77,18 @@ def test_a_chain_means_what_its_tree_means(solid: Solid) -> None:
 @given(solids())
 def test_leaves_of_positive_trees_cover_them(solid: Solid) -> None:
     added = [leaf for leaf in instances(solid) if leaf.sign == "+"]
-    covered = np.any([contains(Placed(leaf.primitive, leaf.pose), POINTS) for leaf in added], axis=0)
+    covered = np.any([contains(Moved(leaf.primitive, leaf.pose), POINTS) for leaf in added], axis=0)
     assert np.all(covered[contains(solid, POINTS)])
 
 
 def test_a_difference_in_a_union_becomes_a_chain_where_it_can() -> None:
-    a, b, c = Box((0.04, 0.04, 0.04)), Placed(Box((0.04, 0.04, 0.04)), at(0.06)), Placed(Box((0.01, 0.01, 1)), at(0.06))
+    a, b, c = Box((0.04, 0.04, 0.04)), Moved(Box((0.04, 0.04, 0.04)), at(0.06)), Moved(Box((0.01, 0.01, 1)), at(0.06))
     apart = chain_of(Union((a, Difference(b, (c,)))), "x")
     assert [term.sign for term in apart] == ["+", "+", "-"]
-    through = Difference(b, (Placed(Box((0.2, 0.01, 0.01)), at(0.06)),))
+    through = Difference(b, (Moved(Box((0.2, 0.01, 0.01)), at(0.06)),))
     turned_round = chain_of(Union((a, through)), "x")
     assert [term.sign for term in turned_round] == ["+", "-", "+"]
-    both = Union((Difference(a, (Placed(Box((0.2, 0.01, 0.01)), at(0.0, 0.0, 0.02)),)), through))
+    both = Union((Difference(a, (Moved(Box((0.2, 0.01, 0.01)), at(0.0, 0.0, 0.02)),)), through))
     kept = chain_of(both, "x")
     assert [term.sign for term in kept] == ["+", "-", "+"]
     assert isinstance(kept[-1].body, Difference)
@@ -103,7 +103,7 @@ def test_taking_away_a_difference_gives_back() -> None:
 
 def test_moving_composes_placements() -> None:
     solid = moved(moved(Box((1, 1, 1)), at(1)), at(0, 2))
-    assert isinstance(solid, Placed)
+    assert isinstance(solid, Moved)
     assert isinstance(solid.solid, Box)
     np.testing.assert_array_equal(solid.pose.p, [1, 2, 0])
     assert moved(solid, HERE) is solid
@@ -142,7 +142,7 @@ def test_the_object_of_figure_1() -> None:
 
 
 HOLE = MatingFeature("hole", "hollow", at(0, 0, 0.04), 0.02)
-BLOCK = Difference(Box((0.06, 0.06, 0.04)), (Placed(Box((0.02, 0.02, 0.04)), at(0, 0, 0.02)),))
+BLOCK = Difference(Box((0.06, 0.06, 0.04)), (Moved(Box((0.02, 0.02, 0.04)), at(0, 0, 0.02)),))
 
 
 def test_a_mesh_is_its_hull_less_what_that_has_too_much() -> None:
@@ -153,7 +153,7 @@ def test_a_mesh_is_its_hull_less_what_that_has_too_much() -> None:
 
 
 def test_a_chamfered_hole_is_one_feature_of_two_instances() -> None:
-    sink = Placed(frustum((0.02, 0.02), (0.03, 0.03), 0.005), at(0, 0, 0.035))
+    sink = Moved(frustum((0.02, 0.02), (0.03, 0.03), 0.005), at(0, 0, 0.035))
     chain = chain_of(Difference(BLOCK, (sink,)), "block")
     tree = object_tree("block", chain, [HOLE], {})
     assert [leaf.key for leaf in tree.feature("hole").instances] == ["box", "hull"]
@@ -164,7 +164,7 @@ def test_two_features_may_share_a_body() -> None:
     bar = chain_of(Box((0.02, 0.02, 0.1)), "bar")
     down = Pose(np.array([0, 0, 0.1]), np.diag([1.0, -1.0, -1.0]))
     ends = [MatingFeature("near", "solid", HERE, 0.03), MatingFeature("far", "solid", down, 0.03)]
-    tree = object_tree("bar", bar, ends, {"far": Claim("tips")})
+    tree = object_tree("bar", bar, ends, {"far": FeatureClaim("tips")})
     assert {group.name: len(group.features) for group in tree.classes} == {"tips": 1, "pegs": 1}
     assert polyhedron(tree.solid).volume == pytest.approx(4e-5, rel=1e-12)
 
@@ -175,13 +175,13 @@ def test_features_that_nothing_makes_up() -> None:
         object_tree("block", chain, [MatingFeature("hole", "hollow", at(0.2, 0, 0.04), 0.02)], {})
     assert caught.value.feature == "hole"
     with pytest.raises(TaskError, match=r"'hole' names 'block', which is no term prefixed -.*such terms: block-cut-1"):
-        object_tree("block", chain, [HOLE], {"hole": Claim("", ("block",))})
+        object_tree("block", chain, [HOLE], {"hole": FeatureClaim("", ("block",))})
 
 
 def test_terms_with_others_between_them_are_not_taken_together() -> None:
-    cut = Placed(Box((0.01, 0.01, 0.1)), at(0, 0, 0.01))
+    cut = Moved(Box((0.01, 0.01, 0.1)), at(0, 0, 0.01))
     chain = (*chain_of(BLOCK, "block"), Term("+", "plug", Box((0.02, 0.02, 0.01))), Term("-", "cut", cut))
-    claim = {"hole": Claim("", ("block-cut-1", "cut"))}
+    claim = {"hole": FeatureClaim("", ("block-cut-1", "cut"))}
     with pytest.raises(TaskError, match="terms with 'plug', of the other sign, between them"):
         object_tree("block", chain, [HOLE], claim)
 
@@ -189,14 +189,14 @@ def test_terms_with_others_between_them_are_not_taken_together() -> None:
 def test_bulk_never_takes_the_name_of_a_mating_feature() -> None:
     chain = (
         Term("+", "hole", Box((0.06, 0.06, 0.04))),
-        Term("-", "cut", Placed(Box((0.02, 0.02, 0.04)), at(0, 0, 0.02))),
+        Term("-", "cut", Moved(Box((0.02, 0.02, 0.04)), at(0, 0, 0.02))),
     )
     tree = object_tree("block", chain, [HOLE], {})
     assert [(f.sign, f.name) for f in tree.features] == [("+", "hole-2"), ("-", "hole")]
 
 
-def feature(name: str, sign: str = "+") -> Feature:
-    return Feature(name, "+" if sign == "+" else "-", HERE, Box((1, 1, 1)))
+def feature(name: str, sign: str = "+") -> TreeFeature:
+    return TreeFeature(name, "+" if sign == "+" else "-", HERE, Box((1, 1, 1)))
 
 
 @pytest.mark.parametrize(
@@ -217,9 +217,9 @@ def test_trees_that_are_none(classes: tuple[FeatureClass, ...], order: tuple[str
 
 def test_features_that_are_none() -> None:
     with pytest.raises(GeometryError, match=r"'x' has length -1\.0 m"):
-        Feature("x", "+", HERE, Box((1, 1, 1)), -1.0)
+        TreeFeature("x", "+", HERE, Box((1, 1, 1)), -1.0)
     with pytest.raises(GeometryError, match="'x' is solid and cannot be through"):
-        Feature("x", "+", HERE, Box((1, 1, 1)), 1.0, through=True)
+        TreeFeature("x", "+", HERE, Box((1, 1, 1)), 1.0, through=True)
     with pytest.raises(GeometryError, match="a chain without solid terms is empty"):
         chain_solid([Term("-", "x", Box((1, 1, 1)))])
     with pytest.raises(TaskError, match=r"no feature 'y' .*its features: x"):
@@ -284,4 +284,4 @@ def test_faults_of_trees_have_their_place(tmp_path: Path, old: str, new: str, wo
 
 def test_a_hull_is_a_leaf_too() -> None:
     points = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    assert instances(Placed(Hull(points), at(1)))[0].primitive == Hull(points)
+    assert instances(Moved(Hull(points), at(1)))[0].primitive == Hull(points)

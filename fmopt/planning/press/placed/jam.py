@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmopt.plan.press_rows import FREE_OF_JAMS
-from fmopt.planning.press.placed.touches import Push, Touches, frictions, largest_friction
+from fmopt.planning.press.placed.touches import PressWrench, Touches, frictions, largest_friction
 from fmopt.spatial.values import Array
 
 _MOST = 1024  # sets that are looked at, nearest first
@@ -35,7 +35,7 @@ class Jam:
     left_out: int
 
 
-def jam(sets: Sequence[frozenset[int]], touches: Touches, push: Push) -> Jam:
+def jam(sets: Sequence[frozenset[int]], touches: Touches, push: PressWrench) -> Jam:
     """The largest friction that jams the part on none of some sets of contacts, nearest first."""
     least, twist, contacts, known = FREE_OF_JAMS, np.zeros(6), tuple[str, ...](), np.zeros((0, len(touches)))
     for one in sets[:_MOST]:

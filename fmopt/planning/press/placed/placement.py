@@ -15,7 +15,7 @@ import numpy as np
 
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm
 from fmopt.planning.optimise.solvers import ClarabelSolver
-from fmopt.planning.press.placed.touches import Push, Touches, escape, escaped, largest_friction
+from fmopt.planning.press.placed.touches import PressWrench, Touches, escape, escaped, largest_friction
 from fmopt.spatial.values import Array
 
 _RISES = 1e-3  # of friction and margin, by which a round counts
@@ -32,7 +32,7 @@ class PlacedPush:
     the state without friction, as a share of the push.
     """
 
-    push: Push
+    push: PressWrench
     friction: float
     margin: float
     twists: tuple[Array, ...]
@@ -44,7 +44,7 @@ class PlacedPush:
         return self.margin > other.margin + _RISES
 
 
-def placed_push(push: Push, short: Sequence[Touches], held: Touches, friction: float) -> PlacedPush:
+def placed_push(push: PressWrench, short: Sequence[Touches], held: Touches, friction: float) -> PlacedPush:
     """The push that leads away best, up to enough friction, from each set of contacts `short` of those `held`."""
     best = _placed(push, short, held, friction)
     while best.twists:
@@ -64,12 +64,12 @@ def stroke(turn: float, friction: float) -> tuple[bool, float]:
     """
     normals = np.array([[-math.cos(0.5 * turn), sign * math.sin(0.5 * turn), 0.0] for sign in (1.0, -1.0)])
     held = Touches.at(("one", "other"), np.zeros(2), normals, np.zeros((2, 3)))
-    push, walls = Push(np.eye(6)[0], np.arange(6) < 2, 1.0), [held.some([k]) for k in range(2)]
+    push, walls = PressWrench(np.eye(6)[0], np.arange(6) < 2, 1.0), [held.some([k]) for k in range(2)]
     mean, (x, y) = placed_push(push, walls, held, friction), placed_push(push, walls[:1], held, friction).push.free
     return bool(mean.friction >= friction - _RISES and mean.margin >= _LEADS), math.atan2(y, x)
 
 
-def strongest(push: Push, twists: Sequence[Array], held: Touches) -> ConeProgram:
+def strongest(push: PressWrench, twists: Sequence[Array], held: Touches) -> ConeProgram:
     """The program over a scaled wrench of size 1 and the margin: power along twists, and normal forces that hold."""
     towards = np.array([(one * push.scale)[push.gives] for one in twists])
     rows = np.vstack([towards / np.linalg.norm(towards, axis=1, keepdims=True), -_answers(push, held)])
@@ -80,12 +80,12 @@ def strongest(push: Push, twists: Sequence[Array], held: Touches) -> ConeProgram
     return ConeProgram(np.eye(n + 1)[-1], G=G, h=h, W=W, norms=(Norm(np.eye(n, n + 1), np.zeros(n)),))
 
 
-def _answers(push: Push, held: Touches) -> Array:
+def _answers(push: PressWrench, held: Touches) -> Array:
     """Normal forces (k, n) that hold against unit forces on the axes that give way."""
     return np.asarray(np.linalg.pinv(push.rows(held.N).T))
 
 
-def _placed(push: Push, short: Sequence[Touches], held: Touches, friction: float) -> PlacedPush:
+def _placed(push: PressWrench, short: Sequence[Touches], held: Touches, friction: float) -> PlacedPush:
     """A push with its friction and its margin there, a little below that friction where it is not enough."""
     reached = min(largest_friction(one, push, friction)[0] for one in short)
     if reached < 0.0:

@@ -10,7 +10,7 @@ from fmopt.plan.press_rows import FREE_OF_JAMS
 from fmopt.planning.optimise.bisection import last_step
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm
 from fmopt.planning.optimise.solvers import ClarabelSolver, nearest_point
-from fmopt.planning.press.placed.touches import Push, Touches
+from fmopt.planning.press.placed.touches import PressWrench, Touches
 from fmopt.planning.press.task import PressTask
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -55,7 +55,7 @@ class Rest:
         return float((self.forces - friction * self.response @ highest).min())
 
 
-def rest_of(task: PressTask, push: Push, pose: Pose, seats: bool) -> Rest | None:
+def rest_of(task: PressTask, push: PressWrench, pose: Pose, seats: bool) -> Rest | None:
     """Where the wrench leads from a pose without friction, or the contacts there; None where there are none.
 
     A part that `seats` there is held by contacts against the wrench alone.
@@ -91,7 +91,7 @@ def _apart(rows: Array) -> list[int]:
     return sorted(chosen)
 
 
-def _held(held: Touches, push: Push) -> Rest:
+def _held(held: Touches, push: PressWrench) -> Rest:
     """The rest on contacts: their forces, and how they answer to friction, so that the least one is the greatest.
 
     Where there are more contacts than freedoms, forces f₀ and answers K may be any with Nᵀf₀ = −w and NᵀK = 1: a cone

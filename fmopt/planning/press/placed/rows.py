@@ -18,7 +18,7 @@ from fmopt.plan.press_rows import DepthRow, PlacedAttempt, PressRows
 from fmopt.planning.press.placed.jam import Jam, jam, reached_sets
 from fmopt.planning.press.placed.rest import Rest, rest_of
 from fmopt.planning.press.placed.room import least_room
-from fmopt.planning.press.placed.touches import Push, Touches
+from fmopt.planning.press.placed.touches import PressWrench, Touches
 from fmopt.planning.press.task import PressTask
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array
@@ -94,13 +94,13 @@ def _press_rows(
     ), after
 
 
-def _push(task: PressTask, press: Press) -> Push:
+def _push(task: PressTask, press: Press) -> PressWrench:
     wrench = np.array(press.wrench)
     wrench[3:] += cross(task.goal.R @ press.reference, wrench[:3])
-    return Push(wrench, np.array(press.gives), task.seat.rho)
+    return PressWrench(wrench, np.array(press.gives), task.seat.rho)
 
 
-def _jam(task: PressTask, push: Push, stations: Sequence[Pose], errors: Array, rest: Rest | None) -> Jam:
+def _jam(task: PressTask, push: PressWrench, stations: Sequence[Pose], errors: Array, rest: Rest | None) -> Jam:
     """The largest friction without a jam at all stations; the state that the press is to reach is none."""
     wanted, found = None if rest is None else {*rest.touches.names}, list[Jam]()
     for pose in stations:
@@ -111,7 +111,7 @@ def _jam(task: PressTask, push: Push, stations: Sequence[Pose], errors: Array, r
     return replace(worst, sets=sum(one.sets for one in found), left_out=sum(one.left_out for one in found))
 
 
-def _sets(task: PressTask, push: Push, pose: Pose, errors: Array) -> tuple[Touches, list[frozenset[int]]]:
+def _sets(task: PressTask, push: PressWrench, pose: Pose, errors: Array) -> tuple[Touches, list[frozenset[int]]]:
     """Contacts about a pose, and sets of them that errors reach while the press is as far on."""
     clearance = task.clearance.per_side
     box = np.abs(errors).sum(axis=1) + np.repeat([_PLAY * clearance, _TURN], 3) * push.gives

@@ -70,7 +70,7 @@ class Touches(Value, f=(None,), N=("f", 6), T=("f", 2, 6)):
 
 
 @dataclass(frozen=True, eq=False)
-class Push:
+class PressWrench:
     """A wrench (6,), N and N·m about the pose's origin, on the axes that give way; turns count by `rho`, m."""
 
     wrench: Array
@@ -110,7 +110,7 @@ class Push:
         return found
 
 
-def escape(touches: Touches, push: Push, friction: float) -> ConeProgram:
+def escape(touches: Touches, push: PressWrench, friction: float) -> ConeProgram:
     """The program over a scaled twist of size 1 and the margin by which it escapes from contacts at some friction."""
     N, T = push.rows(touches.N), push.rows(touches.T)
     k, n = N.shape
@@ -121,7 +121,7 @@ def escape(touches: Touches, push: Push, friction: float) -> ConeProgram:
     return ConeProgram(np.append(np.zeros(n), 1.0), G=rows, h=np.append(np.zeros(k + 1), 1.0), W=W, norms=tuple(norms))
 
 
-def frictions(touches: Touches, push: Push, twist: Array) -> Array:
+def frictions(touches: Touches, push: PressWrench, twist: Array) -> Array:
     """The friction (k,) up to which a twist (6,) escapes from each contact; below 0 where it does not."""
     if push.wrench @ twist <= _POWER * push.size * np.linalg.norm(twist * push.scale):
         return np.full(len(touches), -1.0)
@@ -130,12 +130,12 @@ def frictions(touches: Touches, push: Push, twist: Array) -> Array:
         return np.where(opens < 0.0, -1.0, np.where(slides > 0.0, opens / slides, np.inf))
 
 
-def escaped(touches: Touches, push: Push, twist: Array) -> float:
+def escaped(touches: Touches, push: PressWrench, twist: Array) -> float:
     """The friction up to which a twist (6,) escapes from all of some contacts; below 0 where it does not."""
     return float(frictions(touches, push, twist).min(initial=FREE_OF_JAMS))
 
 
-def largest_friction(touches: Touches, push: Push, below: float = FREE_OF_JAMS) -> tuple[float, Array]:
+def largest_friction(touches: Touches, push: PressWrench, below: float = FREE_OF_JAMS) -> tuple[float, Array]:
     """The largest friction, up to `below`, without a jam on contacts, and the twist (6,) that escapes; −1 if none."""
     low, high, twist = -1.0, below, np.zeros(6)
     at = below
