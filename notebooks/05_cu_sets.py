@@ -12,7 +12,7 @@ import numpy as np
 
 import fmopt
 from fmopt.papers.basanez_suarez.account import contact_sets, surface
-from fmopt.papers.basanez_suarez.contact import CU, Kind, Range
+from fmopt.papers.basanez_suarez.contact import CU, ContactType, Range
 from fmopt.report.views import planar_view, surface_view
 
 MM = 1e-3
@@ -40,13 +40,13 @@ def drawing(cu, phi):
 # touches the edge anywhere.
 
 # %%
-drawing(contact(Kind.TYPE_1, 0.15, 1.5 * MM), 0.2)
+drawing(contact(ContactType.TYPE_1, 0.15, 1.5 * MM), 0.2)
 
 # %% [markdown]
 # The orientation on a slider. The set turns with φ, and keeps its shape.
 
 # %%
-one = contact(Kind.TYPE_1, 0.15, 1.5 * MM)
+one = contact(ContactType.TYPE_1, 0.15, 1.5 * MM)
 fmopt.slider("φ", [(f"{np.degrees(phi):.0f}°", drawing(one, phi)) for phi in np.radians([-40, -20, 0, 20, 40])])
 
 # %% [markdown]
@@ -55,7 +55,7 @@ fmopt.slider("φ", [(f"{np.degrees(phi):.0f}°", drawing(one, phi)) for phi in n
 
 # %%
 spreads = np.radians([0.0, 4.0, 10.0, 20.0, 35.0])
-fmopt.slider("±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(Kind.TYPE_1, s, 1.5 * MM), 0.2)) for s in spreads])
+fmopt.slider("±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(ContactType.TYPE_1, s, 1.5 * MM), 0.2)) for s in spreads])
 
 # %% [markdown]
 # ## Type 2: an edge of the grasped object on a vertex
@@ -64,7 +64,7 @@ fmopt.slider("±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(Kind.TYPE_1,
 # perpendicular while it turns, or it does not.
 
 # %%
-fmopt.slider("±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(Kind.TYPE_2, s, 1.5 * MM), 0.2)) for s in spreads])
+fmopt.slider("±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(ContactType.TYPE_2, s, 1.5 * MM), 0.2)) for s in spreads])
 
 # %% [markdown]
 # ## Over all orientations
@@ -72,7 +72,7 @@ fmopt.slider("±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(Kind.TYPE_2,
 # Stacked over φ, the sets are a body around the nominal C-surface.
 
 # %%
-bodies = [surface(contact(kind, 0.15, 1.5 * MM)) for kind in (Kind.TYPE_1, Kind.TYPE_2)]
+bodies = [surface(contact(kind, 0.15, 1.5 * MM)) for kind in (ContactType.TYPE_1, ContactType.TYPE_2)]
 title = "CU of both types over φ"
 fmopt.Drawing("surfaces", title, title, surface_view.paper(2), paint=partial(surface_view.paint_surfaces, bodies))
 
@@ -84,7 +84,7 @@ fmopt.Drawing("surfaces", title, title, surface_view.paper(2), paint=partial(sur
 # %%
 rng = np.random.default_rng(5)
 n, phi = 100_000, 0.2
-cu = contact(Kind.TYPE_1, 0.15, 1.5 * MM)
+cu = contact(ContactType.TYPE_1, 0.15, 1.5 * MM)
 k = rng.random((n, 1))
 angle = phi + cu.spread * np.clip(rng.uniform(-1.3, 1.3, n), -1, 1)
 way = rng.uniform(0, 2 * np.pi, n)

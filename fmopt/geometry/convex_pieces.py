@@ -62,16 +62,21 @@ _MERIDIANS = 32  # of the polyhedra that stand for balls where those are only sh
 
 
 @remembered(1)
-def pieces(solid: Solid) -> tuple[Polyhedron, ...]:
-    """Convex polyhedra whose union is the solid; they overlap.
+def material(solid: Solid) -> tuple[Polyhedron, ...]:
+    """Convex polyhedra whose union is the solid; they overlap. There are none where its tools take all of its base away.
 
     Slivers below 1e-9 of the volume of the piece they were cut from, and pieces inside others, are dropped.
+    """
+    return _pieces(solid, Pose.identity())
+
+
+def pieces(solid: Solid) -> tuple[Polyhedron, ...]:
+    """The `material` of a solid that is not empty.
 
     Raises:
-        GeometryError: nothing is left.
+        GeometryError: it is.
     """
-    made = _pieces(solid, Pose.identity())
-    if not made:
+    if not (made := material(solid)):
         raise GeometryError("the solid is empty: its tools take all of its base away", "make the tools smaller")
     return made
 

@@ -18,7 +18,7 @@ from typing import Literal, TypeAlias
 
 from fmopt.errors import GeometryError, TaskError
 from fmopt.geometry.clearance import deepest
-from fmopt.geometry.convex_pieces import pieces
+from fmopt.geometry.convex_pieces import material
 from fmopt.geometry.csg import Difference, Moved, Primitive, Solid, Union, operands
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Value
@@ -112,8 +112,8 @@ def _spares(tail: Chain, head: Chain) -> bool:
     cuts = [term for term in tail if term.sign == "-"]
     if not cuts:
         return True
-    material = pieces(chain_solid(head))
-    return all(deepest(pieces(cut.body), material) <= _TOUCH for cut in cuts)
+    stock = material(chain_solid(head))
+    return all(deepest(material(cut.body), stock) <= _TOUCH for cut in cuts)
 
 
 @dataclass(frozen=True, eq=False)

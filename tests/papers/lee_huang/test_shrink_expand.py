@@ -82,7 +82,7 @@ def test_a_square_grown_by_a_disc() -> None:
     for G, section in ((box(0.0, 0.0, a, a), disc(0.0, 0.0, r)), (disc(0.0, 0.0, r), box(0.0, 0.0, a, a))):
         grown = expanded(G, [section])
         assert grown.area == pytest.approx(math.pi * r**2 + 4.0 * a * r + a**2, rel=1e-14)
-        assert sorted(type(curve).__name__ for curve in grown.curves) == ["Arc"] * 4 + ["Segment"] * 4
+        assert sorted(type(curve).__name__ for curve in grown.curves) == ["Arc"] * 4 + ["LineSegment"] * 4
 
 
 def test_holes_shrink_and_vanish() -> None:
