@@ -41,6 +41,7 @@ _TURNS = 1.5  # times the offset of the torque, with which a part that is stuck 
 _FREED = 0.25  # of the lateral force, with which a part that is stuck is pressed down while it is turned
 _SINKS = 2.0  # axial over lateral force while turning upright, at most, in a sharp corner
 _ARM = 0.01  # m, least lever that turns count by
+_LOST = 0.35, 4.0  # rad, and times the start errors: a part that turns by more has slipped off
 _DAMPING = 400.0  # N·s/m
 _LEVER = 0.02  # m, least that damping of turns is made of
 DELAY = PressRobot.delay  # s, of measurements
@@ -181,7 +182,12 @@ def turn_upright(task: PressTask, tilt: float, lean: float, wrench: Numbers, yaw
 
 def in_the_mouth(task: PressTask) -> tuple[float, float]:
     """The reach of presses from the mouth on, m and rad; a part that slips off the rim goes farther."""
-    return task.depth + 4.0 * task.lateral + 0.25 * task.size, 1.0
+    return task.depth + 4.0 * task.lateral + 0.25 * task.size, _most_turned(task)
+
+
+def _most_turned(task: PressTask) -> float:
+    """How far a part may turn about axes that give way, rad; a round one may spin."""
+    return 1.0 if task.round else max(_LOST[0], _LOST[1] * float(max(task.box[3:])))
 
 
 def levels(task: PressTask) -> tuple[End, ...]:
@@ -266,7 +272,7 @@ def sweep_yaw(task: PressTask, wrench: Numbers, seconds: float) -> Press:
 
 def down_and_more(task: PressTask) -> tuple[float, float]:
     """The reach of presses that may go to the depth, m and rad."""
-    return task.depth + 0.02, 1.0
+    return task.depth + 0.02, _most_turned(task)
 
 
 def long_enough(task: PressTask) -> float:
