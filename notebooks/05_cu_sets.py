@@ -55,7 +55,9 @@ fmopt.slider("φ", [(f"{np.degrees(phi):.0f}°", drawing(one, phi)) for phi in n
 
 # %%
 spreads = np.radians([0.0, 4.0, 10.0, 20.0, 35.0])
-fmopt.slider("±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(ContactType.TYPE_1, s, 1.5 * MM), 0.2)) for s in spreads])
+fmopt.slider(
+    "±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(ContactType.TYPE_1, s, 1.5 * MM), 0.2)) for s in spreads]
+)
 
 # %% [markdown]
 # ## Type 2: an edge of the grasped object on a vertex
@@ -64,7 +66,9 @@ fmopt.slider("±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(ContactType.
 # perpendicular while it turns, or it does not.
 
 # %%
-fmopt.slider("±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(ContactType.TYPE_2, s, 1.5 * MM), 0.2)) for s in spreads])
+fmopt.slider(
+    "±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(ContactType.TYPE_2, s, 1.5 * MM), 0.2)) for s in spreads]
+)
 
 # %% [markdown]
 # ## Over all orientations

@@ -63,7 +63,7 @@ _MERIDIANS = 32  # of the polyhedra that stand for balls where those are only sh
 
 @remembered(1)
 def material(solid: Solid) -> tuple[Polyhedron, ...]:
-    """Convex polyhedra whose union is the solid; they overlap. There are none where its tools take all of its base away.
+    """Convex polyhedra whose union is the solid; they overlap. There are none where its tools take all of it away.
 
     Slivers below 1e-9 of the volume of the piece they were cut from, and pieces inside others, are dropped.
     """
