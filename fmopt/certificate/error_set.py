@@ -53,9 +53,8 @@ class ErrorSet(Value):
     slide_root: Array  # root (6, b)
     swing_root: Array = field(default_factory=lambda: _POINT)  # root (6, c)
     thick: int = 0
-    compliant: Array = field(
-        default_factory=lambda: _NONE
-    )  # twists (r, 6) along which contacts of that thickness yield
+    # Twists (r, 6) along which contacts of that thickness give way
+    compliant: Array = field(default_factory=lambda: _NONE)
     linkage: Linkage | None = None  # how the first generators move on with the part; None where all stay as they are
 
     def __post_init__(self) -> None:

@@ -234,7 +234,7 @@ class Rig:
     def _decide(self, here: Ints) -> list[Event]:
         """Felt, deep or late: bodies that leave their step, and where they go."""
         state, numbers = self.state, self.table.numbers[here]
-        scaled = self.scale**2 * self.table.twist[here]  # along it ways in the last period are in the metric of ρ
+        scaled = self.scale**2 * self.table.twist[here]  # for ways in the last period, m in the metric of ρ
         way = np.asarray(np.sum(self.moved * scaled, axis=1) / np.maximum(self.table.speed[here], 1e-12))
         running = self.running
         extra, robot = state.filtered + self.held, self.robot
