@@ -10,12 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from fmopt.certificate import rows
-from fmopt.certificate.rows import Forms, Mask, Rows, directions_along, points_above
+from fmopt.certificate.rows import Forms, Rows, directions_along, points_above
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose, cross, length, lengths
-from fmopt.spatial.values import Array, remembered
+from fmopt.spatial.values import Array, Bits, remembered
 
 TOUCH = 1e-9  # m: features of a part and of its pieces closer than this are the same
 NEAR = 1e-12  # m: what is incident but for this is so in exact coordinates, on which the proof rests, see `plan_record`
@@ -143,7 +143,7 @@ def in_plane(points: Array, normal: Array, offset: float) -> bool:
     return bool(np.all(np.abs(points @ normal - offset) <= TOUCH))
 
 
-def on_line(points: Array, a: Array, direction: Array) -> Mask:
+def on_line(points: Array, a: Array, direction: Array) -> Bits:
     """Which points (k, 3), m, lie on the line through a (3,), m, along a unit direction (3,), to `NEAR`."""
     return np.asarray(lengths(cross(points - a, direction)) <= NEAR)
 
@@ -274,7 +274,7 @@ def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[Prim
     return rows.edges_apart((b - a) / length(b - a), (d - c) / length(d - c), c, a[None])
 
 
-def same_side(vertices: Array, a: Array, direction: Array, p: Array) -> Mask:
+def same_side(vertices: Array, a: Array, direction: Array, p: Array) -> Bits:
     """Which points lie in the half-plane that a line bounds and p spans."""
     off = (p - a) - direction * float(direction @ (p - a))
     size = length(off)
@@ -287,7 +287,7 @@ def same_side(vertices: Array, a: Array, direction: Array, p: Array) -> Mask:
     return np.asarray((t > 0.0) & (lengths(d - np.outer(t, u)) <= NEAR))
 
 
-def beyond(vertices: Array, z: Array, p: Array) -> Mask:
+def beyond(vertices: Array, z: Array, p: Array) -> Bits:
     """Which points lie on the ray from z through p."""
     if np.abs(z - p).max() <= NEAR:
         return np.zeros(len(vertices), dtype=np.bool_)

@@ -14,11 +14,10 @@ from weakref import ref
 import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly, beyond, in_plane, on_line, same_side
-from fmopt.certificate.rows import Mask
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import cross, length, lengths
-from fmopt.spatial.values import Array, remembered, there
+from fmopt.spatial.values import Array, Bits, remembered, there
 
 _SHORT = 1e-6  # m: what is nearer to a line than this spans no plane with it
 _LEVEL = 3e-14  # of a vector: what arithmetic leaves of its height; the check decides that exactly
@@ -70,7 +69,7 @@ class Facts:
                 return Wall(normal, offset, frozenset(points.tolist()), (), ((n, there),))
         return known
 
-    def not_below(self, normal: Array, offset: float, vertices: Array, above: Array) -> Mask:
+    def not_below(self, normal: Array, offset: float, vertices: Array, above: Array) -> Bits:
         """Which body points (k, 3) are on or above a plane, given some (m, 3) known not to be below it, in m.
 
         On a line in the wall every point is zero; on a body plane hinged there all points on the side of one that is
@@ -96,7 +95,7 @@ class Facts:
                 done |= beyond(vertices, P[i], p)
         return done
 
-    def beside(self, vectors: Array, direction: Array) -> Mask:
+    def beside(self, vectors: Array, direction: Array) -> Bits:
         """Which body vectors (k, 3) are known to point along a unit direction of the world."""
         if not self.turns:
             return np.zeros(len(vectors), dtype=np.bool_)
@@ -315,7 +314,7 @@ def _planes(assembly: Assembly, wall: Wall, a: Array, direction: Array) -> list[
     return found
 
 
-def images(known: Sequence[tuple[Array, Array]], vectors: Array) -> tuple[Array, Mask]:
+def images(known: Sequence[tuple[Array, Array]], vectors: Array) -> tuple[Array, Bits]:
     """R·vectors for body vectors (k, 3), and for which of them (k,) flush faces fix the image exactly."""
     found = np.zeros_like(vectors)
     fixed = np.zeros(len(vectors), dtype=np.bool_)
@@ -341,7 +340,7 @@ def aligned(known: Sequence[tuple[Array, Array]], vector: Array) -> Array | None
     return found[0] if fixed[0] else None
 
 
-def level(known: Sequence[tuple[Array, Array]], normal: Array, vectors: Array) -> Mask:
+def level(known: Sequence[tuple[Array, Array]], normal: Array, vectors: Array) -> Bits:
     """Which body vectors (k, 3) flush faces keep level with a plane of this normal, exactly.
 
     Sides at an angle whose sine is no round number have vertices that were rounded: what is level but for that is not.
@@ -350,7 +349,7 @@ def level(known: Sequence[tuple[Array, Array]], normal: Array, vectors: Array) -
     return np.asarray(fixed & (np.abs(found @ normal) <= _LEVEL * lengths(vectors)))
 
 
-def rising(known: Sequence[tuple[Array, Array]], normal: Array, vectors: Array) -> Mask:
+def rising(known: Sequence[tuple[Array, Array]], normal: Array, vectors: Array) -> Bits:
     """Which body vectors (k, 3) cannot fall along a unit normal, by one known direction or by all of them.
 
     A vector keeps its part along the direction, so that its height is at least that part's less all of the rest.

@@ -14,11 +14,11 @@ from fmopt.certificate.contact_implications import Facts, rising
 from fmopt.certificate.level_rims import LevelRim, beside, level_rims
 from fmopt.certificate.piece_pairs import Pair, PlaneWitness
 from fmopt.certificate.remainder import Extent
-from fmopt.certificate.rows import Forms, Mask, directions_along, edges_apart, points_above, stacked
+from fmopt.certificate.rows import Forms, directions_along, edges_apart, points_above, stacked
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose, cross, length, lengths
-from fmopt.spatial.values import Array, remembered
+from fmopt.spatial.values import Array, Bits, remembered
 
 _MEMORY = 4096
 
@@ -33,7 +33,7 @@ class Onto:
 
     outside: int
     inside: int
-    behind: Mask
+    behind: Bits
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +54,14 @@ class Counted:
         return min(1.0, max(sines) + extent.theta + extent.turn)
 
     @property
-    def surely(self) -> Mask:
+    def surely(self) -> Bits:
         """Which rows (k,) count whatever the errors are."""
         which = np.arange(len(self.forms)) < self.always
         for onto in self.onto:
             which &= ~onto.behind
         return which
 
-    def counts(self, lower: Array) -> Mask:
+    def counts(self, lower: Array) -> Bits:
         """Which rows count, given the lower bounds (k,) of all."""
         which = np.arange(len(lower)) < self.always
         for onto in self.onto:
@@ -83,7 +83,7 @@ class _Edge:
     ends: Array  # both ends (2, 3), m
     along: Array  # unit direction (3,)
     arms: Array  # (v − a) × e for all vertices v of the piece (k, 3), a the first end and e the direction, m
-    on: Mask  # which vertices (k,) lie on its line
+    on: Bits  # which vertices (k,) lie on its line
     points: frozenset[int]
 
 
@@ -178,7 +178,7 @@ def _anchored(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge, known
     return held, made
 
 
-def _levelled(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> Mask:
+def _levelled(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> Bits:
     """Vertices (n,) of the moving piece on a face that a second edge holds level with the fixed edge, or will.
 
     In the plane of both edges the face's heights are those of the fixed edge over the face, seen from the moving edge.

@@ -12,11 +12,10 @@ import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly, edge_along, hinge, on_line, run_like
 from fmopt.certificate.contact_implications import Facts, facts, rising
-from fmopt.certificate.rows import Mask
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import cross, length, lengths
-from fmopt.spatial.values import Array, remembered
+from fmopt.spatial.values import Array, Bits, remembered
 
 _MEMORY = 2048
 
@@ -35,7 +34,7 @@ class LevelRim:
     offset: float  # of the face, m
     held: bool
 
-    def before(self, points: Array, normal: Array, offset: float) -> Mask:
+    def before(self, points: Array, normal: Array, offset: float) -> Bits:
         """Which fixed points (k, 3) are not behind a body plane, as they are no farther from the rim than it is.
 
         In the body it lies at least as far behind the face's plane as the points are away from the rim. The plane's

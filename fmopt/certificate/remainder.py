@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 from fmopt.certificate.error_set import UNCOUPLED, ErrorSet
 from fmopt.certificate.kernels_rows import Bending, Turned, differing, products
 from fmopt.certificate.row_bounds import PieceMotions, over
-from fmopt.certificate.rows import Forms, Mask, Rows
+from fmopt.certificate.rows import Forms, Rows
 from fmopt.certificate.tube import powers, varied
 from fmopt.runtime.compiled import compiled
 from fmopt.spatial.kernels import halves, size
 from fmopt.spatial.se3 import Pose, length, lengths
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 
 _NONE = np.zeros((0, 6))
 
@@ -225,7 +225,7 @@ class EndsBatch:
             PieceMotions(p[goal], R[goal], columns[goal], cuts, np.zeros_like(twist), half, coupling, form)
         )
 
-    def spread(self, end: int, N: Array) -> Mask:
+    def spread(self, end: int, N: Array) -> Bits:
         """Whether generators and drifts, not the ellipsoid of everything, bound the errors along rows (m, 6): (m,)."""
         # Where the sum is the smaller bound, derivatives of generators are the ones that count.
         first, second, third, fourth = self.motion.cuts.tolist()

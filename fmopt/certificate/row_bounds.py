@@ -3,19 +3,14 @@
 What the formulas mean is told where rows, their curvature and supports of error sets are.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.certificate.kernels_rows import End, Row, Table, reach, remainder, value
 from fmopt.runtime.compiled import compiled, part
-from fmopt.spatial.kernels import Vector, cross, halves, size, turned, vector
-from fmopt.spatial.values import Array
-
-Mask = NDArray[np.bool_]
-Places = NDArray[np.intp]
+from fmopt.spatial.kernels import Vector, cross, halves, reach_along, size, turned, vector
+from fmopt.spatial.values import Array, Bits, Indices
 
 
 class PieceMotions(NamedTuple):
@@ -24,7 +19,7 @@ class PieceMotions(NamedTuple):
     p: Array  # positions (2, n, 3) at both ends, m
     R: Array  # rotations (2, n, 3, 3)
     columns: Array  # of the errors' supports (2, n, c, 6)
-    cuts: Places  # where generators, slide, swing and shape end among them (4,)
+    cuts: Indices  # where generators, slide, swing and shape end among them (4,)
     twist: Array  # (n, 6), m and rad
     half: Array  # half-widths (n, 6) of the box around the errors, m and rad
     coupling: Array  # what the linear picture leaves of errors in different frames (n, 2), m and rad
@@ -41,21 +36,21 @@ class Sides(NamedTuple):
     offsets: Array  # how far out its pieces reach along them (f,), m
     corners: Array  # (v, 3), in the frame of the other part, m
     levers: tuple[Array, Array]  # lengths of the normals (f,), and those of the corners (v,), m
-    faces: Places  # where those of each pair begin and end (m, 2)
-    points: Places  # where the corners of each pair begin and end (m, 2)
+    faces: Indices  # where those of each pair begin and end (m, 2)
+    points: Indices  # where the corners of each pair begin and end (m, 2)
     moving: bool  # whether the faces are of the moving part
 
 
 class Witnesses(NamedTuple):
     """Witnesses (w) that may keep pairs (m) apart, their rows (k) one after the other."""
 
-    begins: Places  # where the rows of each begin, and the last ones end (w + 1,)
-    places: Places  # witnesses of each pair (m, …), the last repeated where others have more
-    always: Places  # how many rows of each, the first ones, count whatever the errors are (w,), unless they are behind
-    surely: Mask  # rows (k,) that count whatever the errors are
+    begins: Indices  # where the rows of each begin, and the last ones end (w + 1,)
+    places: Indices  # witnesses of each pair (m, …), the last repeated where others have more
+    always: Indices  # how many rows of each, the first ones, count whatever the errors are (w,), unless they are behind
+    surely: Bits  # rows (k,) that count whatever the errors are
     edges: Array  # unit directions (w, 2, 3) of the moving and of the fixed edge; zero without
-    onto: Places  # witness, row `outside` and row `inside` (o, 3) of walls that moving edges turn onto
-    behind: Mask  # rows (o, …) of the witness that are then behind the plane
+    onto: Indices  # witness, row `outside` and row `inside` (o, 3) of walls that moving edges turn onto
+    behind: Bits  # rows (o, …) of the witness that are then behind the plane
 
 
 @part
@@ -67,23 +62,7 @@ def _value(row: Row, motion: PieceMotions, n: int, e: int) -> tuple[float, Vecto
 @part
 def _reach(moving: Vector, turning: Vector, motion: PieceMotions, n: int, e: int) -> float:
     """How far errors reach along a gradient at an end of a piece."""
-    columns, cuts = motion.columns, motion.cuts
-    spread, slide, swing, shape, slack = 0.0, 0.0, 0.0, 0.0, 0.0
-    for c in range(columns.shape[2]):
-        seen = moving[0] * columns[e, n, c, 0] + moving[1] * columns[e, n, c, 1] + moving[2] * columns[e, n, c, 2]
-        seen += turning[0] * columns[e, n, c, 3] + turning[1] * columns[e, n, c, 4] + turning[2] * columns[e, n, c, 5]
-        if c < cuts[0]:
-            spread += abs(seen)
-        elif c < cuts[1]:
-            slide += seen * seen
-        elif c < cuts[2]:
-            swing += seen * seen
-        elif c < cuts[3]:
-            shape += seen * seen
-        else:
-            slack += abs(seen)
-    # Both bounds hold of every error, so that the smaller one does; slack is outside of both.
-    return min(math.sqrt(shape), spread + math.sqrt(slide) + math.sqrt(swing)) + slack
+    return reach_along(moving, motion.columns[e, n, :, :3], turning, motion.columns[e, n, :, 3:], motion.cuts)
 
 
 @part
@@ -157,7 +136,7 @@ def _room(table: Table, witnesses: Witnesses, w: int, motion: PieceMotions, n: i
 
 
 @part
-def _count(w: int, table: Table, witnesses: Witnesses, motion: PieceMotions, n: int, which: Mask) -> None:
+def _count(w: int, table: Table, witnesses: Witnesses, motion: PieceMotions, n: int, which: Bits) -> None:
     """Which rows of a witness count, given their lower bounds."""
     first, count = witnesses.begins[w], witnesses.begins[w + 1] - witnesses.begins[w]
     for k in range(count):
@@ -172,7 +151,7 @@ def _count(w: int, table: Table, witnesses: Witnesses, motion: PieceMotions, n: 
 
 @part
 def _margin(
-    which: Mask, first: int, table: Table, motion: PieceMotions, n: int, asked: tuple[float, float]
+    which: Bits, first: int, table: Table, motion: PieceMotions, n: int, asked: tuple[float, float]
 ) -> tuple[float, float]:
     """Margin and clearance of a witness; of one that cannot have the margin asked for, some margin below that.
 
@@ -202,7 +181,7 @@ def _widest(rooms: Array) -> int:
 @compiled
 def best(
     table: Table, witnesses: Witnesses, motion: PieceMotions, least: Array, grazing: float
-) -> tuple[Places, Array, Array]:
+) -> tuple[Indices, Array, Array]:
     """The first witness of each pair (m) with the largest margin, from `least` (n, m) on, over pieces of motion (n).
 
     No margin exceeds its witness's room: those with less of that than the best so far are left out. Nominal distances
@@ -273,7 +252,7 @@ def _at_corner(sides: Sides, i: int, v: int, scratch: Table) -> Row:
 @compiled
 def best_sides(
     sides: Sides, scratch: Table, motion: PieceMotions, least: Array, grazing: float
-) -> tuple[Places, Array, Array]:
+) -> tuple[Indices, Array, Array]:
     """The first face that keeps each pair (m) apart with the largest margin over pieces of motion (n).
 
     What `best` does with rows that are listed, by the same margins, for so many faces and pieces that their rows would

@@ -12,15 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.certificate.kernels_rows import ROW, Table, Turned, value
 from fmopt.runtime.compiled import compiled
 from fmopt.spatial.kernels import vector
 from fmopt.spatial.se3 import Pose, cross, lengths
-from fmopt.spatial.values import Array, fixed
-
-Mask = NDArray[np.bool_]
+from fmopt.spatial.values import Array, Bits, fixed
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +48,12 @@ class Forms:
         return len(self.table)
 
     @property
-    def bilinear(self) -> Mask:
+    def bilinear(self) -> Bits:
         """Which rows (k,) are bilinear."""
         return np.asarray(self.table["bilinear"] != 0)
 
     @property
-    def directed(self) -> Mask:
+    def directed(self) -> Bits:
         """Which rows (k,) measure a direction, whatever the position."""
         return np.asarray((self.table["bilinear"] == 0) & ~self.table["n"].any(axis=1))
 

@@ -22,12 +22,12 @@ from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.level_rims import faced, level_rims
 from fmopt.certificate.piece_pairs import Pair, PlaneWitness
 from fmopt.certificate.remainder import AtEnd, Ends, EndsBatch
-from fmopt.certificate.row_bounds import Places, Witnesses, best
-from fmopt.certificate.rows import Forms, Mask, balls_above, faces_above, points_above, stacked
+from fmopt.certificate.row_bounds import Witnesses, best
+from fmopt.certificate.rows import Forms, balls_above, faces_above, points_above, stacked
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import lengths
-from fmopt.spatial.values import Array, remembered
+from fmopt.spatial.values import Array, Bits, Indices, remembered
 
 _MEMORY = 4096
 
@@ -116,7 +116,7 @@ class Candidates:
         witnesses = tuple(witness for block in blocks for witness in block.witnesses)
         return Candidates(witnesses, forms.table, listed)
 
-    def best(self, course: EndsBatch, least: Array, grazing: float) -> tuple[Places, Array, Array]:
+    def best(self, course: EndsBatch, least: Array, grazing: float) -> tuple[Indices, Array, Array]:
         """The witness of each pair with the largest margin, at least `least` (n, m), m, whose plane holds nominally.
 
         Nominal distances may be `grazing` below zero, m.
@@ -156,7 +156,7 @@ def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[PlaneWitness, ..
     return tuple(found)
 
 
-def settled(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Mask:
+def settled(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Bits:
     """Which vertices (v) of the moving piece contacts keep from crossing a plane (unit normal (3,), offset in m)."""
     known, walls = facts(assembly, pair.state), coming_off(assembly, pair.state, pair.left)
     above = _above(assembly, pair, walls, normal, offset)
@@ -217,7 +217,7 @@ def _above(assembly: Assembly, pair: Pair, walls: Sequence[Wall], normal: Array,
     return assembly.body_points[kept]
 
 
-def _touched(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Mask:
+def _touched(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Bits:
     """Vertices of the fixed piece that contacts put on a moving face: by themselves, or with the rim that they end."""
     F = pair.fixed.vertices
     done = np.zeros(len(F), dtype=np.bool_)

@@ -24,6 +24,7 @@ class KeptClear:
     Attributes:
         least: (n,), m, bounds from below.
         nearest: the two solids of each body in words.
+        reach: of the farthest corner from the reference point, m.
     """
 
     def __init__(self, bodies: Bodies, cell: Surroundings, poses: Array) -> None:
@@ -38,7 +39,7 @@ class KeptClear:
         self._pairs = np.array(pairs)
         corners = np.vstack([*bodies.moving, *(np.vstack(solid.pieces) for solid in cell.moving)])
         reach = [np.linalg.norm(corners, axis=1).max(), *(np.linalg.norm(at) + r for at, r in bodies.balls)]
-        self._reach = float(max(reach))
+        self.reach = float(max(reach))
         count = len(poses)
         self.least, self.nearest = np.full(count, _FAR), [""] * count
         self._at, self._last, self._between = np.full((count, 7), np.inf), np.zeros(count), [""] * count
@@ -64,7 +65,7 @@ class KeptClear:
         now = poses[active]
         turned = np.minimum(*(np.linalg.norm(now[:, 3:] - s * self._at[active, 3:], axis=1) for s in (1.0, -1.0)))
         # No point moves farther: a turn by an angle θ moves quaternions by 2 sin(θ/4).
-        moved = np.linalg.norm(now[:, :3] - self._at[active, :3], axis=1) + 2.0 * self._reach * turned
+        moved = np.linalg.norm(now[:, :3] - self._at[active, :3], axis=1) + 2.0 * self.reach * turned
         bound, least = self._last[active] - moved, self.least[active]
         stale = moved > np.maximum(_STALE * self._last[active], _LEAST_STALE)
         near = (bound < least) & (least > TOUCH)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fmopt.execution.kernels_rotation import between, product, rotated, row, turn
 from fmopt.plan.press import Force, Level, Next, Press, Standstill, Time, Travel
 from fmopt.runtime.compiled import compiled
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 
 NEXT, SEATED, RETRY, FAIL, OVER = range(5)  # what follows; OVER is the end of a rest or of a way back
 _THEN: dict[Next, int] = {"next": NEXT, "seated": SEATED, "retry": RETRY, "fail": FAIL}
@@ -23,7 +23,6 @@ SAMPLE = 0.01  # s between samples of the pose that a standstill is judged by
 _BACKED = 0.7  # of the limits of force and torque, that a part is backed out with: friction and impacts add to it
 _EASED = 0.015  # s in which damping passes from that of the press before: put on at once, it knocks parts into walls
 
-Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
 
 
@@ -41,7 +40,7 @@ class States(NamedTuple):
     filtered: Array  # wrenches (n, 6) as they are measured
     peak: Array  # (n,), N
     lowest: Array  # (n,), m
-    gives: Bools  # of the press, as the body gets it; so are twist, wrench, ramp and reference
+    gives: Bits  # of the press, as the body gets it; so are twist, wrench, ramp and reference
     twist: Array
     wrench: Array
     ramp: Array

@@ -22,11 +22,10 @@ from fmopt.execution.program import FAILED, Program, StepTable
 from fmopt.execution.recovery import WayBack
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, hats, product, quaternions
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 
 TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE, TOUCH, SURE, GENTLE = range(14)
 Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass
@@ -87,7 +86,7 @@ class Rig:
         )
 
     @property
-    def running(self) -> Bools:
+    def running(self) -> Bits:
         """Which bodies still have a step to do."""
         return np.asarray(self.state.step >= 0)
 

@@ -4,7 +4,7 @@ import math
 from typing import TypeAlias
 
 from fmopt.runtime.compiled import part
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -59,6 +59,26 @@ def turned(R: Array, a: Vector) -> Vector:
         R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
         R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
     )
+
+
+@part
+def reach_along(a: Vector, shifts: Array, b: Vector, turns: Array, cuts: Indices) -> float:
+    """How far errors reach along a and b, by columns (c, 3) of both: spread, slide, swing, shape, then slack."""
+    spread, slide, swing, shape, slack = 0.0, 0.0, 0.0, 0.0, 0.0
+    for c in range(len(shifts)):
+        seen = dot(a, row(shifts, c)) + dot(b, row(turns, c))
+        if c < cuts[0]:
+            spread += abs(seen)
+        elif c < cuts[1]:
+            slide += seen * seen
+        elif c < cuts[2]:
+            swing += seen * seen
+        elif c < cuts[3]:
+            shape += seen * seen
+        else:
+            slack += abs(seen)
+    # Both bounds hold of every error, so that the smaller one does; slack is outside of both.
+    return min(math.sqrt(shape), spread + math.sqrt(slide) + math.sqrt(swing)) + slack
 
 
 @part

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.planning.moves.swept_piece import Moving, Places, SweptReach, lower_bound, nominal, reached_by
+from fmopt.planning.moves.swept_piece import Moving, SweptReach, lower_bound, nominal, reached_by
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.kernels import Vector, dot, row, size
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 SHARES = 9  # planes tried through an edge in each pass
 _PASSES = 3  # after the first each looks between the neighbours of the best plane, four times as finely
@@ -20,9 +20,9 @@ class Edges(NamedTuple):
     """The planes through all edges of the fixed pieces of some pairs (m)."""
 
     arcs: Array  # normals (k, 2, 3) of the two faces of each edge, pair by pair
-    cuts: Places  # where the edges of each pair begin, and the last ones end (m + 1,)
+    cuts: Indices  # where the edges of each pair begin, and the last ones end (m + 1,)
     normals: Array  # all different normals (q, 3) of the first pass
-    which: Places  # which of them each plane (k, shares) has
+    which: Indices  # which of them each plane (k, shares) has
     offsets: Array  # how far out each plane (k, shares) is, m
     corners: Array  # vertices (m, v, 3) of the fixed pieces, some repeated where others have more, m
 
@@ -52,8 +52,8 @@ def _between(arcs: Array, k: int, low: float, high: float, share: int) -> Vector
 class Kept(NamedTuple):
     """The edges of each pair (n, m, e) looked at more closely: best planes' normals (n, m, 3) and margins (n, m), m."""
 
-    edge: Places
-    share: Places
+    edge: Indices
+    share: Indices
     low: Array
     high: Array
     normal: Array
@@ -83,7 +83,7 @@ def _hopeful(edges: Edges, reached: SweptReach, heights: Array) -> NDArray[np.bo
 
 
 @part
-def _roomiest(room: Array, first: int, last: int, found: Places) -> None:
+def _roomiest(room: Array, first: int, last: int, found: Indices) -> None:
     """The edges with the largest rooms, the first ones of equal ones first."""
     left = np.ones(len(room), dtype=np.bool_)
     for j in range(len(found)):

@@ -18,13 +18,13 @@ from fmopt.certificate.kernels_rows import ROW
 from fmopt.certificate.level_rims import edges_beside, edges_level, level_rims
 from fmopt.certificate.piece_pairs import BEHIND, FacingPairs, Pair, PlaneWitness, free_plane
 from fmopt.certificate.remainder import EndsBatch
-from fmopt.certificate.row_bounds import Places, Sides, best_sides
+from fmopt.certificate.row_bounds import Sides, best_sides
 from fmopt.certificate.separating_plane import Block, Candidates, Separation, face_planes, settled
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.planning.moves.plane_arcs import SHARES, Edges, best
 from fmopt.spatial.se3 import lengths
-from fmopt.spatial.values import Array, remembered
+from fmopt.spatial.values import Array, Indices, remembered
 
 _GRAZING = 2e-6  # m by which pieces may overlap nominally and still have a plane, of negative margin
 _MEMORY = 2048
@@ -112,7 +112,7 @@ class _Found(NamedTuple):
         return Separation(witnesses[self.number], self.margin, self.clearance)
 
 
-def _listed(numbers: Places, margins: Array, clearances: Array) -> Iterator[tuple[int, int, _Found]]:
+def _listed(numbers: Indices, margins: Array, clearances: Array) -> Iterator[tuple[int, int, _Found]]:
     """What was found for pairs (m) over pieces of motion (n), each with both places."""
     for k, m in np.argwhere(numbers >= 0).tolist():
         yield k, m, _Found(int(numbers[k, m]), float(margins[k, m]), float(clearances[k, m]))
@@ -135,7 +135,7 @@ class _Touched:
 def _touched(assembly: Assembly, facing: FacingPairs) -> _Touched:
     told = [(m, pair) for m, (_, _, pair) in enumerate(facing.listed) if pair.told]
     silent = _silent(assembly, [pair for _, pair in told])
-    walls: dict[Polyhedron, list[tuple[int, Pair, Places]]] = {}
+    walls: dict[Polyhedron, list[tuple[int, Pair, Indices]]] = {}
     for (m, pair), faces in zip(told, silent, strict=True):
         if len(faces):
             walls.setdefault(pair.moving, []).append((m, pair, faces))
@@ -147,7 +147,7 @@ def _touched(assembly: Assembly, facing: FacingPairs) -> _Touched:
     return _Touched(tuple(Faces.walls(piece, own) for piece, own in walls.items()), tuple(m for m, _ in said), table)
 
 
-def _silent(assembly: Assembly, pairs: Sequence[Pair]) -> list[Places]:
+def _silent(assembly: Assembly, pairs: Sequence[Pair]) -> list[Indices]:
     """The faces of the fixed piece of each of some pairs under the same contacts of which these say nothing."""
     known: dict[tuple[Polyhedron, bytes, float], bool] = {}
     found = []
@@ -210,7 +210,7 @@ class Faces:
         return Faces(places, witnesses, sides)
 
     @staticmethod
-    def walls(moving: Polyhedron, own: Sequence[tuple[int, Pair, Places]]) -> Faces:
+    def walls(moving: Polyhedron, own: Sequence[tuple[int, Pair, Indices]]) -> Faces:
         """Faces of fixed pieces that may keep off a moving one."""
         normals = np.concatenate([pair.fixed.normals[which] for _, pair, which in own])
         offsets = np.concatenate([_reach(pair.fixed)[which] for _, pair, which in own])
@@ -220,7 +220,7 @@ class Faces:
         sides = Sides(normals, offsets, corners, (lengths(normals), lengths(corners)), faces, points, moving=False)
         return Faces([m for m, _, _ in own], tuple(PlaneWitness("fixed-face", (), loop) for loop in loops), sides)
 
-    def best(self, course: EndsBatch, least: Array, grazing: float) -> tuple[Places, Array, Array]:
+    def best(self, course: EndsBatch, least: Array, grazing: float) -> tuple[Indices, Array, Array]:
         """For each piece the face with the largest margin over pieces of motion; see `best_sides`."""
         return best_sides(self.sides, np.zeros(1, ROW), course.motion, np.ascontiguousarray(least), grazing)
 
@@ -248,7 +248,7 @@ def _contact_edges(assembly: Assembly, pair: Pair) -> list[PlaneWitness]:
     return [PlaneWitness("edges", *both) for both in dict.fromkeys(found)]
 
 
-def _spans(counts: Sequence[int]) -> Places:
+def _spans(counts: Sequence[int]) -> Indices:
     """Where each of several lists begins and ends (m, 2) when they are one after the other."""
     ends = np.cumsum([0, *counts])
     return np.column_stack([ends[:-1], ends[1:]])

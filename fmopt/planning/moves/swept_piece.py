@@ -4,20 +4,17 @@ A plane's row over a vertex v of the moving piece, N = (n, Rv × n), has N·c = 
 errors' support are turned into displacements of the vertices once, and each plane costs a product.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.runtime.compiled import part
-from fmopt.spatial.kernels import Vector, cross, row, size, swung, turned
-from fmopt.spatial.values import Array
+from fmopt.spatial.kernels import Vector, cross, reach_along, row, size, swung, turned
+from fmopt.spatial.values import Array, Indices
 
 _ROUNDING, _ROOM = 1.0 + 1e-9, 1e-15  # of bounds that leave vertices out: a factor, and m
 
-Places = NDArray[np.intp]
-Moving = tuple[Array, Array, Array, Places, Array, Array, Array]
+Moving = tuple[Array, Array, Array, Indices, Array, Array, Array]
 """Pieces of motion (n), as `fmopt.certificate.row_bounds.PieceMotions` lists them, but for tolerances of form."""
 
 
@@ -26,7 +23,7 @@ class SweptReach(NamedTuple):
 
     vertices: Array  # where they are (2, n, 3, v), m
     moved: Array  # how the columns of the errors' supports displace them (2, n, v, c, 3), m
-    cuts: Places  # where generators, slide, swing and shape end among the columns (4,)
+    cuts: Indices  # where generators, slide, swing and shape end among the columns (4,)
     tilted: Array  # what errors that turn a plane leave at each vertex (n, v), per their size, m
     arc: Array  # what the nominal turn leaves there (n, v), m
     linked: Array  # what the linear picture leaves there of errors in different frames (n, v), m
@@ -109,23 +106,8 @@ def lower_bound(normal: Vector, reached: SweptReach, n: int, heights: Array) -> 
 @part
 def _of_vertex(normal: Vector, reached: SweptReach, n: int, v: int, heights: Array, lean: tuple[float, float]) -> float:
     """The certified lower bound of n·v of one vertex, m; `lean` is how much errors and motion turn the plane, rad."""
-    moved, cuts, found = reached.moved, reached.cuts, np.inf
+    found = np.inf
     for e in range(2):
-        spread, slide, swing, shape, slack = 0.0, 0.0, 0.0, 0.0, 0.0
-        for c in range(moved.shape[3]):
-            seen = (
-                normal[0] * moved[e, n, v, c, 0] + normal[1] * moved[e, n, v, c, 1] + normal[2] * moved[e, n, v, c, 2]
-            )
-            if c < cuts[0]:
-                spread += abs(seen)
-            elif c < cuts[1]:
-                slide += seen * seen
-            elif c < cuts[2]:
-                swing += seen * seen
-            elif c < cuts[3]:
-                shape += seen * seen
-            else:
-                slack += abs(seen)
-        inside = spread + math.sqrt(slide) + math.sqrt(swing)
-        found = min(found, heights[e, v] - (min(math.sqrt(shape), inside) + slack))
+        moved = reached.moved[e, n, v]
+        found = min(found, heights[e, v] - reach_along(normal, moved, (0.0, 0.0, 0.0), moved, reached.cuts))
     return float(found - (lean[0] * reached.tilted[n, v] + lean[1] * reached.arc[n, v]) - reached.linked[n, v])

@@ -12,17 +12,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.planning.optimise.cone_program import FEASIBLE, ConeProgram, Duals, Solution, certify
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 _REMEMBERED = 64  # patterns of which a thread keeps the solver
 _LOOSER = 100.0  # times the tolerance
 _local = threading.local()  # solvers hold the numbers of one program: threads must not share them
 
-Indices = NDArray[np.intp]
 Pair = tuple[Array, Array]  # a matrix and the other side of its rows, or lower and upper limits
 
 _ALMOST = ("AlmostSolved", "AlmostPrimalInfeasible", "AlmostDualInfeasible", "NumericalError", "InsufficientProgress")

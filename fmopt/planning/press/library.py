@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,11 +16,9 @@ from fmopt.planning.press.placed.placement import stroke
 from fmopt.planning.press.task import Corner, PressTask, Shelf
 from fmopt.spatial.values import Array
 
-FORCE = 8.0  # N, lateral force of a press at strength 1
-AXIAL = 20.0  # N, of the last press
-TURNING = 0.25  # rad/s, upright
+FORCE, AXIAL = 8.0, 20.0  # N, lateral force of a press at strength 1, and axial force of the last one
+TURNING, SWEEP_SPEED = 0.25, 0.06  # rad/s, upright, and about the axis
 LATERAL_SPEED, AXIAL_SPEED, TURN_SPEED = 0.01, 0.012, 1.0  # m/s and rad/s, limits of axes that give way
-SWEEP_SPEED = 0.06  # rad/s
 COME_DOWN = 4.0, 0.01  # N and m/s
 DATUM, SLIDE = (10.0, 2.0), 4.0  # N: lateral and axial; axial
 _DROPPING, _SLIDING = 0.08, 0.005  # s for which a part that slides stays in its play, and m/s at most
@@ -29,24 +27,23 @@ _BEYOND = 1.05  # times the way to the middle that it slides
 _DROP = 1.5e-4  # m by which it is off the shelf
 _BENT = 8e-4  # m by which friction holds the part back on its way, at most
 _ASIDE = 0.15  # lateral over axial force with which the part comes down to a shelf
-ROCK = Rocking(math.radians(3.0), 2.0, 2.0)
-ROCK_FORCE = 5.0  # N
+ROCK, ROCK_FORCE = Rocking(math.radians(3.0), 2.0, 2.0), 5.0  # N
 _LONGEST = 6.0  # s, of the last presses to no great depth
 _LAST = (4.5e-4, 4e-4)  # m above the goal of a through hole where the last press begins, and its speed in m/s
 _LIFTED = 2.0  # times the offset of the force that is pressed down at least: the offset would lift the part out
 _HELD_SPEED = 0.008  # m/s, down with the attitude held: a part that cannot turn lands harder
+_SWEPT, _YAW = math.radians(2.5), 1.5  # tilt while yaw is led, and errors of yaw that it is led through
+_ROCKED, _ROCKED_TIME, _ROCKED_FORCE = 1.3, 6.0, 12.0  # errors of tilt that a part is rocked through, s, and N down
+_SHAKE = Rocking(math.radians(1.0), 2.0, 4.0)
 _TURNED = 0.1  # offset of the torque over the last force times the width, from which it turns the part
-_AGAINST, _SWEEPING = 3.0, 0.35  # times that offset, and of the lateral force, with which the part is turned back
-_TURNS = 1.5  # times the offset of the torque, with which a part that is stuck is turned at least
-_FREED = 0.25  # of the lateral force, with which a part that is stuck is pressed down while it is turned
 _SINKS = 2.0  # axial over lateral force while turning upright, at most, in a sharp corner
 _ARM = 0.01  # m, least lever that turns count by
 _LOST = 0.35, 4.0  # rad, and times the start errors: a part that turns by more has slipped off
-_DAMPING = 400.0  # N·s/m
-_LEVER = 0.02  # m, least that damping of turns is made of
+_DAMPING, _LEVER = 400.0, 0.02  # N·s/m; m, least that damping of turns is made of
 DELAY = PressRobot.delay  # s, of measurements
 
 ALL, XYZ, XYZ_YAW = (True,) * 6, (True,) * 3 + (False,) * 3, (True,) * 3 + (False, False, True)
+NO_YAW = (True,) * 5 + (False,)
 ONLY_Z = (False, False, True, False, False, False)
 
 
@@ -102,6 +99,11 @@ def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: 
     return Attempt(numbers_of(entry.pose.vector()), (come_down(entry.descent + below), *pressed), "corner")
 
 
+def lifted(task: PressTask) -> float:
+    """The force down, N at strength 1, that an offset of the force does not lift the part against."""
+    return _LIFTED * (task.problem.robot.force_offset / task.steady_force) * AXIAL
+
+
 def strokes(task: PressTask, corner: Corner, always: bool) -> tuple[Array, ...]:
     """Directions (3,) of lateral forces that lead the tip along either wall into a corner.
 
@@ -125,16 +127,31 @@ def into_the_mouth(
     directions (3,) of these, u if there is one alone.
     """
     hold = numbers.hold * FORCE
-    axial = max(numbers.axial * hold, _LIFTED * (task.problem.robot.force_offset / task.steady_force) * AXIAL)
-    upright = turn_upright(task, numbers.tilt, lean, six(hold * u, -axial), numbers.yaw)
+    axial = max(numbers.axial * hold, lifted(task))
+    wrench = six(hold * u, -axial)
     pressed = (press_aside(task, one, numbers.kappa, gives) for one in aside or (u,))
-    return (*pressed, *upright, *to_the_goal(task, u, numbers.end, numbers.rock))
+    if task.round or not turned_by_offset(task):
+        upright = turn_upright(task, numbers.tilt, lean, wrench, numbers.yaw)
+        return (*pressed, *upright, *to_the_goal(task, u, numbers.end, numbers.rock))
+    lower, _ = turn_upright(task, numbers.tilt - _SWEPT, lean, wrench, yaw=False)
+    upright = turn_upright(task, _SWEPT, lean, wrench, yaw=False)
+    led = _yaw_led(task, wrench) if task.box[5] > 0.0 else ()
+    return (*pressed, lower, *led, *upright, *to_the_goal(task, u, numbers.end, rocked=False))
+
+
+def _yaw_led(task: PressTask, wrench: Numbers) -> Iterator[Press]:
+    """Turn about the axis one way and the other, the attitude held, until the part drops into the mouth."""
+    inside, error = Level(-float(task.box[2]) - 2.0 * _DROP), _YAW * float(task.box[5])
+    for angle in (-error, 2.0 * error):
+        twist = (*(0.0,) * 5, math.copysign(SWEEP_SPEED, angle))
+        ends = (*levels(task), inside, Travel(distance=_DROP), Time(abs(angle) / SWEEP_SPEED, "next"))
+        yield Press("sweep yaw", XYZ, twist, wrench, SPEEDS, in_the_mouth(task), ends)
 
 
 def press_aside(task: PressTask, u: Array, kappa: float, gives: Gives = XYZ) -> Press:
     """Press the tip towards a direction (3,), with `kappa` of that force downwards, until it stands."""
     return Press(
-        "press into the corner", gives, (0.0,) * 6, six(FORCE * u, -kappa * FORCE),
+        "press into the corner", gives, (0.0,) * 6, six(FORCE * u, -max(kappa * FORCE, lifted(task))),
         (*SPEEDS[:2], kappa * LATERAL_SPEED, *SPEEDS[3:]), (3.0 * task.lateral + 0.5 * task.size, 1.0),
         (standstill(), Time(3.0, "next")),
     )  # fmt: skip
@@ -195,28 +212,26 @@ def levels(task: PressTask) -> tuple[End, ...]:
     return (Level(_LAST[0] - task.depth),) if task.through else ()
 
 
-def to_the_goal(task: PressTask, u: Array, end: float, rock: bool) -> tuple[Press, ...]:
+def to_the_goal(task: PressTask, u: Array, end: float, rocked: bool) -> tuple[Press, ...]:
     """What follows once the part is upright in the mouth: shelves, rocking, if wanted, the last press.
 
     The lateral force is in direction u (3,), and the share `end` of the axial one in the last press.
     """
     presses = [press_on(task, XYZ, six(_ASIDE * FORCE * u, -FORCE))] if task.shelves else []
     presses += [press for one in task.shelves for press in at_shelf(task, u, one)]
-    if rock:
-        wrench = six(end * ROCK_FORCE * u, -ROCK_FORCE)
-        ends = (*levels(task), Time(ROCK.seconds, "next"))
-        presses.append(Press("rock", XYZ, (0.0,) * 6, wrench, SPEEDS, down_and_more(task), ends, rocking=ROCK))
+    if rocked:
+        presses.append(rock(task, ROCK, six(end * ROCK_FORCE * u, -ROCK_FORCE)))
     return (*presses, *go_in(task, u, end))
 
 
 def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
     """The last presses: the attitude is held where the play leaves room for its error, and let go on the floor.
 
-    Small parts, which an offset of the torque turns, are turned about the axis either way until their walls meet, and
-    pressed down with the attitude held before it gives way.
+    Small parts, which an offset of the torque turns and jams, are rocked down with the attitude held, about the
+    commanded one and then about the one that the mouth has led them to, before it gives way.
     """
     wrench, light = six(end * AXIAL * u, -AXIAL), six(end * FORCE * u, -FORCE)
-    reach, gives = down_and_more(task), ALL
+    reach, gives, pressed = down_and_more(task), ALL, six(end * _ROCKED_FORCE * u, -_ROCKED_FORCE)
     before: tuple[Press, ...] = ()
     if task.keeps_attitude:
         held = XYZ if task.round else XYZ_YAW  # a round part that an offset of the torque turns would not stand still
@@ -224,18 +239,17 @@ def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
         slow = press_on(task, held, light if all(task.turned_flat) else wrench)
         slow = replace(slow, speed=(*SPEEDS[:2], _HELD_SPEED, *SPEEDS[3:]))
         before = () if gives == held else (slow, press_on(task, gives, light))
-    elif not task.round and (arm := task.problem.robot.torque_offset / task.steady_force) > _TURNED * task.narrow:
-        turn = _AGAINST * arm * AXIAL
-        across = six(_SWEEPING * FORCE * u, -FORCE)[:5]
-        swept = (sweep_yaw(task, (*across, sign * turn), 2.0) for sign in (1.0, -1.0))
-        before = (*swept, press_on(task, XYZ_YAW, light))
+    elif turned_by_offset(task):
+        gives = NO_YAW if task.round else ALL
+        cone = Rocking(_ROCKED * math.hypot(*task.box[3:5]), 1.0, _ROCKED_TIME)
+        before = rock(task, cone, pressed), press_on(task, NO_YAW, wrench), rock(task, _SHAKE, pressed)
     time = Time(long_enough(task), "retry")
     if not task.through:
         deepest = -task.depth + task.clearance.per_side + float(task.box[2]) + 1e-4  # measured z of a seated part
         stands = replace(standstill(5e-5, 0.3), then="seated", below=deepest)
         down = Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (stands, time))
         first = replace(down, ends=(replace(stands, else_then="next"), time))
-        return (*before, first, *work_free(task, u), down)
+        return (*before, first, *work_free(task, pressed), down)
     stuck = replace(standstill(5e-5, 0.3), then="retry")
     down = Press("go in", gives, (0.0,) * 6, wrench, SPEEDS, reach, (*levels(task), stuck, time))
     ends = (_seated(task), replace(standstill(2e-5, 0.3), then="retry"), Time(4.0, "retry"))
@@ -244,19 +258,26 @@ def go_in(task: PressTask, u: Array, end: float) -> tuple[Press, ...]:
         replace(one, ends=tuple(replace(end, then="next") if isinstance(end, Standstill) else end for end in one.ends))
         for one in (down, lower)
     )
-    return (*before, first, lowered, *work_free(task, u), down, lower)
+    return (*before, first, lowered, *work_free(task, pressed), down, lower)
 
 
-def work_free(task: PressTask, u: Array) -> tuple[Press, ...]:
-    """Turn a stuck part either way about the axis across a direction (3,), for the contacts that hold it to let go."""
-    turn = max(0.5 * task.size * FORCE, _TURNS * task.problem.robot.torque_offset / task.steady_force * AXIAL)
-    x, y, _ = (turn * u).tolist()
-    speeds = _LOWERING if task.through else SPEEDS
-    ends = (*((_seated(task),) if task.through else ()), standstill(5e-5, 0.1), Time(0.6, "next"))
-    return tuple(
-        Press("work free", ALL, (0.0,) * 6, (0.0, 0.0, -_FREED * FORCE, a, b, 0.0), speeds, down_and_more(task), ends)
-        for a, b in ((-y, x), (y, -x))
-    )
+def work_free(task: PressTask, wrench: Numbers) -> tuple[Press, Press, Press]:
+    """Rock a stuck part about the attitude that it has, press on with yaw held, and rock it again from there."""
+    shaken, down = replace(rock(task, _SHAKE, wrench), name="work free"), press_on(task, NO_YAW, wrench)
+    if task.through:
+        shaken, down = (replace(one, speed=_LOWERING, ends=(_seated(task), *one.ends[1:])) for one in (shaken, down))
+    return shaken, down, shaken
+
+
+def rock(task: PressTask, cone: Rocking, wrench: Numbers) -> Press:
+    """Rock the part, its attitude held about where it is."""
+    ends = (*levels(task), Time(cone.seconds, "next"))
+    return Press("rock", XYZ, (0.0,) * 6, wrench, SPEEDS, down_and_more(task), ends, rocking=cone)
+
+
+def turned_by_offset(task: PressTask) -> bool:
+    """Whether an offset of the torque turns the part against its walls."""
+    return task.problem.robot.torque_offset / task.steady_force > _TURNED * task.narrow
 
 
 def _seated(task: PressTask) -> Level:
@@ -272,7 +293,7 @@ def sweep_yaw(task: PressTask, wrench: Numbers, seconds: float) -> Press:
 
 def down_and_more(task: PressTask) -> tuple[float, float]:
     """The reach of presses that may go to the depth, m and rad."""
-    return task.depth + 0.02, _most_turned(task)
+    return task.depth + 0.02, min(_most_turned(task), task.room_to_turn)
 
 
 def long_enough(task: PressTask) -> float:
@@ -295,7 +316,7 @@ def at_shelf(task: PressTask, u: Array, shelf: Shelf) -> tuple[Press, Press, Pre
     floor = levels(task)
     gives = ALL if shelf.height > _FLUSH * task.size else XYZ_YAW
     datum = Press(
-        "datum on the shelf", gives, (0.0,) * 6, six(DATUM[0] * u, -DATUM[1]), SPEEDS, (0.05, 1.0),
+        "datum on the shelf", gives, (0.0,) * 6, six(DATUM[0] * u, -DATUM[1]), SPEEDS, (0.05, down_and_more(task)[1]),
         (*floor, standstill(2e-5, 0.25), Time(4.0, "next")), line,
     )  # fmt: skip
     speed = min(task.clearance.per_side / _DROPPING, _SLIDING)

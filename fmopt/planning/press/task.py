@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmopt.execution.engines.engine import Bodies
+from fmopt.execution.kept_clear import KeptClear
+from fmopt.execution.press_controller import begun
 from fmopt.geometry.clearance import Clearance, deepest, interference
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import convex_hull_polyhedron, placed
@@ -26,19 +28,17 @@ if TYPE_CHECKING:
     from shapely import Polygon
     from shapely.geometry.base import BaseGeometry
 
-_LEVEL = 2e-6  # m above or below a step, where its sections are taken
-_TIP = 1e-6  # m within which vertices belong to the leading face
+_LEVEL, _TIP = 2e-6, 1e-6  # m, from a step to its sections, and within which vertices belong to the leading face
 _NEAR = 2.0  # lateral errors, from which walls are out of reach for what leads
 _BLUNT = 0.2  # of the depth, that what leads and never mates may be long
 _STRAIGHT = 1e-6  # m by which corners of an outline may be off a straight side
 _PLAY_DROP = 0.6  # of the play above a shelf, below which the play is smaller there
-_MAX_SYMMETRY = 60
-_FEW = 3  # corners that sequences are made for
-_HEIGHTS = 40  # at which walls are looked for
-_HALVINGS = 30  # of a way, from the size to less than 1 nm
+_MAX_SYMMETRY, _FEW = 60, 3  # turns, and corners that sequences are made for
+_HEIGHTS, _HALVINGS = 40, 30  # at which walls are looked for; of a way, from the size to less than 1 nm
 _STEADY = 0.7  # of the limit of force
 _SURE = 1.5  # times the offset of the torque, from which a press turns the part against it
 _ROUND = 0.02  # of the radius, by which an outline that counts as round is off its circle
+_ROOM, _OVERSHOOT, _LEAST_TURN = 0.6, 0.02, 1e-3  # of the distance; while a turn is measured, and at least, rad
 _CLEAR = 4.0  # lateral errors, by which hollows that are filled stay away from the walls
 
 
@@ -188,6 +188,16 @@ class PressTask:
             if not within.contains(self._seated(whole.difference(own).buffer(-_STRAIGHT))):
                 return False
         return deepest([placed(hull, self.goal)], self.fixed.pieces) < _STRAIGHT
+
+    @cached_property
+    def room_to_turn(self) -> float:
+        """How far the part may turn in the mouth, rad, until its tool comes near what stands around."""
+        if not self.problem.cell.solids:
+            return math.inf
+        goal = self.goal.vector()
+        poses = begun(np.array([[*goal[:2], 0.0, *goal[3:]], goal]), np.zeros((2, 6)))
+        clear = KeptClear(self.bodies, self.problem.cell, poses)
+        return max(_ROOM * float(clear.least.min()) / clear.reach - _OVERSHOOT, _LEAST_TURN)
 
     @property
     def steady_force(self) -> float:

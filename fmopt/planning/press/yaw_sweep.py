@@ -55,7 +55,7 @@ def _sweep(task: PressTask, corner: Corner, tilt: float, below: float, sign: flo
     sweep = sweep_yaw(task, turning, 5.0 * yaw / SWEEP_SPEED + 1.0)
     presses = (
         come_down(entry.descent + below), press_aside(task, u, _KAPPA), lower, sweep,
-        *turn_upright(task, _SWEPT, lean, turning, yaw=True), *to_the_goal(task, u, _END, rock=False),
+        *turn_upright(task, _SWEPT, lean, turning, yaw=True), *to_the_goal(task, u, _END, rocked=False),
     )  # fmt: skip
     attempt = Attempt(numbers(entry.pose.vector()), presses, "yaw sweep")
     return touching_first(task, attempt, corner.at, corner.walls, below)

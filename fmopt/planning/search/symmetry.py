@@ -15,7 +15,6 @@ from itertools import product
 from typing import assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from fmopt.certificate.assembly import Assembly
@@ -26,7 +25,7 @@ from fmopt.geometry.polyhedron import Polyhedron, from_faces
 from fmopt.planning.moves.moves import Move
 from fmopt.planning.search.entry import turned_axes
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Framing
+from fmopt.spatial.values import Array, Framing, Indices
 
 _DECIMALS = 14  # of lengths in m and of numbers without a unit
 _ORDERED = 12  # decimals of coordinates in m that order them
@@ -41,7 +40,6 @@ _MOMENTS = (
 _REACHES = (0.0, 0.3, 0.7, 1.0, 1.3)
 _MIRRORED = frozenset(("y", "rx", "rz"))  # freedoms that have the other sign in a mirror, once x points as before
 
-Indices = NDArray[np.intp]
 Loops = tuple[tuple[int, ...], ...]
 
 

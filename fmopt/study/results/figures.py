@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from fmopt.report.drawing import BLUE, DASHES, GREY, INK, PALE, RUST, WIDTH, Axes, Figure, drawn
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 from fmopt.study.results.shares import bins
 from fmopt.study.results.table import Varied
-from fmopt.study.results.view import Truth, View, answer_label, axis_label, ticks
+from fmopt.study.results.view import View, answer_label, axis_label, ticks
 
 _LINE = 100  # characters of a title
 _MOST_TICKS = 10
@@ -110,7 +110,7 @@ def title(view: View, name: str, border: str, nothing: str) -> str:
     return answer_label(name) + words + ("" if np.isfinite(view.answer(name)).all() else nothing)
 
 
-def _border(axes: Axes, x: Array, y: Array, good: Truth, done: Truth) -> None:
+def _border(axes: Axes, x: Array, y: Array, good: Bits, done: Bits) -> None:
     """The line between cells that came out well and others, of those that have answers."""
     rows, columns = good.shape
     beside = (good[:, 1:] != good[:, :-1]) & done[:, 1:] & done[:, :-1]

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 from fmopt.study.results.table import Results, Varied
 from fmopt.study.running.store import Scalar
 
@@ -29,7 +28,6 @@ ANSWERS: Mapping[str, tuple[str, float, str]] = {
     "clearance": ("measured clearance a side", 1e3, "mm"),
     "cost": ("cost of the sequence", 1.0, ""),
 }
-Truth = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +48,12 @@ class View:
         return tuple(name for name in named if len(set(self.answer(name)[np.isfinite(self.answer(name))])) > 1)
 
     @cached_property
-    def done(self) -> Truth:
+    def done(self) -> Bits:
         """Which runs have answers."""
         return np.array([line["outcome"] == "done" for line in self.results.lines], dtype=bool)
 
     @cached_property
-    def good(self) -> Truth:
+    def good(self) -> Bits:
         """Which runs came out well: certified, tested, held by their bias; all that are done where none was asked."""
         return np.array([line["outcome"] == "done" and self._well(line) for line in self.results.lines], dtype=bool)
 
