@@ -20,7 +20,7 @@ def test_document_and_plan_are_taken_to_each_other() -> None:
     document = json.loads(canonical(press_plan_document()))
     found = parsed(document)
     assert found.press_plan == press_plan()
-    assert found.presses == len(document["segments"]) == 21
+    assert found.presses == len(document["segments"]) == 23
     assert found.segments == ()
     assert found.trials is not None
     assert len(found.trials.outcomes) == found.trials.draws
@@ -56,10 +56,10 @@ REFUSED: list[tuple[Callable[[Document], Any], str, str]] = [
     (lambda d: d["evidence"].update(bound=1.5), r"evidence\.bound", ""),
     (lambda d: d["evidence"]["conditions"].update(drift="much"), r"evidence\.conditions\.drift", "number"),
     (lambda d: d["evidence"]["outcomes"][0].update(seated=1), r"evidence\.outcomes\[0\]\.seated", ""),
-    (lambda d: d["evidence"]["outcomes"][3]["rests"][0].extend([[0.0] * 3] * 4), "evidence, draw 3", "not have"),
+    (lambda d: d["evidence"]["outcomes"][3]["rests"][0].extend([[0.0] * 3] * 5), "evidence, draw 3", "not have"),
     (lambda d: d["evidence"]["outcomes"][3]["rests"].extend([[[0.0] * 3]] * 2), "evidence, draw 3", "not have"),
-    (lambda d: d["evidence"]["vertex_outcomes"][63]["way"][-1].update(press=21), "evidence, vertex 63", "not have"),
-    (lambda d: d["description"].update(trace=[{"time": 0.0, "press": 10, "pose": [0.0] * 6}]), "description.trace", ""),
+    (lambda d: d["evidence"]["vertex_outcomes"][63]["way"][-1].update(press=23), "evidence, vertex 63", "not have"),
+    (lambda d: d["description"].update(trace=[{"time": 0.0, "press": 11, "pose": [0.0] * 6}]), "description.trace", ""),
 ]  # fmt: skip
 
 

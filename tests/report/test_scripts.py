@@ -200,7 +200,7 @@ SAID = "document.querySelector('[data-say=move]').textContent"
 def test_each_press_has_its_arrows_and_the_places_where_trials_came_to_rest(pages: dict[str, str]) -> None:
     with Page(pages["presses"]) as page:
         for number in range(1, 8):
-            assert page.run(SAID).startswith(f"Move {number} of 10: ")
+            assert page.run(SAID).startswith(f"Move {number} of 11: ")
             assert re.search(r"^text [\d.]+ N ", page.run(STROKES), re.MULTILINE)
             # 73 trials seat; the one that does not is a cross where it came to the press.
             assert page.run(STROKES).count("\narc ") == 73
@@ -244,7 +244,7 @@ def test_a_trial_that_does_not_seat_is_shown_on_its_way(pages: dict[str, str], b
             ["4 of 5", "come down"],
         ]  # fmt: skip
         page.run(CHOOSE % ("", "run"))
-        assert page.run(SAID).startswith("Move 1 of 10: come down: wrench towards −z ")
+        assert page.run(SAID).startswith("Move 1 of 11: come down: wrench towards −z ")
 
 
 def test_a_drawing_of_a_part_and_a_slider_work_alone(pages: dict[str, str]) -> None:

@@ -130,7 +130,7 @@ def into_the_mouth(
     axial = max(numbers.axial * hold, lifted(task))
     wrench = six(hold * u, -axial)
     pressed = (press_aside(task, one, numbers.kappa, gives) for one in aside or (u,))
-    if task.round or not turned_by_offset(task):
+    if task.round or task.keeps_attitude or not turned_by_offset(task):
         upright = turn_upright(task, numbers.tilt, lean, wrench, numbers.yaw)
         return (*pressed, *upright, *to_the_goal(task, u, numbers.end, numbers.rock))
     lower, _ = turn_upright(task, numbers.tilt - _SWEPT, lean, wrench, yaw=False)

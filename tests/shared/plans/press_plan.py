@@ -62,7 +62,7 @@ def press_plan() -> PressPlan:
 def outcomes(seats: Sequence[bool]) -> tuple[TrialOutcome, ...]:
     """Outcomes of trials that seat at once, or go back from the third press and fail in the next attempt."""
     zero, failed = (0.0, 0.0, 0.0), ("stopped on the way", "tilted")
-    places = ((0, False, 5e-3), (2, False, 1e-3), (2, True, 1e-3), (10, False, 5e-3), *((16, False, 0.0),) * 2)
+    places = ((0, False, 5e-3), (2, False, 1e-3), (2, True, 1e-3), (11, False, 5e-3), *((17, False, 0.0),) * 2)
     way = tuple(TracePose(float(k), n, (0.0, 0.0, z, 0.1, 0.0, 0.0), back) for k, (n, back, z) in enumerate(places))
     good = TrialOutcome(True, 0, "go in", 8.0, 14.0, 0.0, (), zero, zero, ((zero,) * 7,))
     bad = TrialOutcome(False, 1, "go in", 8.0, 14.0, 0.0, failed, zero, zero, ((zero,) * 3, (zero,) * 7), way)
