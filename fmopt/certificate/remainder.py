@@ -23,7 +23,6 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.certificate.error_set import UNCOUPLED, ErrorSet
 from fmopt.certificate.kernels_rows import Bending, Turned, differing, products
@@ -33,7 +32,7 @@ from fmopt.certificate.tube import powers, varied
 from fmopt.runtime.compiled import compiled
 from fmopt.spatial.kernels import halves, size
 from fmopt.spatial.se3 import Pose, length, lengths
-from fmopt.spatial.values import Array, Bits
+from fmopt.spatial.values import Array, Bits, Indices
 
 _NONE = np.zeros((0, 6))
 
@@ -238,7 +237,7 @@ class EndsBatch:
         return Heights(*over(forms.table, self.motion))
 
 
-def _columns(supports: Sequence[Reaching]) -> tuple[Array, NDArray[np.intp]]:
+def _columns(supports: Sequence[Reaching]) -> tuple[Array, Indices]:
     """The columns (n, k, 6) of supports, some zero where others have more, and their cuts (4,)."""
     ends = list(accumulate(max(map(len, parts)) for parts in zip(*supports, strict=True)))
     columns = np.zeros((len(supports), ends[-1], 6))

@@ -12,14 +12,13 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.execution import press_servo
 from fmopt.execution.press_servo import BACKING, DONE, HOLDING, NEXT, RUNNING, SAMPLE, Ints, Sensors, States
 from fmopt.execution.rotation import between, product, quaternions
 from fmopt.execution.summary import Fit, reasons_at_rest
 from fmopt.plan.press import PressPlan, first_presses
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits, Indices
 
 _WINDOW = 0.4  # s, the longest window of a standstill
 _TRAIL = 0.02  # s between the poses that a part backs out along
@@ -51,7 +50,7 @@ class Errors:
         pairs = ((getattr(self, one.name), getattr(others, one.name)) for one in fields(self))
         return Errors(*(np.concatenate(pair) for pair in pairs))
 
-    def of(self, which: Sequence[int] | NDArray[np.intp]) -> Errors:
+    def of(self, which: Sequence[int] | Indices) -> Errors:
         """Those of some trials."""
         return Errors(*(getattr(self, one.name)[which] for one in fields(self)))
 
@@ -87,7 +86,7 @@ class Command(NamedTuple):
     wrench: Array
     damping: Array
     pose: Array
-    gives: NDArray[np.bool_]
+    gives: Bits
 
 
 class Controller:
@@ -149,12 +148,12 @@ class Controller:
             self._load(k)
 
     @property
-    def done(self) -> NDArray[np.bool_]:
+    def done(self) -> Bits:
         """Which parts (n,) are at their end."""
         return np.asarray(self.state.mode == DONE)
 
     @property
-    def seated(self) -> NDArray[np.bool_]:
+    def seated(self) -> Bits:
         """Which of them (n,) are seated."""
         return np.asarray(self.done & [not why for why in self.reasons])
 

@@ -10,12 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.plan import Plan
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Value
 
 EARLY, LATE = "early", "late"  # the part stands before its travel is used up; it is used up, and nothing was felt
 _SPEED = 0.05  # m/s and
@@ -116,7 +115,7 @@ class WayBack(Value):
         p, q = self.corners[leg, n] + share * shift, product(quaternions(share * turn), self.turned[leg, n])
         return p, q, rate[:, None] * np.hstack([shift, turn])
 
-    def arrived(self, poses: Array) -> NDArray[np.bool_]:
+    def arrived(self, poses: Array) -> Bits:
         """Which parts (n,) are at their new starts."""
         off = np.linalg.norm(poses[:, :3] - self.corners[-1], axis=1)
         turned = np.linalg.norm(between(poses[:, 3:], self.turned[-1]), axis=1)

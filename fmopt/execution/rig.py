@@ -22,7 +22,7 @@ from fmopt.execution.program import FAILED, Program, StepTable
 from fmopt.execution.recovery import WayBack
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, hats, product, quaternions
-from fmopt.spatial.values import Array, Bits
+from fmopt.spatial.values import Array, Bits, Indices
 
 TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE, TOUCH, SURE, GENTLE = range(14)
 Ints = NDArray[np.int64]
@@ -115,7 +115,7 @@ class Rig:
         self.back = back
         self.state.step[:] = FAILED  # not running: on the way back nothing is felt, and nothing ends
 
-    def stranded(self) -> NDArray[np.intp]:
+    def stranded(self) -> Indices:
         """Bodies that were led back, and are not running."""
         if self.back is None:
             return np.zeros(0, dtype=np.intp)
@@ -128,7 +128,7 @@ class Rig:
         K, D = np.repeat(self.robot.stiffnesses, 3), np.repeat(self.robot.dampings, 3)
         return self._cut(K * lead + D * (twist - self.moved / self.robot.period))
 
-    def _begin(self, bodies: NDArray[np.intp]) -> None:
+    def _begin(self, bodies: Indices) -> None:
         """Bodies begin the program, as they do in a new rig, where they are."""
         state = self.state
         for name in ("step", "shown", "felt", "stalled"):
@@ -224,7 +224,7 @@ class Rig:
         sizes = np.maximum(*(np.linalg.norm(half, axis=1) / limit for half, limit in halves))
         return np.asarray(wrench / np.maximum(sizes, 1.0)[:, None])
 
-    def _lead(self, bodies: NDArray[np.intp] | slice, A: Array, lead: Array) -> None:
+    def _lead(self, bodies: Indices | slice, A: Array, lead: Array) -> None:
         """Reference poses of bodies: the parts', led by these twists (n, 6) of the frames."""
         back = np.asarray(np.linalg.solve(A, lead[..., None])[..., 0], dtype=np.float64)
         self.state.p[bodies] = self.qpos[bodies, :3] + back[:, :3]
@@ -271,7 +271,7 @@ class Rig:
         self._enter(left, following[left], numbers[left, MOVE])
         return events
 
-    def _enter(self, bodies: NDArray[np.intp], steps: Ints, moves: Array) -> None:
+    def _enter(self, bodies: Indices, steps: Ints, moves: Array) -> None:
         """A new move starts where the part is; a piece of the same move goes on from its lead and its way."""
         state = self.state
         # Passed on: a turn of 33 pieces ended 2.5 mrad late by what each of them went too far.
@@ -285,7 +285,7 @@ class Rig:
         state.gone[bodies[new & (steps != FAILED)]] = 0.0  # what failed keeps its way, which tells early from late
         self._rest(anew)
 
-    def _rest(self, bodies: NDArray[np.intp]) -> None:
+    def _rest(self, bodies: Indices) -> None:
         """Reference poses where the parts are, but for the lead that presses what is held."""
         if not len(bodies):
             return
@@ -319,7 +319,7 @@ class Signal(NamedTuple):
     effort: Array  # push (n,), in pushes of the plan
 
 
-def contact_told(signal: Signal, force: Array, sure: Array, robot: Robot) -> NDArray[np.bool_]:
+def contact_told(signal: Signal, force: Array, sure: Array, robot: Robot) -> Bits:
     """Which of n bodies' last samples speak of the new contact.
 
     A force that friction could not bring about does, if it slows the part or lasts: faces that rub rattle, which is as

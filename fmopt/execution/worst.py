@@ -28,7 +28,7 @@ from fmopt.plan.evidence import TrialOutcome
 from fmopt.plan.press import Conditions, PressPlan
 from fmopt.runtime import output
 from fmopt.runtime.process import cores
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits
 
 UNKNOWNS = (
     *(f"start {axis}" for axis in ("x", "y", "z", "about x", "about y", "about z")),
@@ -79,7 +79,7 @@ class TrialSearch:
     """
 
     shares: Array
-    failed: NDArray[np.bool_]
+    failed: Bits
     kinds: NDArray[np.str_]
     region: ShareRegion | None
 
@@ -88,9 +88,7 @@ class TrialSearch:
         return int(self.failed[self.kinds == kind].sum()), int((self.kinds == kind).sum())
 
 
-def cross_entropy(
-    score: Callable[[Array, range], Array], free: NDArray[np.bool_], budget: int, seed: int
-) -> TrialSearch:
+def cross_entropy(score: Callable[[Array, range], Array], free: Bits, budget: int, seed: int) -> TrialSearch:
     """Search the unknowns that are free (n,) for trials that fail; the others stay in the middle of their intervals.
 
     Args:
@@ -121,9 +119,7 @@ def cross_entropy(
     return TrialSearch(shares, scores >= 1.0, kinds, region)
 
 
-def _region(
-    shares: Array, failed: NDArray[np.bool_], free: NDArray[np.bool_], fits: Sequence[tuple[int, Any]]
-) -> ShareRegion | None:
+def _region(shares: Array, failed: Bits, free: Bits, fits: Sequence[tuple[int, Any]]) -> ShareRegion | None:
     """The unknowns that failing trials leave narrow; a trial counts the less, the more are drawn beside it."""
     if failed.sum() < _MIN_FAILED:
         return None

@@ -16,14 +16,13 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from fmopt.errors import FmoptError, ResourceError, SettingsError
 from fmopt.execution.engines.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.engines.physics import Physics
 from fmopt.execution.rotation import from_quaternions
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 _STIFF = 4e7  # N/m of each part at a contact, at least
 _BENT = 1000.0  # N that would bend it by the clearance
@@ -84,7 +83,7 @@ class DrakeEngine:
         """As `Engine`, explicitly: no more than the apparent mass lets a time step take."""
         self._damping = np.minimum(damping, _DAMPED * self._mass / self._plant.time_step())
 
-    def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
+    def advance(self, wrench: Array, period: float, bodies: Indices | None = None) -> None:
         """As `Engine`; the library has rotations first, and turning in axes of the world."""
         R = from_quaternions(self.qpos[:, 3:])
         turning = np.einsum("nij,nj->ni", R, self.qvel[:, 3:])

@@ -8,14 +8,13 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.execution.rotation import from_quaternions
 from fmopt.geometry.clearance import deepest
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed
 from fmopt.plan import Plan
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 THROWN = 5e-5  # m, by which contacts do not deepen in one time step; more is a fault of the engine's collision
 FIELDS = 8  # found, force (3) in axes of the engine's choice, distance, position (3)
@@ -31,7 +30,7 @@ class Engine(Protocol):
     deepest: Array  # greatest penetrations (n,) in the last period, m
     deepest_at: Array  # poses (n, 7) of these
 
-    def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
+    def advance(self, wrench: Array, period: float, bodies: Indices | None = None) -> None:
         """Moves bodies on by a period, s, under wrenches (n, 6) on reference points, axes of B, N and N·m, of all."""
 
     def damp(self, damping: Array) -> None:

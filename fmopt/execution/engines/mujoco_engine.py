@@ -4,13 +4,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.execution.engines.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.engines.physics import Physics
 from fmopt.execution.engines.scene import CONTACTS, compiled, engine, scene
 from fmopt.execution.kernels_rotation import rotated
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 _SHIFTS = (1e-9, -2e-9, 4e-9)  # m, by which a part is moved for a time step to be taken again
 
@@ -59,7 +58,7 @@ class MujocoEngine:
         """As `Engine`."""
         return np.asarray(self._sensor).reshape(len(self.qpos), CONTACTS, FIELDS)
 
-    def advance(self, wrench: Array, period: float, bodies: NDArray[np.intp] | None = None) -> None:
+    def advance(self, wrench: Array, period: float, bodies: Indices | None = None) -> None:
         """As `Engine`.
 
         Where faces lie flat on each other, the engine's collision of convex bodies now and then, at one pose and not at
@@ -96,7 +95,7 @@ class MujocoEngine:
             self._damping = self._batch.expand("dof_damping")
         self._damping[:, :3] = damping
 
-    def _step(self, bodies: NDArray[np.intp], last: Array) -> Array:
+    def _step(self, bodies: Indices, last: Array) -> Array:
         """One time step, taken again from next to where they were by bodies that are thrown; penetrations (n,), m."""
         before = [field[bodies] for field in self._fields]
         self._batch.step(bodies)

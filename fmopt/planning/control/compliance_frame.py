@@ -10,10 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.spatial.se3 import Pose, cross, hat, length
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Indices, Value
 
 _RANK = 1e-6  # singular values of unit rows below this are zero
 _FREE = 1e-6  # of unit twists: a smaller part is none
@@ -103,7 +102,7 @@ def _turned(projector: Array, orientations: Array) -> Array:
     return np.asarray(turned.swapaxes(2, 3).reshape(-1, 6, 6))
 
 
-def _along_axes(projector: Array) -> NDArray[np.bool_]:
+def _along_axes(projector: Array) -> Bits:
     """Which axes (…, 6) of the frame lie in the space that a projector (…, 6, 6) leaves, or at right angles to it."""
     across = np.eye(6) - projector
     off = np.minimum(np.vecdot(projector, projector), np.vecdot(across, across))
@@ -157,7 +156,7 @@ def _sparse(projector: Array) -> Array:
     return np.where(np.abs(signed) < 1e-15, 0.0, signed)
 
 
-def _spread(rows: Array, columns: NDArray[np.intp]) -> Array:
+def _spread(rows: Array, columns: Indices) -> Array:
     full = np.zeros((len(rows), 6))
     full[:, columns] = rows
     return full

@@ -7,13 +7,12 @@ Functions of contacts to be kept come as rows of `certificate.rows.Forms` (r,), 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.certificate.kernels_rows import Table, value
 from fmopt.contact.kernels_generated import Tables, height
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.kernels import vector
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 _ROUNDS = 12  # of Newton's method, which doubles the digits in each once it is near
 _ZERO, _KEPT = 1e-16, 1e-12  # m or rad, what is no more than rounding, and what still counts as kept
@@ -201,7 +200,7 @@ def roots(
     held: tuple[Table, Array],
     motion: tuple[Array, Array, Array, Array],
     tables: Tables,
-    which: NDArray[np.intp],
+    which: Indices,
     bracket: tuple[Array, Array],
     found: Array,
 ) -> int:

@@ -20,7 +20,7 @@ from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, vertex_fa
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.se3 import Pose, cross, lengths
-from fmopt.spatial.values import Array, remembered, there
+from fmopt.spatial.values import Array, Indices, remembered, there
 
 _MEMORY = 1024
 DOUBTED = 1.2  # times what errors reach: what they leave in doubt
@@ -31,7 +31,7 @@ _LEVEL = 1e-3  # sine of the angle at which an edge runs level with a rim
 Rims = tuple[Array, Array]
 """Of each rim of a face a point, and the unit direction (r, 3) into the face across it."""
 
-Edges = tuple[NDArray[np.intp], Array, Array, Array, Array]
+Edges = tuple[Indices, Array, Array, Array, Array]
 """Places (e, 2) of the ends of edges of the moving part, their directions (e, 3) and the sums (e, 3) of the normals of
 their faces, and both (c, 3) for the convex rims."""
 

@@ -4,12 +4,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.planning.moves.swept_piece import Moving, SweptReach, lower_bound, nominal, reached_by
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.kernels import Vector, dot, row, size
-from fmopt.spatial.values import Array, Indices
+from fmopt.spatial.values import Array, Bits, Indices
 
 SHARES = 9  # planes tried through an edge in each pass
 _PASSES = 3  # after the first each looks between the neighbours of the best plane, four times as finely
@@ -61,7 +60,7 @@ class Kept(NamedTuple):
 
 
 @part
-def _hopeful(edges: Edges, reached: SweptReach, heights: Array) -> NDArray[np.bool_]:
+def _hopeful(edges: Edges, reached: SweptReach, heights: Array) -> Bits:
     """Which of all normals may have the largest margin of a pair in some piece of motion."""
     found, rooms = np.zeros(len(edges.normals), dtype=np.bool_), np.empty(len(edges.normals))
     which, offsets, cuts = edges.which, edges.offsets, edges.cuts
@@ -203,7 +202,7 @@ def _refine_all(edges: Edges, reached: SweptReach, kept: Kept) -> None:
 
 
 @part
-def _refine_tightest(edges: Edges, reached: SweptReach, kept: Kept, asked: tuple[float, float]) -> NDArray[np.bool_]:
+def _refine_tightest(edges: Edges, reached: SweptReach, kept: Kept, asked: tuple[float, float]) -> Bits:
     """Refines the planes of pairs that may be the tightest, those tightest so far first.
 
     Returns which pairs (m) have the best planes now: those of others keep at least as much as the tightest of these.
@@ -231,7 +230,7 @@ def _refine_tightest(edges: Edges, reached: SweptReach, kept: Kept, asked: tuple
 @compiled
 def best(
     edges: Edges, body: Array, motion: Moving, grazing: float, enough: float
-) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+) -> tuple[Array, Array, Array, Array, Bits]:
     """For each pair (m) the plane with the largest certified margin over pieces of motion (n), or for the tightest.
 
     No margin exceeds its plane's room, its clearance without errors: only planes with more of that than the best margin

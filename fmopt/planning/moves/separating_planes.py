@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly, edge_along
 from fmopt.certificate.kernels_rows import ROW
@@ -24,7 +23,7 @@ from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.planning.moves.plane_arcs import SHARES, Edges, best
 from fmopt.spatial.se3 import lengths
-from fmopt.spatial.values import Array, Indices, remembered
+from fmopt.spatial.values import Array, Bits, Indices, remembered
 
 _GRAZING = 2e-6  # m by which pieces may overlap nominally and still have a plane, of negative margin
 _MEMORY = 2048
@@ -58,7 +57,7 @@ class _Choice:
 
     chosen: list[list[Separation | None]]  # the planes; None where there is none
     least: Array  # their margins (n, m), m; −∞ where there is none
-    best: NDArray[np.bool_]  # whether no other plane of a pair (m) keeps more
+    best: Bits  # whether no other plane of a pair (m) keeps more
 
     @property
     def tightest(self) -> int:
@@ -266,7 +265,7 @@ class FreePlanes:
     offsets: Array
     margins: Array
     clearances: Array
-    best: NDArray[np.bool_]
+    best: Bits
 
     def separation(self, n: int, m: int) -> Separation:
         """What keeps one pair apart over one piece of motion."""

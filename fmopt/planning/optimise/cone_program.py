@@ -15,10 +15,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmopt.errors import SolverError
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Indices, Value, frozen
 
 if TYPE_CHECKING:
     import cvxpy
@@ -73,8 +73,8 @@ class NormStack:
 
     F: Array
     g: Array
-    begins: NDArray[np.intp]
-    widths: NDArray[np.intp]
+    begins: Indices
+    widths: Indices
 
     def at(self, x: Array) -> Array:
         """The values (K,) at x (n,)."""

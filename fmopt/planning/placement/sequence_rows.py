@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly, contact_rows, made_form, made_scale
 from fmopt.certificate.claim import Claim, facet_rows
@@ -20,7 +19,7 @@ from fmopt.contact.primitive import PrimitiveContact
 from fmopt.planning.moves.contact_transition import DOUBTED, within_rims
 from fmopt.planning.moves.moves import Reached, claims_of_moves
 from fmopt.planning.placement.error_derivatives import GeneratorDerivatives, pose_derivatives, sensitivities
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Bits, Indices
 
 _STEPS = 4  # steps of the trust region that a row is kept away from where contacts are described otherwise
 KEPT = 0.5  # of how far vertices are from there, and of what only has to hold, that a step leaves
@@ -35,7 +34,7 @@ class Linear:
     slopes: Array  # (r, n)
     counted: Array  # 1 for rows of the margin, or their weight in it; 0 for those that only have to hold
     drifts: Array
-    moves: NDArray[np.intp]
+    moves: Indices
     kinks: tuple[list[int], list[float], list[Array]]  # row, value and slope (n,) of each product whose sign may change
 
 
@@ -47,7 +46,7 @@ class SequenceRows:
     slopes: Array  # of the distance (r, n)
     counted: Array  # 1 for rows of the margin, or their weight in it; 0 for those that only have to hold
     drifts: Array  # sizes of gradients (r,)
-    moves: NDArray[np.intp]  # whose row it is (r,)
+    moves: Indices  # whose row it is (r,)
     products: Array  # N·g (r, k), m; zero where something else than the generators bounds the errors
     turning: Array  # their slopes (r, k, n)
     reach: Array  # what errors take of the values, to first order (r,), m
@@ -66,7 +65,7 @@ class SequenceRows:
         names = [field.name for field in fields(SequenceRows)]
         return SequenceRows(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
-    def taken(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> SequenceRows:
+    def taken(self, which: Indices | Bits) -> SequenceRows:
         """Some of the rows."""
         return SequenceRows(**{field.name: getattr(self, field.name)[which] for field in fields(SequenceRows)})
 
@@ -257,7 +256,7 @@ def _near(assembly: Assembly, claim: Claim, course: EndsBatch, rho: float, most:
         yield _Block(N, early, scale * made.f - early, np.zeros(1), 0)
 
 
-def _described(course: EndsBatch, sure: Sequence[tuple[Forms, NDArray[np.intp]]], near: float) -> Iterator[_Block]:
+def _described(course: EndsBatch, sure: Sequence[tuple[Forms, Indices]], near: float) -> Iterator[_Block]:
     """The rows of a piece that keep the description of its contacts, below `near` (m)."""
     for forms, which in sure:
         rows = course.over(forms)
@@ -278,7 +277,7 @@ def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
 
 def _surely(
     assembly: Assembly, held: tuple[PrimitiveContact, ...], courses: Sequence[EndsBatch]
-) -> list[tuple[Forms, NDArray[np.intp]]]:
+) -> list[tuple[Forms, Indices]]:
     """How far vertices are within convex rims of walls that they lie in, and which are so for sure all along a move."""
     found = []
     for forms in within_rims(assembly, held):

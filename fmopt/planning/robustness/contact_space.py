@@ -16,7 +16,6 @@ from functools import cached_property
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.contact.facet_bounds import INSIDE, BoundTable, cell, touching
@@ -32,7 +31,7 @@ from fmopt.plan.diagnostics import Graph, State
 from fmopt.plan.field_types import numbers
 from fmopt.runtime.clock import heed
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Bits, Value
+from fmopt.spatial.values import Array, Bits, Indices, Value
 
 _STEP = 1e-3  # m; off the plane in which a face ends: there the part has just entered, or is about to leave
 _WIDE = 10.0  # how much farther than its contacts are looked for a space at a critical pose reaches
@@ -249,7 +248,7 @@ class _Best:
         found = (at.residual <= RESIDUAL) & (at.slack > APART) & inside
         return _Best(found, met.poses, np.where(found, -1.0, met.short), met.settled)  # nothing beats what was found
 
-    def improved(self, near: Neighbourhood, on: Bits, which: NDArray[np.intp], met: Met) -> "_Best":
+    def improved(self, near: Neighbourhood, on: Bits, which: Indices, met: Met) -> "_Best":
         """With further searches for states `which` (m,), several for each."""
         new = _Best.of(near, on[which], met)
         # By states, and within each by what is short: the first of each is its best.
@@ -265,8 +264,8 @@ class _Best:
 
 
 def _starts(
-    graph: ContactGraph, best: _Best, points: Array, left: NDArray[np.intp], tried: set[tuple[int, bytes]]
-) -> tuple[NDArray[np.intp], Poses]:
+    graph: ContactGraph, best: _Best, points: Array, left: Indices, tried: set[tuple[int, bytes]]
+) -> tuple[Indices, Poses]:
     """Further starts for states: their own point, half way to neighbours, and where neighbours were found.
 
     None of those tried before; these are added to them.

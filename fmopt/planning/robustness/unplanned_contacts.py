@@ -16,7 +16,6 @@ from itertools import islice, product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.claim import Claim
@@ -37,7 +36,7 @@ from fmopt.plan.position_force import AXES
 from fmopt.planning.optimise.solvers import least_vertex
 from fmopt.planning.search.guarded_move import implied, modulo
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Indices, Value
 
 _MOST_ALONE = 1e6  # factor of a start error alone beyond which it makes no contact: its part in it is rounding
 LARGEST = 4.0  # factor of the start errors up to which contacts are looked for
@@ -77,7 +76,7 @@ class _Place(NamedTuple):
     images: Array
 
 
-def images_of(errors: ErrorSet, axes: NDArray[np.intp]) -> Array:
+def images_of(errors: ErrorSet, axes: Indices) -> Array:
     """The images (6, 6) of the start errors in a set that a motion has carried on, one column an axis with error.
 
     An ellipsoid, as the paper's sets are, has forgotten them: all are 0, and nothing is foreseen.
@@ -124,7 +123,7 @@ def unplanned_contacts(
     return tuple(_unplanned(assembly, contact, met, friction, rho) for contact, met in ordered[:_MOST])
 
 
-def _places(claims: Sequence[Claim], axes: NDArray[np.intp]) -> Iterator[tuple[Claim, _Place]]:
+def _places(claims: Sequence[Claim], axes: Indices) -> Iterator[tuple[Claim, _Place]]:
     """The poses at which contacts are looked for: where the move starts, and where each of its pieces ends."""
     first = claims[0].advance.ends  # between the ends of a piece an error lies between those at its ends
     yield claims[0], _Place(first.start, images_of(first.start_set, axes))

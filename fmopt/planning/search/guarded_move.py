@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from itertools import compress, groupby, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.contact_implications import aligned, flushes
@@ -21,7 +20,7 @@ from fmopt.errors import InfeasibleError
 from fmopt.planning.moves.constrained_path import along, roots
 from fmopt.planning.moves.moves import Move, held_by, kept
 from fmopt.spatial.se3 import Pose, cross
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 
 _TOUCH = 1e-9  # m; contacts that are apart by ten of it at most touch
 _BESIDE = 1e-6  # m; features that touch are no farther apart
@@ -104,7 +103,7 @@ class _Course:
         kept(along(self.held, self.motion, amounts, p, R))
         return Poses(p, R)
 
-    def meeting(self, near: Surfaces, which: NDArray[np.intp], between: Array, values: Array) -> Array:
+    def meeting(self, near: Surfaces, which: Indices, between: Array, values: Array) -> Array:
         """Amounts (m,) at which distances `which` (m,), m, vanish, of `values` (2, m) at both ends: positive, then not.
 
         Raises:

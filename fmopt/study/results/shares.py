@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.execution.confidence import success_interval
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Indices
 from fmopt.study.results.table import Varied
 from fmopt.study.results.view import View
 
@@ -50,7 +49,7 @@ def trials(view: View, axis: Varied) -> list[Bin]:
     return _bins(view, axis, known, good[known], total[known])
 
 
-def _bins(view: View, axis: Varied, runs: NDArray[np.intp], good: Array, total: Array) -> list[Bin]:
+def _bins(view: View, axis: Varied, runs: Indices, good: Array, total: Array) -> list[Bin]:
     """Value by value; where there are many, neighbouring values together, about as many runs in each bin."""
     x = view.axis(axis)[runs]
     places, place, counts = np.unique(x, return_inverse=True, return_counts=True)

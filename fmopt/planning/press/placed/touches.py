@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.contact.c_surface import LEVEL, Surfaces, contact_point, sliding_maps
 from fmopt.contact.primitive import feature_distances, near_contacts
@@ -20,7 +19,7 @@ from fmopt.plan.press_rows import FREE_OF_JAMS
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.spatial.se3 import Pose, cross
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Bits, Value
 
 _MOST = 72  # contacts that are looked at, nearest first
 _POWER = 1e-5  # of a wrench along a twist of size 1, from which the twist counts as an escape
@@ -63,7 +62,7 @@ class Touches(Value, f=(None,), N=("f", 6), T=("f", 2, 6)):
     def __len__(self) -> int:
         return len(self.f)
 
-    def some(self, which: NDArray[np.bool_] | Sequence[int]) -> Touches:
+    def some(self, which: Bits | Sequence[int]) -> Touches:
         """Those of a mask (k,), or of numbers."""
         at = np.flatnonzero(which) if isinstance(which, np.ndarray) else np.array(which, dtype=np.intp)
         return Touches(tuple(self.names[k] for k in at.tolist()), self.f[at], self.N[at], self.T[at])
@@ -74,7 +73,7 @@ class PressWrench:
     """A wrench (6,), N and N·m about the pose's origin, on the axes that give way; turns count by `rho`, m."""
 
     wrench: Array
-    gives: NDArray[np.bool_]
+    gives: Bits
     rho: float
 
     @cached_property
