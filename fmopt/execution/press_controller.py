@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmopt.execution import press_servo
-from fmopt.execution.press_servo import BACKING, DONE, HOLDING, NEXT, RUNNING, SAMPLE, Ints, Sensors, States
+from fmopt.execution.press_servo import BACKING, DONE, HOLDING, LEVEL, NEXT, RUNNING, SAMPLE, Ints, Sensors, States
 from fmopt.execution.rotation import between, product, quaternions
 from fmopt.execution.summary import Fit, reasons_at_rest
 from fmopt.plan.press import PressPlan, first_presses
@@ -123,7 +123,7 @@ class Controller:
         self.starts, self.reasons = q, [list[str]() for _ in range(n)]
         self.time, self.ticks, self._sample = 0.0, 0, 0
         self._trails, self._backs = np.zeros(n, np.int64), [_Back(np.zeros(1), q[:1], q[:1])] * n
-        self.tried, self.last, self.stopped = np.zeros(n, np.int64), np.zeros(n, np.int64), [""] * n
+        self.tried, self.stopped = np.zeros(n, np.int64), [""] * n
         K, zero = np.repeat(robot.stiffness, 3) * self.errors.stiffness[:, None], np.zeros(n)
         step = np.array([self._first[course[0]] for course in self.courses])
 
@@ -224,18 +224,15 @@ class Controller:
         elif state.mode[k] == BACKING:
             self._again(k)
         elif code == NEXT and state.step[k] + 1 < len(self.presses) and state.step[k] + 1 not in self._first:
-            self.last[k] = int(state.step[k])
-            state.before[k] = self.presses[self.last[k]].wrench
-            self._begin(k, self.last[k] + 1)
-        elif code in (NEXT, press_servo.SEATED):
-            self._hold(k)
+            share = min(state.time[k] / state.ramp[k], 1.0)
+            state.before[k] = (1.0 - share) * state.before[k] + share * state.wrench[k]
+            self._begin(k, int(state.step[k]) + 1)
         elif code == press_servo.RETRY and self.tried[k] + 1 < len(self.courses[k]):
-            self.last[k], state.mode[k] = int(state.step[k]), BACKING
-            self._backs[k] = self._way_back(k, self.courses[k][self.tried[k] + 1])
+            state.mode[k], self._backs[k] = BACKING, self._way_back(k, self.courses[k][self.tried[k] + 1])
             state.time[k], state.due[k] = 0.0, self._backs[k].times[-1] + _REST
             self._load(k)
         else:
-            self.stopped[k] = "stopped on the way"
+            self.stopped[k] = "" if code in (NEXT, press_servo.SEATED) else "stopped on the way"
             self._hold(k)
 
     def _again(self, k: int) -> None:
@@ -249,16 +246,18 @@ class Controller:
         self._begin(k, self._first[self.courses[k][self.tried[k]]])
 
     def _begin(self, k: int, step: int) -> None:
+        """Begins a press, or what follows it where the part is below its level already."""
         state, seen = self.state, self._sensors.measured[k, :7].copy()
         state.mode[k], state.step[k], state.time[k] = RUNNING, step, 0.0
         if self.presses[step].keeps:
             seen[3:] = state.q[k]
         state.begun[k], state.p[k], state.q[k] = seen, seen[:3], seen[3:]
         self._load(k)
+        if seen[2] - state.above[k] <= self._ends.at[step, LEVEL]:
+            self._follow(k, int(self._ends.thens[step, LEVEL]))
 
     def _hold(self, k: int) -> None:
         state, seen = self.state, self._sensors.measured[k, :7]
-        self.last[k] = state.step[k]
         state.mode[k], state.time[k], state.due[k] = HOLDING, 0.0, _REST
         state.p[k], state.q[k] = seen[:3], seen[3:]
         self._load(k)

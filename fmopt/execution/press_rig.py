@@ -89,7 +89,7 @@ class PressRig(Controller):
         self._outcomes[k] = TrialOutcome(
             seated=not self.reasons[k],
             attempt=int(self.tried[k]),
-            press=self.presses[self.last[k]].name,
+            press=self.presses[self.state.step[k]].name,
             seconds=round(self.time, 6),
             peak_force=float(self.state.peak[k]),
             penetration=depth,

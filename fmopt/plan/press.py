@@ -104,7 +104,7 @@ class Press:
         twist: (6,) of position axes, m/s and rad/s.
         wrench: (6,) of force axes, N and N·m, about the reference point.
         reference: point (3,) of the moving part, m.
-        ramp: s over which the wrench comes up from that of the press before.
+        ramp: s over which the wrench comes up from that in force at the end of the press before.
         speed: (6,) limits of force axes, m/s and rad/s: damping is raised until the wrench alone moves no faster.
         reach: limits of travel of force axes, m and rad, beyond which the press fails.
         ends: whichever comes first, in this order.

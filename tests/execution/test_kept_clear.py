@@ -12,14 +12,13 @@ from manifold3d import Manifold
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.kept_clear import KeptClear
 from fmopt.execution.press_rig import PressRig
-from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
+from fmopt.execution.press_trials import carry_out
 from fmopt.execution.rotation import from_quaternions
-from fmopt.plan import Plan, parsed
 from fmopt.plan.evidence import TOUCH
 from fmopt.plan.press import ConvexSolid, Surroundings
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
-from tests.shared.plans.press_plan import press_plan_document
+from tests.shared.plans.press_plan import drawn, press_choosing, press_plan
 
 STILL = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -89,26 +88,16 @@ def test_bounds_along_ways_are_no_more_than_an_independent_library_measures_and_
     assert set(np.flatnonzero(touched)) <= set(np.flatnonzero(clear.least <= TOUCH))
 
 
-@pytest.fixture(scope="module")
-def plan() -> Plan:
-    return parsed(press_plan_document())
-
-
 @pytest.mark.parametrize(("beside", "touches"), [(40.0, False), (9.5, True)])
-def test_a_trial_that_comes_near_a_wall_fails_and_is_else_the_same(plan: Plan, beside: float, touches: bool) -> None:
-    presses, evidence = plan.press_plan, plan.trials
-    assert presses is not None
-    assert evidence is not None
+def test_a_trial_that_comes_near_a_wall_fails_and_is_else_the_same(beside: float, touches: bool) -> None:
+    presses, bodies, (errors, free) = press_plan(), press_choosing().bodies, drawn(2)
     wall = solid("wall", box((beside, -60, 1), (beside + 5, 60, 60)))
-    errors = drawn_errors(evidence.conditions, count_presses(presses), 4, range(2))
     seen: list[Array] = []
 
     def look(rig: PressRig) -> None:
         seen.append(rig.engine.qpos[0].copy())
 
-    bodies = Bodies.of(plan)
-    free = carry_out(bodies, presses, errors, 4, range(2))
-    near = carry_out(bodies, replace(presses, cell=Surroundings((), (wall,))), errors, 4, range(2), look=look)
+    near = carry_out(bodies, replace(presses, cell=Surroundings((), (wall,))), errors, 1, range(2), look=look)
     assert all(one.seated and one.distance is None for one in free)
     for one, other in zip(near, free, strict=True):
         assert (one.seconds, one.offset, one.seated) == (other.seconds, other.offset, not touches)

@@ -10,39 +10,20 @@ import fmopt.press
 from fmopt.execution.engines.engine import Bodies
 from fmopt.execution.mjcf import mjcf
 from fmopt.execution.press_controller import Errors
-from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
-from fmopt.plan import Plan, parsed
+from fmopt.plan import Plan
 from fmopt.plan.export.press_script import program
-from fmopt.plan.press import PressPlan
-from fmopt.spatial.se3 import Pose, exp
-from tests.shared.plans.press_plan import press_plan_document
+from fmopt.spatial.se3 import Pose
+from tests.shared.plans.press_plan import BASE, drawn, press_plan
 from tests.shared.urscript.language import faults
 from tests.shared.urscript.language import parsed as syntax
 from tests.shared.urscript.press_robot import PressModeRobot
-
-BASE = Pose(np.array([0.4, -0.1, 0.2]), exp([0.2, -0.4, 0.7]))
-
-
-@pytest.fixture(scope="module")
-def plan() -> Plan:
-    return parsed(press_plan_document())
-
-
-def presses_of(plan: Plan) -> PressPlan:
-    assert plan.press_plan is not None
-    return plan.press_plan
-
-
-def drawn(plan: Plan, numbers: range) -> Errors:
-    assert plan.trials is not None
-    return drawn_errors(plan.trials.conditions, count_presses(presses_of(plan)), plan.trials.seed, numbers)
 
 
 def in_mujoco(plan: Plan, errors: Errors) -> tuple[bool, float]:
     """Whether one part is seated, and after how many seconds, in a scene of MuJoCo that nothing of fmopt steps."""
     model = mujoco.MjModel.from_xml_string(mjcf(plan))
     model.geom_friction[:, 0] = errors.friction[0]
-    data, presses = mujoco.MjData(model), presses_of(plan)
+    data, presses = mujoco.MjData(model), press_plan()
     controller = fmopt.press.Controller(presses, errors=errors)
     data.qpos[:] = controller.starts[0]
     substeps, reaction, R = round(presses.robot.period / model.opt.timestep), np.zeros((1, 6)), np.zeros(9)
@@ -60,8 +41,8 @@ def in_mujoco(plan: Plan, errors: Errors) -> tuple[bool, float]:
 
 
 def test_the_controller_seats_the_part_in_mujoco_alone_as_the_plan_does(plan: Plan) -> None:
-    errors = drawn(plan, range(2))
-    for k, one in enumerate(carry_out(Bodies.of(plan), presses_of(plan), errors, 1, range(2))):
+    errors, outcomes = drawn(2)
+    for k, one in enumerate(outcomes):
         seated, seconds = in_mujoco(plan, errors.of([k]))
         assert seated == one.seated
         assert seconds == pytest.approx(one.seconds, abs=0.5)
@@ -70,18 +51,18 @@ def test_the_controller_seats_the_part_in_mujoco_alone_as_the_plan_does(plan: Pl
 @pytest.mark.parametrize("tcp", [(0.0,) * 6, (0.02, -0.01, 0.15, 0.3, 0.1, 0.8)])
 def test_the_program_seats_the_part_as_the_plan_does(plan: Plan, tcp: tuple[float, ...]) -> None:
     held = replace(plan, description=replace(plan.description, tcp=tcp))
-    text = program(held, presses_of(plan), BASE)
+    text = program(held, press_plan(), BASE)
     assert faults(syntax(text)) == []
-    errors = drawn(plan, range(2))
-    for k, one in enumerate(carry_out(Bodies.of(plan), presses_of(plan), errors, 1, range(2))):
-        robot = PressModeRobot(Bodies.of(plan), presses_of(plan), BASE, errors.of([k]), k, Pose.from_vector(tcp))
+    errors, outcomes = drawn(2)
+    for k, one in enumerate(outcomes):
+        robot = PressModeRobot(Bodies.of(plan), press_plan(), BASE, errors.of([k]), k, Pose.from_vector(tcp))
         assert robot.run(text).seated == one.seated == (robot.outcome == 0.0)
         assert robot.log == ["fmopt: seated"]
 
 
 def test_a_part_beside_the_hole_is_brought_back_and_the_outcome_told(plan: Plan) -> None:
-    presses = replace(presses_of(plan), attempts=presses_of(plan).attempts[:1])
-    errors = drawn(plan, range(1))
+    presses = replace(press_plan(), attempts=press_plan().attempts[:1])
+    errors, _ = drawn(1)
     errors.start[0, :2] = 0.015, 0.001
     robot = PressModeRobot(Bodies.of(plan), presses, BASE, errors, 0)
     assert not robot.run(program(plan, presses, BASE)).seated

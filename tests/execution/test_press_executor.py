@@ -14,22 +14,15 @@ from typer.testing import CliRunner
 
 from fmopt.cli.entry import app
 from fmopt.execution.engines.engine import Bodies
-from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
-from fmopt.plan import Plan, parsed, write
+from fmopt.plan import Plan, write
 from fmopt.plan.export import press_ros2, ros2
 from fmopt.plan.press import Attempt, End, Force, Level, Press, Rocking, Standstill, Time, Travel
 from fmopt.spatial.se3 import Pose, exp
 from tests.shared.plans.press_executor import ExecutorRobot, loaded
-from tests.shared.plans.press_plan import press_plan, press_plan_document
+from tests.shared.plans.press_plan import BASE, drawn, press_plan, press_plan_document
 
-BASE = Pose(np.array([0.4, -0.1, 0.2]), exp([0.2, -0.4, 0.7]))
 PERIOD = 0.002  # s
 DOWN = (0.0, 0.0, -5.0, 0.0, 0.0, 0.0)
-
-
-@pytest.fixture(scope="module")
-def plan() -> Plan:
-    return parsed(press_plan_document())
 
 
 def test_the_executor_seats_the_part_as_the_plan_does(plan: Plan, tmp_path: Path) -> None:
@@ -38,10 +31,8 @@ def test_the_executor_seats_the_part_as_the_plan_does(plan: Plan, tmp_path: Path
     done = CliRunner().invoke(app, words)
     assert (done.exit_code, len(done.stdout.splitlines())) == (0, 3), done.output
     assert all(Path(line).exists() for line in done.stdout.splitlines())
-    presses = press_plan()
-    assert plan.trials is not None
-    errors = drawn_errors(plan.trials.conditions, count_presses(presses), plan.trials.seed, range(2))
-    for k, one in enumerate(carry_out(Bodies.of(plan), presses, errors, 1, range(2))):
+    presses, (errors, outcomes) = press_plan(), drawn(2)
+    for k, one in enumerate(outcomes):
         robot = ExecutorRobot(Bodies.of(plan), presses, BASE, errors.of([k]), k)
         assert robot.execute(Path("made")).seated == one.seated == (robot.outcome == 0)
     beside = replace(presses, attempts=presses.attempts[:1])

@@ -22,21 +22,8 @@ from fmopt.execution.press_servo import BACKING, RUNNING
 from fmopt.execution.press_trials import carry_out, drawn_errors
 from fmopt.execution.rotation import between
 from fmopt.plan.evidence import TrialOutcome
-from fmopt.plan.press import (
-    Attempt,
-    Conditions,
-    End,
-    Force,
-    Level,
-    Press,
-    PressPlan,
-    PressRobot,
-    Seat,
-    Six,
-    Standstill,
-    Time,
-    Travel,
-)
+from fmopt.plan.field_types import Six
+from fmopt.plan.press import Attempt, End, Force, Level, Press, PressPlan, PressRobot, Seat, Standstill, Time, Travel
 from fmopt.spatial.values import Array
 from tests.shared.plans.press_plan import press_choosing, press_plan
 
@@ -191,6 +178,16 @@ def test_level_travel_and_angle_end_a_press_one_delay_late() -> None:
     assert np.argmin(running[:, 2]) == pytest.approx(0.05 / 0.5 / ROBOT.period, abs=2)
 
 
+def test_a_press_below_its_level_takes_no_time_and_the_wrench_comes_up_from_that_in_force() -> None:
+    light, hard = ((0.0, 0.0, -force, 0.0, 0.0, 0.0) for force in (2.0, 16.0))  # 2 N move the part at 5 mm/s
+    passed = press("z", light, Level(0.018)), press("z", hard, Level(0.019)), press("z", hard, Level(0.0179))
+    _, way = run([FAR], [at(0.0, 0.02, *passed, press("z", hard, Level(0.016, "seated"), speed=0.001))])
+    step, z = way["step"][:, 0], way["q"][:, 0, 2]
+    assert [int(number) for number, _ in groupby(step)] == [0, 2, 3]
+    # Damping is put on in 15 ms, in which 16 N at once would move the part at 20 mm/s.
+    assert np.diff(z)[step[1:] == 3].min() > -0.0075 * ROBOT.period
+
+
 def test_held_axes_keep_their_place_under_a_load_but_for_load_over_stiffness() -> None:
     """A cube that is pressed onto a frictionless slope of 45° is pushed across by as much as down."""
     stiffness = (0.5, 1.0, 3.0)
@@ -231,13 +228,13 @@ def test_damping_lets_a_wrench_move_no_faster_than_its_limit() -> None:
 
 def test_an_outcome_does_not_depend_on_which_trials_run_beside_it() -> None:
     """To the last bit, with noise, frictions of their own, and trials that fail and try again beside others."""
-    box_of = Conditions((1e-3, 1e-3, 0.0, 0.02, 0.02, 0.02))
+    start = (1e-3, 1e-3, 0.0, 0.02, 0.02, 0.02)
     away = at(0.0, 0.005, press("x z", (-5.0, 0.0, -4.0, 0.0, 0.0, 0.0), STILL, Time(0.3), reach=0.002))
     corner = at(0.0, 0.002, press("x y z rx ry rz", (5.0, 0.0, -6.0, 0.0, 0.0, 0.0), STILL, Time(3.0)))
     seat = Seat((0.003, 0.0, 0.0, 0.0, 0.0, 0.0), 1e-3, 0.01, 0.01, loose=0.01)
     plan = PressPlan(replace(ROBOT, noise=PressRobot.noise), (away, corner), 0.01, seat)
     numbers, courses = [4, 7, 2, 9], [(1,), (0, 1), (0,), (1, 0)]
-    errors = drawn_errors(box_of, 2, 3, numbers)
+    errors = drawn_errors(replace(press_choosing().conditions, start=start, friction=(0.1, 0.5)), 2, 3, numbers)
     bodies = Bodies((CUBE,), (FLOOR, WALL))
     together = carry_out(bodies, plan, errors, 3, numbers, courses, threads=2)
     assert {one.attempt for one in together} == {0, 1}

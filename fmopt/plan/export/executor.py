@@ -125,7 +125,7 @@ class Executor:
             if elapsed >= SAMPLE * len(shifts):
                 shifts.append(shift * np.repeat([1.0, self.robot["arm"]], 3))
                 self._trail.append(self.seen)
-            if elapsed > 0.0 and (then := self._end(press, elapsed, shift, gives, shifts)):
+            if then := self._end(press, elapsed, shift, gives, shifts):
                 return then
             share = min(elapsed / max(press["ramp"], 1e-3), 1.0)
             self._wrench = (1.0 - share) * before + share * wrench

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linprog
@@ -21,15 +20,6 @@ _LEANING = 0.8  # likewise beyond what the part leans out by
 _TIPS = 0.35  # of the height of the outline's middle over the tip, up to which vertices go into the mouth with it
 _AHEAD = 0.3  # cosine of the angle between the way to the corner and a wall's normal, from which going back makes room
 _NEAR = 0.1  # of the size, from a seat to the walls that are at it
-
-
-@dataclass(frozen=True, eq=False)
-class TiltedEntry:
-    """A tilted start pose whose lowest point comes down inside the mouth."""
-
-    pose: Pose  # of the moving part
-    descent: float  # way of the lowest point to the mouth's plane, m
-    share: float  # of the wanted distances from walls that all keep; less than one where the mouth is too narrow
 
 
 def attitude(lean: float, tilt: float) -> Array:
@@ -52,10 +42,12 @@ def support(task: PressTask, direction: Array, arm: Array) -> float:
 
 def corner_entry(
     task: PressTask, corner: Corner, tilt: float, lean: float, distance: float, below: float, yaw: float = 0.0
-) -> TiltedEntry:
+) -> tuple[Pose, float, float]:
     """The tip beside a corner: at a distance (m) from its walls, inside of all others, for every start error.
 
     The part leans out over the mouth still where its tip is `below` it, m; angles are in rad, yaw is from the goal.
+    Returns the pose, the way of its lowest point to the mouth's plane, m, and the share of the wanted distances from
+    walls that all keep, less than one in too narrow a mouth.
 
     Raises:
         SearchError: the mouth leaves no place.
@@ -92,7 +84,7 @@ def corner_entry(
             wanted.append(max(keeps, distance) if pressed and vertex is tip else keeps)
     place, share = _placed(np.array(walls), np.array(offsets), np.array(wanted))
     height = lowest_height(task, R, tip)
-    return TiltedEntry(Pose(np.append(place, height) - R @ tip, R), height, share)
+    return Pose(np.append(place, height) - R @ tip, R), height, share
 
 
 def lowest_height(task: PressTask, R: Array, tip: Array) -> float:

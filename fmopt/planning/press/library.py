@@ -29,7 +29,7 @@ _BENT = 8e-4  # m by which friction holds the part back on its way, at most
 _ASIDE = 0.15  # lateral over axial force with which the part comes down to a shelf
 ROCK, ROCK_FORCE = Rocking(math.radians(3.0), 2.0, 2.0), 5.0  # N
 _LONGEST = 6.0  # s, of the last presses to no great depth
-_LAST = (4.5e-4, 4e-4)  # m above the goal of a through hole where the last press begins, and its speed in m/s
+_LAST = (4.5e-4, 4e-4, 0.4)  # a through hole: begin of its last press, m, m/s, and end, in clearances, above the goal
 _LIFTED = 2.0  # times the offset of the force that is pressed down at least: the offset would lift the part out
 _HELD_SPEED = 0.008  # m/s, down with the attitude held: a part that cannot turn lands harder
 _SWEPT, _YAW = math.radians(2.5), 1.5  # tilt while yaw is led, and errors of yaw that it is led through
@@ -89,14 +89,14 @@ def corner_attempt(task: PressTask, corner: Corner, numbers: CornerPress, lean: 
     Raises:
         SearchError: the mouth leaves no place for the tip.
     """
-    lean = corner.angle if lean is None else lean
-    below = numbers.down * task.size
-    entry = corner_entry(task, corner, numbers.tilt, lean, corner_distance(task, corner, numbers.distance), below)
+    lean, below = corner.angle if lean is None else lean, numbers.down * task.size
+    distance = corner_distance(task, corner, numbers.distance)
+    pose, descent, _ = corner_entry(task, corner, numbers.tilt, lean, distance, below)
     # Friction on both walls, and their lean, do not hold the part up while it is turned upright.
     sinks = min(task.problem.friction[1] / math.cos(0.5 * corner.turn) + math.tan(numbers.tilt), _SINKS)
     numbers, aside = replace(numbers, axial=max(numbers.axial, sinks)), strokes(task, corner, numbers.strokes)
     pressed = into_the_mouth(task, direction(corner.angle), lean, numbers, aside=aside)
-    return Attempt(numbers_of(entry.pose.vector()), (come_down(entry.descent + below), *pressed), "corner")
+    return Attempt(numbers_of(pose.vector()), (come_down(descent + below), *pressed), "corner")
 
 
 def lifted(task: PressTask) -> float:
@@ -204,7 +204,7 @@ def in_the_mouth(task: PressTask) -> tuple[float, float]:
 
 def _most_turned(task: PressTask) -> float:
     """How far a part may turn about axes that give way, rad; a round one may spin."""
-    return 1.0 if task.round else max(_LOST[0], _LOST[1] * float(max(task.box[3:])))
+    return max(min(1.0 if task.round else _LOST[0], task.room_to_turn), _LOST[1] * float(max(task.box[3:])))
 
 
 def levels(task: PressTask) -> tuple[End, ...]:
@@ -282,7 +282,7 @@ def turned_by_offset(task: PressTask) -> bool:
 
 def _seated(task: PressTask) -> Level:
     """The depth of a through hole; the part goes on for as long as the measurement takes."""
-    return Level(_LAST[1] * DELAY - task.depth, "seated")
+    return Level(_LAST[1] * DELAY + _LAST[2] * task.clearance.per_side - task.depth, "seated")
 
 
 def sweep_yaw(task: PressTask, wrench: Numbers, seconds: float) -> Press:
@@ -293,7 +293,7 @@ def sweep_yaw(task: PressTask, wrench: Numbers, seconds: float) -> Press:
 
 def down_and_more(task: PressTask) -> tuple[float, float]:
     """The reach of presses that may go to the depth, m and rad."""
-    return task.depth + 0.02, min(_most_turned(task), task.room_to_turn)
+    return task.depth + 0.02, _most_turned(task)
 
 
 def long_enough(task: PressTask) -> float:

@@ -21,7 +21,7 @@ GENERATORS = (straight_presses, round_presses, crossings, yaw_sweeps)
 
 
 def proposals(task: PressTask) -> list[Attempt]:
-    """Attempts that could seat the part, in the order of their generators.
+    """Different attempts that could seat the part, in the order of their generators.
 
     Raises:
         SearchError: no generator has any.
@@ -30,7 +30,7 @@ def proposals(task: PressTask) -> list[Attempt]:
     found += [*corner_presses(task)] if not task.round or is_short(task) else []
     if not found:
         raise SearchError("no press was found that comes down inside the mouth", "lower the start errors")
-    return [_keeping(one, task.through) for one in found] if task.keeps_attitude else found
+    return [*dict.fromkeys(_keeping(one, task.through) if task.keeps_attitude else one for one in found)]
 
 
 def _keeping(attempt: Attempt, through: bool) -> Attempt:

@@ -38,7 +38,7 @@ _HEIGHTS, _HALVINGS = 40, 30  # at which walls are looked for; of a way, from th
 _STEADY = 0.7  # of the limit of force
 _SURE = 1.5  # times the offset of the torque, from which a press turns the part against it
 _ROUND = 0.02  # of the radius, by which an outline that counts as round is off its circle
-_ROOM, _OVERSHOOT, _LEAST_TURN = 0.6, 0.02, 4.0  # of the distance; rad, while a turn is measured; errors, at least
+_ROOM, _OVERSHOOT = 0.6, 0.02  # of the distance; rad, while a turn is measured
 _CLEAR = 4.0  # lateral errors, by which hollows that are filled stay away from the walls
 
 
@@ -197,7 +197,7 @@ class PressTask:
         goal = self.goal.vector()
         poses = begun(np.array([[*goal[:2], 0.0, *goal[3:]], goal]), np.zeros((2, 6)))
         clear = KeptClear(self.bodies, self.problem.cell, poses)
-        return max(_ROOM * float(clear.least.min()) / clear.reach - _OVERSHOOT, _LEAST_TURN * float(self.box[3:].max()))
+        return _ROOM * float(clear.least.min()) / clear.reach - _OVERSHOOT
 
     @property
     def steady_force(self) -> float:

@@ -48,14 +48,15 @@ def yaw_sweeps(task: PressTask) -> Iterator[Attempt]:
 
 def _sweep(task: PressTask, corner: Corner, tilt: float, below: float, sign: float) -> Attempt:
     yaw, lean, u = _YAW * float(task.box[5]), corner.angle, direction(corner.angle)
-    entry = corner_entry(task, corner, tilt, lean, corner_distance(task, corner, _DISTANCE), below, -sign * yaw)
+    distance = corner_distance(task, corner, _DISTANCE)
+    pose, descent, _ = corner_entry(task, corner, tilt, lean, distance, below, -sign * yaw)
     wrench = six(FORCE * u, -_KAPPA * FORCE)
     turning = (*wrench[:5], sign * FORCE * 0.5 * task.size)
     lower, _ = turn_upright(task, tilt - _SWEPT, lean, wrench, yaw=False)
     sweep = sweep_yaw(task, turning, 5.0 * yaw / SWEEP_SPEED + 1.0)
     presses = (
-        come_down(entry.descent + below), press_aside(task, u, _KAPPA), lower, sweep,
+        come_down(descent + below), press_aside(task, u, _KAPPA), lower, sweep,
         *turn_upright(task, _SWEPT, lean, turning, yaw=True), *to_the_goal(task, u, _END, rocked=False),
     )  # fmt: skip
-    attempt = Attempt(numbers(entry.pose.vector()), presses, "yaw sweep")
+    attempt = Attempt(numbers(pose.vector()), presses, "yaw sweep")
     return touching_first(task, attempt, corner.at, corner.walls, below)

@@ -35,11 +35,12 @@ def test_the_tip_comes_down_inside_the_mouth_for_every_start_error(family: str, 
     # Supports are of first order: a turn by θ leaves θ²/2 of an arm, and a little of higher ones.
     turn = float(np.linalg.norm(task.box[3:]))
     for corner, numbers in product(task.corners[:2], LIBRARY[:3]):
-        entry = corner_entry(task, corner, numbers.tilt, corner.angle, numbers.distance * task.lateral, 0.0)
-        R, p = entry.pose.R, entry.pose.p
+        wide = numbers.distance * task.lateral
+        pose, descent, share = corner_entry(task, corner, numbers.tilt, corner.angle, wide, 0.0)
+        R, p = pose.R, pose.p
         assert np.allclose(R, attitude(corner.angle, numbers.tilt) @ task.goal.R, atol=1e-12)
         tip = low_vertex(task, R, np.array([np.cos(corner.angle), np.sin(corner.angle)]))
-        assert entry.share == pytest.approx(1.0, abs=1e-6)  # such a mouth is wide beside the error
+        assert share == pytest.approx(1.0, abs=1e-6)  # such a mouth is wide beside the error
         rest = 0.51 * turn**2 * float(np.linalg.norm(R @ tip))
         mouth = task.mouth.buffer(rest)
         for e in errors:
@@ -47,7 +48,7 @@ def test_the_tip_comes_down_inside_the_mouth_for_every_start_error(family: str, 
             assert mouth.contains(Point((p + e[:3] + turned @ tip)[:2]))
             lowest = (task.tip @ turned.T)[:, 2].min() + p[2] + e[2]
             assert lowest > 0.0  # and the part begins above the mouth
-        assert entry.descent == pytest.approx(float((p + R @ tip)[2]), abs=1e-12)
+        assert descent == pytest.approx(float((p + R @ tip)[2]), abs=1e-12)
 
 
 def test_supports_are_reached_at_a_vertex_and_passed_nowhere(tmp_path: Path) -> None:
@@ -65,6 +66,6 @@ def test_a_mouth_narrower_than_the_errors_takes_a_share_or_is_refused(tmp_path: 
     wide = 0.3 * one.size
     task = press_task(load(write_toml(one, tmp_path, error=(wide, 0.3))))
     corner = task.corners[0]
-    assert 0.0 < corner_entry(task, corner, 0.1, corner.angle, wide, 0.0).share < 1.0
+    assert 0.0 < corner_entry(task, corner, 0.1, corner.angle, wide, 0.0)[2] < 1.0
     with pytest.raises(SearchError, match="no place for the tip"):  # two walls without a gap
         _placed(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2), np.full(2, 1e-3))

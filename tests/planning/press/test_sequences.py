@@ -97,5 +97,5 @@ def test_small_parts_are_led_about_the_axis_and_rocked_before_they_go_in(tmp_pat
     assert turned[0] < -task.box[5] < task.box[5] < turned[1]  # all errors of yaw are passed
     for dropped in ({"sweep yaw"}, {"rock", "work free"}):
         without = replace(attempt, presses=tuple(one for one in attempt.presses if one.name not in dropped))
-        assert seated(task, attempt, 12) >= seated(task, without, 12) + 3
+        assert seated(task, attempt, 24) >= seated(task, without, 24) + 3
     assert not any(one.name == "sweep yaw" for one in proposals(task_of("9-gon", 103, tmp_path))[0].presses)

@@ -9,7 +9,11 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from fmopt.execution.confidence import lower_bound
+from fmopt.execution.press_controller import Errors
+from fmopt.execution.press_trials import carry_out, count_presses, drawn_errors
 from fmopt.plan import digest, sealed
 from fmopt.plan.description import TracePose
 from fmopt.plan.evidence import CONFIDENCE, Evidence, TrialOutcome
@@ -21,10 +25,12 @@ from fmopt.planning.press.library import robot_of
 from fmopt.planning.press.propose import proposals
 from fmopt.planning.press.record import press_document
 from fmopt.planning.press.task import PressTask
+from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.problem import Problem, load
 from fmopt.verify.reading.parse import SUBJECT
 from tests import PROBLEMS
 
+BASE = Pose(np.array([0.4, -0.1, 0.2]), exp([0.2, -0.4, 0.7]))  # of the hole, for robots that carry the plan out
 DRAWS, MIN_RATE = 10, 0.5
 
 
@@ -57,6 +63,12 @@ def press_choosing() -> Choosing:
 def press_plan() -> PressPlan:
     """Two attempts at one corner."""
     return press_choosing().plan(proposals(press_task(press_problem()))[:2])
+
+
+def drawn(count: int) -> tuple[Errors, list[TrialOutcome]]:
+    """The first draws of its evidence, and what becomes of the part in them."""
+    errors = drawn_errors(press_choosing().conditions, count_presses(press_plan()), 1, range(count))
+    return errors, carry_out(press_choosing().bodies, press_plan(), errors, 1, range(count))
 
 
 def outcomes(seats: Sequence[bool]) -> tuple[TrialOutcome, ...]:
