@@ -175,18 +175,24 @@ def test_errors_leave_the_room_between_pieces_that_is_told(tmp_path: Path) -> No
     assert told >= 3
 
 
+def described(task: PressTask) -> Description:
+    """The rows of the first sequence for a part, as a plan describes them."""
+    plan, conditions = choosing_of(task).plan(proposals(task)[:1]), conditions_of(task.problem)
+    return Description(placed=placed_attempts(task, plan, traced(task, plan, conditions), conditions))
+
+
+def test_rows_go_on_to_the_seat_after_presses_that_take_no_time(tmp_path: Path) -> None:
+    (attempt,) = described(press_task(load(write_toml(pair("5-gon", 103), tmp_path)))).placed
+    assert len(attempt.depths) == 12
+
+
 @pytest.fixture(scope="module")
 def stepped(tmp_path_factory: pytest.TempPathFactory) -> Description:
-    """The rows of a stepped fit that stands on its shelf, as a plan describes them."""
+    """The rows of a stepped fit that stands on its shelf."""
     task = press_task(load(write_toml(pair("stepped", 103), tmp_path_factory.mktemp("stepped"), (0.32, 0.32))))
-    choosing = choosing_of(task)
-    plan = choosing.plan(proposals(task)[:1])
-    conditions = conditions_of(task.problem)
-    made = [
-        Description(placed=placed_attempts(task, plan, traced(task, plan, conditions), conditions)) for _ in range(2)
-    ]
-    assert made[0] == made[1]
-    return Description.parsed(made[0].record())
+    made = described(task)
+    assert made == described(task)
+    return Description.parsed(made.record())
 
 
 def test_from_its_datum_on_a_stepped_fit_is_shown_to_come_to_its_goal(stepped: Description) -> None:

@@ -48,18 +48,15 @@ def _attempt_rows(
 ) -> PlacedAttempt:
     """See `placed_attempts`; presses are numbered in the attempt."""
     rows = list[PressRows]()
-    presses, at = attempt.presses, Pose.from_vector(attempt.start)
+    presses, at = attempt.presses[: 1 + max(one.press for one in trace)], Pose.from_vector(attempt.start)
     errors = np.diag(conditions.start)[:, np.array(conditions.start) > 0.0]
     for k, press in enumerate(presses):
         way = [at, *(Pose.from_vector(one.pose) for one in trace if one.press == k and not one.back)]
-        if len(way) < 2:
-            break
         at = way[-1]
         row, errors = _press_rows(task, plan, press, way, errors, conditions)
         rows.append(row)
-    last = presses[max(len(rows) - 1, 0)]
-    whole = any(end.then == "seated" for end in last.ends)
-    depths = _depth_rows(task, last, errors) if whole else ()
+    whole = any(end.then == "seated" for end in presses[-1].ends)
+    depths = _depth_rows(task, presses[-1], errors) if whole else ()
     datum, friction = _shown(rows) if whole else (None, None)
     return PlacedAttempt(tuple(rows), depths, datum, friction)
 
@@ -71,7 +68,7 @@ def _press_rows(
     stations = [way[k] for k in np.unique(np.linspace(0, len(way) - 1, _STATIONS).astype(int))]
     push = _push(task, press)
     led = any(press.twist) or press.rocking is not None or push.size == 0.0
-    slow = bool(np.linalg.norm(way[-2].local(way[-1])[:3]) < _STANDS)
+    slow = len(way) > 2 and bool(np.linalg.norm(way[-2].local(way[-1])[:3]) < _STANDS)
     stands = not led and any(isinstance(end, Standstill) for end in press.ends) and slow
     seats = any(end.then == "seated" for end in press.ends)
     rest = rest_of(task, push, stations[-1], seats) if stands else None
