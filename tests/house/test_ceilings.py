@@ -14,7 +14,7 @@ from tests import ROOT
 SOURCES = {".py", ".js", ".css", ".html"}
 NO_CODE = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
 # All lines; lines of Python without docstrings, comments and blanks.
-CEILINGS = {"fmopt": (70391, 46229), "tests": (40643, 31017)}
+CEILINGS = {"fmopt": (70391, 46227), "tests": (40642, 31010)}
 
 
 def code_lines(text: str) -> int:

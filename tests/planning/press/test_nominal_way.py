@@ -6,10 +6,14 @@ from dataclasses import replace
 from itertools import product
 from typing import Any
 
+import numpy as np
 import pytest
 
 from fmopt.errors import SearchError
+from fmopt.execution.kept_clear import KeptClear
+from fmopt.execution.press_controller import begun
 from fmopt.notebook.failure import explained
+from fmopt.plan.evidence import TOUCH
 from fmopt.plan.press import ConvexSolid, Surroundings
 from fmopt.planning import pipeline
 from fmopt.planning.press.nominal_way import kept_clear
@@ -39,6 +43,13 @@ def test_candidates_that_lean_away_from_a_wall_are_left() -> None:
     left = kept_clear(task, proposed)
     assert 0 < len(left) < len(proposed)
     assert left == [one for one in proposed if one in left]
+    box = 3.0 * task.box
+    sure = kept_clear(replace(task, box=box), left)
+    assert 0 < len(sure) < len(left)
+    errors = np.random.default_rng(5).uniform(-box, box, (2000, 6))
+    for one in sure:  # of its starts one in a thousand is too near, at most
+        clear = KeptClear(task.bodies, problem.cell, begun(np.tile(one.start, (2000, 1)), errors))
+        assert (clear.least <= TOUCH).sum() <= 2
 
 
 @pytest.mark.parametrize(
