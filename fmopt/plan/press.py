@@ -44,7 +44,7 @@ class Standstill:
 
 @dataclass(frozen=True, config=_FORM)
 class Level:
-    """The reference point is at or below `z` (m in B)."""
+    """The reference point is at or below `z` (m in B); a press that begins there takes no time."""
 
     z: float
     then: Next = "next"

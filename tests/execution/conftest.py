@@ -1,4 +1,4 @@
-"""What tests of presses share."""
+"""The plan that tests of presses share."""
 
 import pytest
 

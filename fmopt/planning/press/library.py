@@ -29,7 +29,7 @@ _BENT = 8e-4  # m by which friction holds the part back on its way, at most
 _ASIDE = 0.15  # lateral over axial force with which the part comes down to a shelf
 ROCK, ROCK_FORCE = Rocking(math.radians(3.0), 2.0, 2.0), 5.0  # N
 _LONGEST = 6.0  # s, of the last presses to no great depth
-_LAST = (4.5e-4, 4e-4, 0.4)  # a through hole: begin of its last press, m, m/s, and end, in clearances, above the goal
+_LOWER_FROM, _LOWER_SPEED, _LOWER_TO = 4.5e-4, 4e-4, 0.4  # into a through hole: m above the goal, m/s, and clearances
 _LIFTED = 2.0  # times the offset of the force that is pressed down at least: the offset would lift the part out
 _HELD_SPEED = 0.008  # m/s, down with the attitude held: a part that cannot turn lands harder
 _SWEPT, _YAW = math.radians(2.5), 1.5  # tilt while yaw is led, and errors of yaw that it is led through
@@ -163,7 +163,7 @@ def direction(angle: float) -> Array:
 
 
 SPEEDS = (LATERAL_SPEED, LATERAL_SPEED, AXIAL_SPEED) + (TURN_SPEED,) * 3
-_LOWERING = (*SPEEDS[:2], _LAST[1], *SPEEDS[3:])  # close above the depth of a through hole
+_LOWERING = (*SPEEDS[:2], _LOWER_SPEED, *SPEEDS[3:])  # close above the depth of a through hole
 
 
 def six(lateral: Array, axial: float) -> Numbers:
@@ -209,7 +209,7 @@ def _most_turned(task: PressTask) -> float:
 
 def levels(task: PressTask) -> tuple[End, ...]:
     """The end of presses on the way in a through hole, close above the goal, from where the part is lowered slowly."""
-    return (Level(_LAST[0] - task.depth),) if task.through else ()
+    return (Level(_LOWER_FROM - task.depth),) if task.through else ()
 
 
 def to_the_goal(task: PressTask, u: Array, end: float, rocked: bool) -> tuple[Press, ...]:
@@ -282,7 +282,7 @@ def turned_by_offset(task: PressTask) -> bool:
 
 def _seated(task: PressTask) -> Level:
     """The depth of a through hole; the part goes on for as long as the measurement takes."""
-    return Level(_LAST[1] * DELAY + _LAST[2] * task.clearance.per_side - task.depth, "seated")
+    return Level(_LOWER_SPEED * DELAY + _LOWER_TO * task.clearance.per_side - task.depth, "seated")
 
 
 def sweep_yaw(task: PressTask, wrench: Numbers, seconds: float) -> Press:

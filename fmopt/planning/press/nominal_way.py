@@ -47,9 +47,9 @@ def kept_clear(task: PressTask, attempts: Sequence[Attempt]) -> list[Attempt]:
 
 def _nearest(clear: KeptClear, pose: Pose, box: Array) -> tuple[float, str]:
     """The least distance, m, and between which solids, for all but rare errors in a box of half-widths (6,)."""
-    ends = np.vstack([np.zeros(6), np.diag(box), -np.diag(box)])
-    (distance, solids), *others = map(clear.measured, begun(np.tile(pose.vector(), (13, 1)), ends))
-    lost = (distance - np.reshape([one for one, _ in others], (2, 6))).max(axis=0, initial=0.0)
+    errors = np.vstack([np.zeros(6), *(sign * np.diag(box)[box > 0.0] for sign in (1.0, -1.0))])
+    (distance, solids), *others = map(clear.measured, begun(np.tile(pose.vector(), (len(errors), 1)), errors))
+    lost = (distance - np.reshape([one for one, _ in others], (2, -1))).max(axis=0, initial=0.0)
     return distance - min(float(lost.sum()), _SURE * math.hypot(*lost) / math.sqrt(3.0)), solids
 
 

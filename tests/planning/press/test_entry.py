@@ -35,8 +35,8 @@ def test_the_tip_comes_down_inside_the_mouth_for_every_start_error(family: str, 
     # Supports are of first order: a turn by θ leaves θ²/2 of an arm, and a little of higher ones.
     turn = float(np.linalg.norm(task.box[3:]))
     for corner, numbers in product(task.corners[:2], LIBRARY[:3]):
-        wide = numbers.distance * task.lateral
-        pose, descent, share = corner_entry(task, corner, numbers.tilt, corner.angle, wide, 0.0)
+        beside = numbers.distance * task.lateral
+        pose, descent, share = corner_entry(task, corner, numbers.tilt, corner.angle, beside, 0.0)
         R, p = pose.R, pose.p
         assert np.allclose(R, attitude(corner.angle, numbers.tilt) @ task.goal.R, atol=1e-12)
         tip = low_vertex(task, R, np.array([np.cos(corner.angle), np.sin(corner.angle)]))
